@@ -32,8 +32,8 @@ from stage import Stage, descriptors, memory_mb
 
 case: Cases[Stage] = Cases()
 
-_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
-_SETTINGS, _PING, _ACK = 4, 6, 1
+PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
+SETTINGS, _PING, _ACK = 4, 6, 1
 _HANDSHAKE_SECONDS = 5  # core/service/service.h
 # There: 60 s, looked at every quarter of that. A call may first wait for memory that the calls of other stopped
 # readers hold, and then for its own reader.
@@ -42,9 +42,9 @@ _MARGIN_SECONDS = 40  # for a busy machine
 _MAX_ANSWER_SECONDS = 2.0  # for a neighbour's call
 
 
-def frame(kind: int, flags: int = 0, payload: bytes = b"") -> bytes:
-    """An HTTP/2 frame of stream 0, the connection itself."""
-    return struct.pack(">I", len(payload))[1:] + bytes([kind, flags]) + bytes(4) + payload
+def frame(kind: int, flags: int = 0, payload: bytes = b"", stream: int = 0) -> bytes:
+    """An HTTP/2 frame. Stream 0: of the connection itself."""
+    return struct.pack(">I", len(payload))[1:] + bytes([kind, flags]) + struct.pack(">I", stream) + payload
 
 
 class Neighbour:
@@ -166,8 +166,8 @@ def slow_loris(stage: Stage) -> Report:
     closed = 0
     with Neighbour(stage) as neighbour:
         while closed < len(connections) and time.monotonic() - opened < _HANDSHAKE_SECONDS + _MARGIN_SECONDS:
-            closed = sum(_is_closed(connection, _PREFACE[sent : sent + 1]) for connection in connections)
-            sent = min(sent + 1, len(_PREFACE) - 2)
+            closed = sum(_is_closed(connection, PREFACE[sent : sent + 1]) for connection in connections)
+            sent = min(sent + 1, len(PREFACE) - 2)
             watched(1.0, memory)
     took = time.monotonic() - opened
     for connection in connections:
@@ -200,7 +200,7 @@ def idle_connections(stage: Stage) -> Report:
     received: dict[socket.socket, bytes] = {}
     for _ in range(500):
         connection = socket.create_connection(("127.0.0.1", stage.lab.port), timeout=5.0)
-        connection.sendall(_PREFACE + frame(_SETTINGS))
+        connection.sendall(PREFACE + frame(SETTINGS))
         connection.setblocking(False)
         selector.register(connection, selectors.EVENT_READ)
         received[connection] = b""
@@ -237,7 +237,7 @@ def _answer(connection: socket.socket, received: dict[socket.socket, bytes], sel
         if len(buffer) < 9 + size:
             break
         kind, flags, payload = buffer[3], buffer[4], buffer[9 : 9 + size]
-        if kind in (_SETTINGS, _PING) and not flags & _ACK:
+        if kind in (SETTINGS, _PING) and not flags & _ACK:
             connection.sendall(frame(kind, _ACK, payload if kind == _PING else b""))
         buffer = buffer[9 + size :]
     received[connection] = buffer

@@ -187,6 +187,10 @@ class Others:
                     self._errors.append(f"{error.code().name}: {error.details()}")
                 self._seconds.append(time.monotonic() - began)
 
+    def count(self) -> int:
+        """The number of calls so far."""
+        return len(self._seconds)
+
     def check(self) -> str:
         """Asserts that all were served in time. Returns a summary."""
         struck(self._seconds, "nobody else called")
@@ -310,7 +314,8 @@ def console_killed(stage: HostileStage) -> Report:
     assert browser.log_in(stage.token().token) == 200
     with Others(stage) as others:
         stage.browsers.kill()
-        time.sleep(1.0)
+        without = others.count()
+        until(lambda: others.count() >= without + 20, "others call while there is no console")
         stage.browsers.start()
         until(lambda: listens(int(stage.console_address.rpartition(":")[2])), "the console listens")
     assert browser.request("GET", "/me")[0] == 200, "the login is lost"

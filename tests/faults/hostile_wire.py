@@ -8,24 +8,19 @@ import socket
 import ssl
 import struct
 import threading
+from collections.abc import Callable
 
 from glasswing.v1 import session_service_pb2 as sessions
 
-from callers import Memory, frame
+from callers import PREFACE, SETTINGS, Memory, frame
 from case import Report, struck
 from hostile import HostileStage, Member, Others, case, refusal
 
-_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
-_DATA, _HEADERS, _RST_STREAM, _SETTINGS, _GOAWAY, _CONTINUATION = 0, 1, 3, 4, 7, 9
+_DATA, _HEADERS, _RST_STREAM, _GOAWAY, _CONTINUATION = 0, 1, 3, 7, 9
 _END_STREAM, _END_HEADERS = 1, 4
 _MAX_GROWTH_MB = 256.0
 _WATCH_BYTES = 10 << 20  # core/service/service.h: a connection that sends more without a call is dropped
 _SLACK_BYTES = 48 << 20  # what sockets and a second between two looks let through
-
-
-def _of_stream(stream: int, kind: int, flags: int = 0, payload: bytes = b"") -> bytes:
-    """An HTTP/2 frame of a stream."""
-    return struct.pack(">I", len(payload))[1:] + bytes([kind, flags]) + struct.pack(">I", stream) + payload
 
 
 def _literal(name: str, value: str) -> bytes:
@@ -49,7 +44,7 @@ class Wire:
         host, port = stage.address.rsplit(":", 1)
         plain = socket.create_connection((host, int(port)), timeout=30.0)
         self._socket = context.wrap_socket(plain, server_hostname=host)
-        self._socket.sendall(_PREFACE + frame(_SETTINGS))
+        self._socket.sendall(PREFACE + frame(SETTINGS))
 
     def __enter__(self) -> "Wire":
         return self
@@ -79,6 +74,16 @@ class Wire:
         return received
 
 
+def _at_once(count: int, send: Callable[[], None], memory: Memory) -> None:
+    """Runs `send` in `count` threads to their end, and samples `memory` meanwhile."""
+    threads = [threading.Thread(target=send) for _ in range(count)]
+    for thread in threads:
+        thread.start()
+    while any(thread.is_alive() for thread in threads):
+        memory.look()
+        threads[0].join(0.05)
+
+
 @case("hostile.compressed", "16 compressed messages of 1 MB that expand to 1 GB, of a certificate without a role for the call", "refused before they are expanded")
 def compressed(stage: HostileStage) -> Report:
     """Gzip expands zeros a thousand times."""
@@ -92,19 +97,14 @@ def compressed(stage: HostileStage) -> Report:
 
     def send() -> None:
         with Wire(stage, "sam") as wire:
-            wire.send(_of_stream(1, _HEADERS, _END_HEADERS, head))
+            wire.send(frame(_HEADERS, _END_HEADERS, head, 1))
             # The connection's window has 64 KiB until the server widens it; what it does not take is refused.
             for i, part in enumerate(parts):
-                wire.send(_of_stream(1, _DATA, _END_STREAM if i + 1 == len(parts) else 0, part))
+                wire.send(frame(_DATA, _END_STREAM if i + 1 == len(parts) else 0, part, 1))
             ended.append(wire.answer())
 
     with Others(stage) as others:
-        threads = [threading.Thread(target=send) for _ in range(16)]
-        for thread in threads:
-            thread.start()
-        while any(thread.is_alive() for thread in threads):
-            memory.look()
-            threads[0].join(0.05)
+        _at_once(16, send, memory)
     assert len(ended) == 16
     return Report(16, f"{memory.check(_MAX_GROWTH_MB)}; {others.check()}")
 
@@ -113,25 +113,20 @@ def compressed(stage: HostileStage) -> Report:
 def endless_headers(stage: HostileStage) -> Report:
     """Literal headers in CONTINUATION frames, none of which is the last."""
     block = b"".join(_literal(f"x-{i}", "v" * 100) for i in range(140))
-    part = _of_stream(1, _CONTINUATION, 0, block)
+    part = frame(_CONTINUATION, 0, block, 1)
     memory = Memory(stage.server)
     sent: list[int] = []
 
     def send() -> None:
         with Wire(stage, "guest") as wire:
             total = len(block)
-            wire.send(_of_stream(1, _HEADERS, 0, _call("/glasswing.v1.SessionService/ListSessions")))
+            wire.send(frame(_HEADERS, 0, _call("/glasswing.v1.SessionService/ListSessions"), 1))
             while total < _WATCH_BYTES + 2 * _SLACK_BYTES and wire.send(part):
                 total += len(part)
             sent.append(total)
 
     with Others(stage) as others:
-        threads = [threading.Thread(target=send) for _ in range(2)]
-        for thread in threads:
-            thread.start()
-        while any(thread.is_alive() for thread in threads):
-            memory.look()
-            threads[0].join(0.05)
+        _at_once(2, send, memory)
     assert len(sent) == 2 and max(sent) < _WATCH_BYTES + _SLACK_BYTES, f"{max(sent) >> 20} MiB were taken"
     return Report(2, f"dropped after {max(sent) >> 20} MiB; {memory.check(_MAX_GROWTH_MB)}; {others.check()}")
 
@@ -156,7 +151,7 @@ def resets(stage: HostileStage) -> Report:
     memory = Memory(stage.server)
     with Others(stage) as others, Wire(stage, "guest") as wire:
         for first in range(1, 40_001, 200):
-            if not wire.send(*(_of_stream(i, _HEADERS, _END_HEADERS, head) + _of_stream(i, _RST_STREAM, 0, bytes(3) + b"\x08") for i in range(first, first + 200, 2))):
+            if not wire.send(*(frame(_HEADERS, _END_HEADERS, head, i) + frame(_RST_STREAM, 0, bytes(3) + b"\x08", i) for i in range(first, first + 200, 2))):
                 break
             memory.look()
     return Report(first // 2 + 100, f"{memory.check(_MAX_GROWTH_MB)}; {others.check()}")
