@@ -115,9 +115,8 @@ std::string state_name(v1::SessionState state) {
   }
 }
 
-std::string unsolved_text(const v1::Session& session) {
-  return session.unsolved_pixel_count() == 0 ? ""
-                                             : fmt::format(", {} not solved", session.unsolved_pixel_count());
+std::string unsolved_text(std::int64_t pixels) {
+  return pixels == 0 ? "" : fmt::format(", {} not solved", pixels);
 }
 
 bool allows(const v1::Session& session, v1::SessionAction action) {
@@ -155,8 +154,8 @@ std::string summary_of(const v1::Session& session) {
                                   method_text(session), seconds_text(session.solve_seconds()));
       return line + fmt::format(": {} of {} pixels show the object ({} flagged){}, solved by {} in {}",
                                 session.object_pixel_count(), session.pixel_count(),
-                                session.flagged_pixel_count(), unsolved_text(session), method_text(session),
-                                seconds_text(session.solve_seconds()));
+                                session.flagged_pixel_count(), unsolved_text(session.unsolved_pixel_count()),
+                                method_text(session), seconds_text(session.solve_seconds()));
     default:
       return line;
   }

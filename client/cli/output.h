@@ -3,6 +3,7 @@
 
 #include <google/protobuf/message.h>
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -32,7 +33,7 @@ std::string state_name(v1::SessionState state);
 bool allows(const v1::Session& session, v1::SessionAction action);
 
 // ", 189 not solved"; empty: none.
-std::string unsolved_text(const v1::Session& session);
+std::string unsolved_text(std::int64_t pixels);
 
 // Progress of the solve: "3 of 40 tiles".
 std::string tiles_text(const v1::Session& session);

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "client/cli/output.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/contact_sheet.h"
 #include "client/pictures/matte_panels.h"
@@ -30,11 +31,10 @@ std::vector<std::string> lines_of(const Matte& matte) {
        std::map<std::string, std::string>(metadata.options().begin(), metadata.options().end()))
     options += fmt::format(", {} {}", name, value);
   const PixelCount pixels = count_pixels(matte);
-  const std::string unsolved = pixels.unsolved == 0 ? "" : fmt::format(", {} not solved", pixels.unsolved);
   std::vector<std::string> lines = {
       fmt::format("{}x{} px, {} of them object{}. Method {}{}. Monitor{}: {}. {}", matte.width_px(),
-                  matte.height_px(), pixels.object, unsolved, metadata.method(), options,
-                  monitors.size() == 1 ? "" : "s", fmt::join(monitors, ", "), metadata.created())};
+                  matte.height_px(), pixels.object, unsolved_text(pixels.unsolved), metadata.method(),
+                  options, monitors.size() == 1 ? "" : "s", fmt::join(monitors, ", "), metadata.created())};
   for (const std::string& warning : metadata.warnings()) lines.push_back("Warning: " + warning);
   return lines;
 }

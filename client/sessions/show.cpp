@@ -75,7 +75,7 @@ void print_details(const v1::Session& session) {
   row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged{}", session.pixel_count(),
                             is_video(session) ? " a frame" : "", session.object_pixel_count(),
                             is_video(session) ? " in all frames" : "", session.flagged_pixel_count(),
-                            unsolved_text(session)));
+                            unsolved_text(session.unsolved_pixel_count())));
 }
 
 absl::Status show(const Client& client, const std::string& name) {

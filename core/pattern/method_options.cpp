@@ -249,13 +249,12 @@ absl::StatusOr<OptionValues> OptionValues::read(std::string_view method,
           fmt::format("{} is \"{}\"; it must be {}", name, value, range_of(*option)));
     read.values_.insert_or_assign(name, value);
   }
-  for (const auto& [name, value] : given) {
-    GW_ASSIGN_OR_RETURN(const MethodOption* option, find_option(method, name));
-    if (option->only_with.empty()) continue;
-    GW_ASSIGN_OR_RETURN(const auto needed, parse_setting(std::string(option->only_with)));
+  for (const MethodOption& option : options_of(method)) {
+    if (option.only_with.empty() || !given.contains(std::string(option.name))) continue;
+    GW_ASSIGN_OR_RETURN(const auto needed, parse_setting(std::string(option.only_with)));
     if (read.text(needed.first) != needed.second)
       return absl::InvalidArgumentError(
-          fmt::format("option \"{}\" of {} needs {} with it", name, method, option->only_with));
+          fmt::format("option \"{}\" of {} needs {} with it", option.name, method, option.only_with));
   }
   return read;
 }

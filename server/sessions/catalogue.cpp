@@ -132,21 +132,22 @@ absl::Status Catalogue::insert(const v1::Session& session, const std::string& re
 
 absl::Status Catalogue::update(const v1::Session& session) {
   const std::lock_guard lock(mutex_);
-  return database_.query("UPDATE sessions SET session = ? WHERE name = ?")
-      .bind(session.SerializeAsString())
-      .bind(session.name())
-      .finish();
+  return write(session);
 }
 
 absl::Status Catalogue::note(const v1::Session& session) {
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(database_.run("PRAGMA synchronous = NORMAL"));
-  const absl::Status noted = database_.query("UPDATE sessions SET session = ? WHERE name = ?")
-                                 .bind(session.SerializeAsString())
-                                 .bind(session.name())
-                                 .finish();
+  const absl::Status noted = write(session);
   GW_RETURN_IF_ERROR(database_.run("PRAGMA synchronous = FULL"));
   return noted;
+}
+
+absl::Status Catalogue::write(const v1::Session& session) {
+  return database_.query("UPDATE sessions SET session = ? WHERE name = ?")
+      .bind(session.SerializeAsString())
+      .bind(session.name())
+      .finish();
 }
 
 absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest& request) {

@@ -63,6 +63,7 @@ class Catalogue {
   // Call these with mutex_ held.
   absl::StatusOr<v1::Session> first(Database::Query query, const std::string& missing);
   absl::StatusOr<v1::Session> find_locked(const std::string& name);
+  absl::Status write(const v1::Session& session);
   absl::Status store_replicas(const v1::Session& session);
 
   std::mutex mutex_;
