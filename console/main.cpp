@@ -1,10 +1,12 @@
 #include "console/console_daemon.h"
 #include "console/console_options.h"
+#include "core/base/freed_memory.h"
 #include "core/cli/daemon.h"
 #include "core/service/build_id.h"
 
 int main(int argc, char** argv) {
   using namespace glasswing;
+  return_freed_memory();
   ConsoleProgramOptions console;
   return run_daemon(
       argc, argv,

@@ -1,4 +1,5 @@
 #include "core/archive/fsck_command.h"
+#include "core/base/freed_memory.h"
 #include "core/cli/daemon.h"
 #include "core/service/build_id.h"
 #include "server/fsck/check_server.h"
@@ -7,6 +8,7 @@
 
 int main(int argc, char** argv) {
   using namespace glasswing;
+  return_freed_memory();
   ServerProgramOptions server;
   return run_daemon(
       argc, argv,

@@ -1,4 +1,4 @@
-// For programs that allocate and free large blocks many times a second.
+// How a program keeps the memory that it has freed. Call one of these first in main().
 #pragma once
 
 #include <malloc.h>
@@ -10,12 +10,20 @@ namespace glasswing {
 // one thread allocates what another one frees, so there is one arena, and blocks up to 1 GiB come from it.
 enum class LargeBlocks { kPlanes, kPictures };
 
-// Up to 1 GiB of freed memory stays with the process, because faulting zeroed pages in again takes longer
-// than filling them. Call it first in main().
+// For programs that allocate and free large blocks many times a second. Up to 1 GiB of freed memory stays
+// with the process, because faulting zeroed pages in again takes longer than filling them.
 inline void keep_freed_memory(LargeBlocks blocks = LargeBlocks::kPlanes) {
   ::mallopt(M_MMAP_THRESHOLD, blocks == LargeBlocks::kPlanes ? 32 << 20 : 1 << 30);
   ::mallopt(M_TRIM_THRESHOLD, 1 << 30);
   if (blocks == LargeBlocks::kPictures) ::mallopt(M_ARENA_MAX, 1);
+}
+
+// For programs that hold what their peers send, so that a peak of a minute is not held for good. One arena,
+// since each of several keeps a peak of its own.
+inline void return_freed_memory() {
+  ::mallopt(M_MMAP_THRESHOLD, 256 << 10);
+  ::mallopt(M_TRIM_THRESHOLD, 1 << 20);
+  ::mallopt(M_ARENA_MAX, 1);
 }
 
 }  // namespace glasswing

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <grpcpp/server_context.h>
 #include <linux/tcp.h>
+#include <malloc.h>
 #include <netinet/in.h>
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
@@ -111,6 +112,7 @@ void ConnectionWatch::note_progress(const std::string& peer) {
 
 void ConnectionWatch::look() {
   const std::lock_guard lock(mutex_);
+  if (std::exchange(dropped_, false)) ::malloc_trim(0);  // of what gRPC held of them
   std::map<std::string, std::vector<Unfinished>> addresses;
   for (auto at = connections_.begin(); at != connections_.end();) {
     Connection& each = at->second;
@@ -146,6 +148,7 @@ void ConnectionWatch::drop(const std::string& peer, std::int64_t bytes) {
   const sockaddr nobody{.sa_family = AF_UNSPEC, .sa_data = {}};
   ::connect(connections_.at(peer).fd, &nobody, sizeof nobody);
   connections_.erase(peer);
+  dropped_ = true;
 }
 
 grpc::experimental::Interceptor* ProgressFactory::CreateServerInterceptor(

@@ -43,6 +43,7 @@ class ConnectionWatch {
   const std::int64_t max_bytes_;
   std::mutex mutex_;
   std::map<std::string, Connection> connections_;  // guarded by mutex_; by peer
+  bool dropped_ = false;                           // guarded by mutex_; since the last look
   std::jthread thread_;
 };
 

@@ -77,11 +77,12 @@ CaptureOutcome Capture::outcome_of(const absl::Status& status, bool stopped) con
 }
 
 absl::Status Capture::find_rig() {
-  GW_ASSIGN_OR_RETURN(setup_.links, connect(rig_, calibrations_, progress_.session().plan().camera()));
+  const v1::Plan& plan = progress_.session().plan();
+  GW_ASSIGN_OR_RETURN(setup_.links, connect(rig_, calibrations_, plan.camera(), monitors_of(plan)));
   GW_ASSIGN_OR_RETURN(setup_.monitors, setup_.links.monitors());
   progress_.set_archive_address(setup_.links.camera->address());
   archive_.emplace(setup_.links, progress_.session().name());
-  GW_ASSIGN_OR_RETURN(setup_.steps, expand(progress_.session().plan(), setup_.monitors));
+  GW_ASSIGN_OR_RETURN(setup_.steps, expand(plan, setup_.monitors));
   return absl::OkStatus();
 }
 

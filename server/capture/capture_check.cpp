@@ -45,6 +45,10 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
                   v1::EstimateSessionResponse& estimate) {
   if (const std::string warning = uncalibrated_warning(header); !warning.empty())
     estimate.add_warnings(warning);
+  for (const std::string& display : links.silent_displays) {
+    estimate.add_warnings(
+        fmt::format("{} does not answer; the plan does without it, but its monitors may shine", display));
+  }
   std::set<std::string> shown;
   for (const Step& step : steps) shown.insert(step.stimulus.panel());
   for (const auto& display : links.displays) {
@@ -63,7 +67,7 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
 absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                              const v1::Plan& plan) {
   GW_RETURN_IF_ERROR(check_plan(plan));
-  GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig, calibrations, plan.camera()));
+  GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig, calibrations, plan.camera(), monitors_of(plan)));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> monitors, links.monitors());
   CheckedCapture checked;
   GW_ASSIGN_OR_RETURN(checked.steps, expand(plan, monitors));

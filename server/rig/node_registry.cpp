@@ -169,6 +169,17 @@ absl::Status NodeRegistry::release(const std::string& name) {
   return absl::OkStatus();
 }
 
+absl::Status NodeRegistry::check_owner(const std::string& name,
+                                       const std::optional<CertifiedPeer>& caller) const {
+  if (!caller) return absl::OkStatus();
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(name);
+  if (found == entries_.end() || found->second.node.certificate() == caller->name) return absl::OkStatus();
+  return absl::PermissionDeniedError(
+      fmt::format("node \"{}\" is registered under the certificate \"{}\", not under \"{}\"", name,
+                  found->second.node.certificate(), caller->name));
+}
+
 void NodeRegistry::note(const std::string& name, const std::string& doing) {
   const std::lock_guard lock(mutex_);
   const auto found = entries_.find(name);

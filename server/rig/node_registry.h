@@ -51,6 +51,8 @@ class NodeRegistry {
   // Forgets a node and who owns its name, so that another certificate may take it. NOT_FOUND: there is no
   // such node. FAILED_PRECONDITION: it is up.
   absl::Status release(const std::string& name);
+  // PERMISSION_DENIED: a node of this name is registered under another certificate.
+  absl::Status check_owner(const std::string& name, const std::optional<CertifiedPeer>& caller) const;
   // Heard from a solver by its claims; `doing` is its activity as `glasswing nodes` shows it.
   void note(const std::string& name, const std::string& doing);
 

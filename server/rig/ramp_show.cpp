@@ -25,7 +25,9 @@ absl::StatusOr<std::unique_ptr<RampShow>> RampShow::start(const NodeRegistry& ri
                                                           const v1::ShowRampRequest& request,
                                                           std::stop_token stop) {
   std::unique_ptr<RampShow> show(new RampShow);
-  GW_ASSIGN_OR_RETURN(show->rig_, connect(rig, calibrations, request.camera()));
+  GW_ASSIGN_OR_RETURN(show->rig_,
+                      connect(rig, calibrations, request.camera(),
+                              request.monitor().empty() ? MonitorNames() : MonitorNames{request.monitor()}));
   GW_RETURN_IF_ERROR(show->find_monitor(request.monitor()));
   v1::ShowRampResponse& described = show->description_;
   GW_ASSIGN_OR_RETURN(*described.mutable_solver_address(), solver_address(rig));

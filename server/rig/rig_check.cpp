@@ -28,7 +28,7 @@ class RigCheck {
 
   absl::Status run(std::stop_token stop) {
     if (!check_nodes()) return absl::OkStatus();
-    absl::StatusOr<RigLinks> links = connect(rig_, calibrations_, plan_.camera());
+    absl::StatusOr<RigLinks> links = connect(rig_, calibrations_, plan_.camera(), monitors_of(plan_));
     if (links.ok()) links->exchange_clocks(16).IgnoreError();  // the test capture reports an error of this
     if (!links.ok()) return tell_status("nodes", links.status());
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <set>
 
 #include "core/base/status.h"
@@ -68,26 +69,46 @@ const v1::DisplayMonitor* DisplayLink::monitor(const std::string& name) const {
   return nullptr;
 }
 
+MonitorNames monitors_of(const v1::Plan& plan) {
+  MonitorNames names;
+  for (const v1::PlanMonitor& monitor : plan.monitors()) names.push_back(monitor.name());
+  return names;
+}
+
 absl::Status RigLinks::exchange_clocks(int count) {
   GW_RETURN_IF_ERROR(camera->exchange_clocks(count));
   for (const auto& display : displays) GW_RETURN_IF_ERROR(display->link.exchange_clocks(count));
   return absl::OkStatus();
 }
 
-absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const CalibrationStore& calibrations) {
+absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const CalibrationStore& calibrations,
+                                          const MonitorNames& monitors) {
   RigLinks links;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
+  absl::Status silent;
   for (const v1::Node& node : displays) {
-    links.displays.push_back(std::make_unique<DisplayLink>(node));
-    GW_RETURN_IF_ERROR(links.displays.back()->describe());
-    links.displays.back()->use(calibrations);
+    auto display = std::make_unique<DisplayLink>(node);
+    const absl::Status described = display->describe();
+    if (!described.ok()) {
+      silent.Update(described);
+      links.silent_displays.push_back(display->link.title());
+      continue;
+    }
+    display->use(calibrations);
+    links.displays.push_back(std::move(display));
   }
+  if (silent.ok()) return links;
+  const bool has_all = std::ranges::all_of(monitors, [&](const std::string& monitor) {
+    return std::ranges::any_of(links.displays,
+                               [&](const auto& display) { return display->monitor(monitor) != nullptr; });
+  });
+  if (monitors.empty() || !has_all) return silent;
   return links;
 }
 
 absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations,
-                                 const std::string& camera) {
-  GW_ASSIGN_OR_RETURN(RigLinks links, connect_displays(rig, calibrations));
+                                 const std::string& camera, const MonitorNames& monitors) {
+  GW_ASSIGN_OR_RETURN(RigLinks links, connect_displays(rig, calibrations, monitors));
   GW_ASSIGN_OR_RETURN(const v1::Node node, rig.camera(camera));
   links.camera = std::make_unique<NodeLink>(node);
   links.camera_stub = v1::CameraService::NewStub(links.camera->channel());

@@ -14,6 +14,7 @@
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "glasswing/v1/display_service.grpc.pb.h"
+#include "glasswing/v1/plan.pb.h"
 #include "server/rig/calibration_store.h"
 #include "server/rig/node_registry.h"
 
@@ -60,9 +61,10 @@ struct DisplayLink {
   std::map<std::string, v1::MonitorSync> sync;  // by monitor; one without uses the times that `info` declares
 };
 
-// Links to every display and the camera.
+// Links to every display that answers, and the camera.
 struct RigLinks {
   std::vector<std::unique_ptr<DisplayLink>> displays;
+  std::vector<std::string> silent_displays;  // titles of those that do not answer
   std::unique_ptr<NodeLink> camera;
   std::unique_ptr<v1::CameraService::Stub> camera_stub;
   v1::GetCameraResponse camera_info;
@@ -71,10 +73,15 @@ struct RigLinks {
   // FAILED_PRECONDITION: two monitors have the same name.
   absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
 };
-// `camera`: as for NodeRegistry::camera(), whose errors are returned. UNAVAILABLE: a node is away.
+// Monitors by name; empty: all of the rig.
+using MonitorNames = std::vector<std::string>;
+MonitorNames monitors_of(const v1::Plan& plan);
+// `camera`: as for NodeRegistry::camera(), whose errors are returned. UNAVAILABLE: the camera is away, or a
+// display that may have one of the monitors.
 absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations,
-                                 const std::string& camera);
+                                 const std::string& camera, const MonitorNames& monitors);
 // The same without a camera.
-absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const CalibrationStore& calibrations);
+absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const CalibrationStore& calibrations,
+                                          const MonitorNames& monitors);
 
 }  // namespace glasswing

@@ -74,8 +74,9 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
                                            grpc::ServerWriter<v1::CalibrateSyncResponse>* writer) {
   GW_CHECK_LIMITS(*request);
   return run(context, "calibrate sync", [&](std::stop_token stop) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(RigLinks rig, connect(server_.rig(), server_.calibrations(), request->camera()));
-    std::vector<std::string> monitors(request->monitors().begin(), request->monitors().end());
+    MonitorNames monitors(request->monitors().begin(), request->monitors().end());
+    GW_ASSIGN_OR_RETURN(RigLinks rig,
+                        connect(server_.rig(), server_.calibrations(), request->camera(), monitors));
     if (monitors.empty()) {
       for (const auto& display : rig.displays) {
         for (const v1::DisplayMonitor& monitor : display->info.monitors()) monitors.push_back(monitor.name());
@@ -149,7 +150,9 @@ grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1:
                                          grpc::ServerWriter<v1::ShowPatternResponse>* writer) {
   GW_CHECK_LIMITS(*request);
   return run(context, "pattern " + request->pattern(), [&](std::stop_token stop) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(server_.rig(), server_.calibrations()));
+    GW_ASSIGN_OR_RETURN(const RigLinks rig,
+                        connect_displays(server_.rig(), server_.calibrations(),
+                                         {request->monitors().begin(), request->monitors().end()}));
     GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, rig.monitors());
     for (const std::string& name : request->monitors()) {
       if (std::ranges::find(monitors, name, &v1::Monitor::name) == monitors.end())

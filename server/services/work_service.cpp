@@ -29,9 +29,16 @@ absl::Status complete_frames(Server& server, const v1::CompleteTileRequest& head
 
 }  // namespace
 
+absl::Status WorkServiceImpl::check_solver(const grpc::ServerContext& context,
+                                           const std::string& name) const {
+  return server_.rig().check_owner(name, peer_of(*context.auth_context()));
+}
+
 grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::ClaimTileRequest* request,
                                         v1::ClaimTileResponse* response) {
   GW_CHECK_LIMITS(*request);
+  if (const absl::Status owned = check_solver(*context, request->solver()); !owned.ok())
+    return to_grpc(owned);
   const nanoseconds until =
       monotonic_now() + std::chrono::milliseconds(std::clamp(request->wait_ms(), 0, 10000));
   while (true) {
@@ -52,7 +59,7 @@ grpc::Status WorkServiceImpl::KeepTile(grpc::ServerContext*, const v1::KeepTileR
   return to_grpc(server_.tiles().renew(request->lease()));
 }
 
-grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
+grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext* context,
                                            grpc::ServerReader<v1::CompleteTileRequest>* reader,
                                            v1::CompleteTileResponse*) {
   v1::CompleteTileRequest header;
@@ -60,6 +67,7 @@ grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
     return to_grpc(absl::InvalidArgumentError("the first message must name the tile"));
   }
   GW_CHECK_LIMITS(header);
+  if (const absl::Status owned = check_solver(*context, header.solver()); !owned.ok()) return to_grpc(owned);
   absl::StatusOr<std::optional<FrameMattes>> mattes = server_.tiles().frames_of(header.lease());
   if (!mattes.ok()) return to_grpc(mattes.status());
   if (*mattes) return to_grpc(complete_frames(server_, header, **std::move(mattes), *reader));
@@ -81,9 +89,11 @@ grpc::Status WorkServiceImpl::CompleteSurvey(grpc::ServerContext*, const v1::Com
   return to_grpc(server_.solves().complete_survey(*request));
 }
 
-grpc::Status WorkServiceImpl::FailTile(grpc::ServerContext*, const v1::FailTileRequest* request,
+grpc::Status WorkServiceImpl::FailTile(grpc::ServerContext* context, const v1::FailTileRequest* request,
                                        v1::FailTileResponse*) {
   GW_CHECK_LIMITS(*request);
+  if (const absl::Status owned = check_solver(*context, request->solver()); !owned.ok())
+    return to_grpc(owned);
   return to_grpc(server_.tiles().fail(*request));
 }
 

@@ -18,6 +18,9 @@ class WorkServiceImpl final : public v1::WorkService::Service {
   grpc::Status FailTile(grpc::ServerContext*, const v1::FailTileRequest*, v1::FailTileResponse*) override;
 
  private:
+  // PERMISSION_DENIED: the solver of this name has another certificate.
+  absl::Status check_solver(const grpc::ServerContext& context, const std::string& name) const;
+
   Server& server_;
 };
 

@@ -126,6 +126,10 @@ TEST_F(RigTest, ASolversNameIsItsOwnWhileItIsKnown) {
   EXPECT_EQ(solver("b").code(), absl::StatusCode::kPermissionDenied);
   EXPECT_EQ(rig_.add(request(v1::NODE_KIND_CAMERA, "s"), owner("b", kNodes)).code(),
             absl::StatusCode::kPermissionDenied);
+  EXPECT_EQ(rig_.check_owner("s", owner("b", only(Role::kSolver))).code(),
+            absl::StatusCode::kPermissionDenied);
+  EXPECT_TRUE(rig_.check_owner("s", owner("a", only(Role::kSolver))).ok());
+  EXPECT_TRUE(rig_.check_owner("s", std::nullopt).ok()) << "there are no certificates";
   now_ += kForgotten;
   EXPECT_TRUE(solver("b").ok());
 }
