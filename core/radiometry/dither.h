@@ -36,11 +36,8 @@ class Dither {
   Image<std::uint16_t> codes(const RadianceImage& radiance) const;
 
  private:
-  class Row;
-  static void run(std::span<Row> rows, size_t from, size_t to);
-
   int highest_;                         // code
-  std::vector<std::uint32_t> nearest_;  // [radiance, 14 bits][channel]: radiance of 20 bits, code of 12
+  std::vector<std::uint32_t> nearest_;  // [channel][radiance, 14 bits]: radiance of 20 bits, code of 12
 };
 
 }  // namespace glasswing

@@ -10,6 +10,7 @@
 
 #include "core/base/status.h"
 #include "display-node/display_metrics.h"
+#include "display-node/playback/picture_queue.h"
 
 namespace glasswing {
 namespace {
@@ -47,7 +48,8 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, n
   nanoseconds longest_refresh{};
   for (const ScreenInfo& screen : screens) longest_refresh = std::max(longest_refresh, period_of(screen));
   nanoseconds at = start;
-  std::vector<Picture> pictures = program.pictures(0);
+  PictureQueue queue(program);
+  std::vector<Picture> pictures = queue.next();
   for (size_t i = 0; i <= program.size(); ++i) {
     // Waits here, where it can be stopped, up to a refresh early in case it wakes up late.
     wait_until(at - longest_refresh, stop);
@@ -85,7 +87,7 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, n
         at = std::max(at, shown[m].start + program.hold_refreshes() * period - period / 2);
       }
     }
-    if (i + 1 < program.size()) pictures = program.pictures(i + 1);
+    if (i + 1 < program.size()) pictures = queue.next();
   }
   return absl::OkStatus();
 }

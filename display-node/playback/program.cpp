@@ -18,11 +18,14 @@ namespace {
 
 constexpr size_t kMaxImages = 4096;
 constexpr int kMaxSteps = 20000;
-constexpr size_t kAheadBytes =
-    256u << 20;  // rasterised when the program is loaded; the rest is drawn as it plays
 
 size_t bytes_of(const Image16& image) {
   return image.samples.size() * sizeof(std::uint16_t);
+}
+
+size_t bytes_of(const ScreenInfo& screen) {
+  return sizeof(std::uint16_t) * 3 * static_cast<size_t>(screen.width_px) *
+         static_cast<size_t>(screen.height_px);
 }
 
 }  // namespace
@@ -103,8 +106,7 @@ void Program::draw_ahead(const v1::LoadProgramRequest& request) {
       if (!shown.pattern && shown.photo == nullptr) continue;
       Picture& picture = shared[{stimulus.SerializeAsString(), shown.patch_id.has_value()}];
       if (picture == nullptr) {
-        bytes += sizeof(std::uint16_t) * 3 * static_cast<size_t>(screens_[screen].width_px) *
-                 static_cast<size_t>(screens_[screen].height_px);
+        bytes += bytes_of(screens_[screen]);
         if (bytes > kAheadBytes) continue;
         picture = shown.ahead = drawn(shown, screen);
       } else if (shown.patch_id) {
@@ -207,6 +209,12 @@ Picture Program::drawn(const Shown& shown, size_t index) const {
                    [&](float lit) { return lit > 0.0f ? highest : std::uint16_t{0}; });
   }
   return whole;
+}
+
+size_t Program::bytes_of_pictures() const {
+  size_t bytes = 0;
+  for (const ScreenInfo& screen : screens_) bytes += bytes_of(screen);
+  return bytes;
 }
 
 std::vector<Picture> Program::pictures(size_t index) const {

@@ -40,6 +40,10 @@ class ImageStore {
   size_t held_bytes_ = 0;         // guarded by mutex_
 };
 
+// Memory for pictures that are drawn before they are shown: when a program is loaded, and again while it
+// plays.
+inline constexpr size_t kAheadBytes = size_t{256} << 20;
+
 class Program {
  public:
   // INVALID_ARGUMENT names the step or the calibration, and the problem. FAILED_PRECONDITION: an image is
@@ -51,6 +55,7 @@ class Program {
   int hold_refreshes() const { return hold_refreshes_; }
   size_t size() const { return steps_.size(); }
   int number(size_t index) const { return steps_[index].number; }
+  size_t bytes_of_pictures() const;  // of one step, if no screen is black
   // One picture of full size for each screen; null is black. Draws those that were not drawn ahead.
   std::vector<Picture> pictures(size_t index) const;
 

@@ -80,7 +80,70 @@ TEST(Dither, BlackAndWhiteHaveOneCode) {
   }
 }
 
-// Rows below have no effect, whether rows are processed in pairs or singly; nor does the height.
+// Floyd and Steinberg's rule, one sample after another.
+std::vector<int> diffused(const RadianceImage& picture, const std::array<ToneCurve, 3>& curves) {
+  constexpr int kOne = (1 << 20) - 1;
+  const int width = picture.width_px, height = picture.height_px;
+  std::vector<int> codes(picture.samples.size());
+  for (int c = 0; c < 3; ++c) {
+    const ToneCurve& curve = curves[static_cast<size_t>(c)];
+    std::vector<int> errors(static_cast<size_t>(width * height), 0);
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const float scaled = std::clamp(picture.at(x, y, c) * float{kOne} + 0.5f, 0.0f, float{kOne});
+        const int radiance = static_cast<int>(scaled);
+        const auto at = static_cast<size_t>(y * width + x);
+        int& code = codes[3 * at + static_cast<size_t>(c)];
+        if (radiance == 0 || radiance == kOne) {
+          code = radiance == 0 ? 0 : curve.highest_code();
+          continue;
+        }
+        const int wanted = radiance + errors[at];
+        // Nearest, by the radiance's first 14 bits.
+        const int coarse = std::clamp(wanted, 0, kOne) >> 6;
+        const double searched = coarse == (1 << 14) - 1 ? 1.0 : static_cast<double>(coarse << 6) / kOne;
+        code = static_cast<int>(std::floor(curve.code_for(searched) + 0.5));
+        const int error = wanted - static_cast<int>(std::lround(curve.radiance(code) * kOne));
+        const auto pass = [&](int dx, int dy, int part) {
+          if (x + dx >= 0 && x + dx < width && y + dy < height)
+            errors[static_cast<size_t>((y + dy) * width + x + dx)] += part;
+        };
+        const int below_before = (3 * error) >> 4, below = (5 * error) >> 4, below_after = error >> 4;
+        pass(1, 0, error - below_before - below - below_after);
+        pass(-1, 1, below_before);
+        pass(0, 1, below);
+        pass(1, 1, below_after);
+      }
+    }
+  }
+  return codes;
+}
+
+TEST(Dither, IsErrorDiffusionSampleBySample) {
+  const std::array<ToneCurve, 3> curves{ToneCurve::power(1.8, 8), ToneCurve::power(2.2, 8),
+                                        ToneCurve::power(2.6, 8)};
+  const Dither dither(curves);
+  std::uint32_t random = 1;
+  const auto draw = [&] { return (random = random * 1664525u + 1013904223u) >> 8; };
+  for (const auto& [width, height] : {std::pair{1, 40}, {2, 5}, {3, 33}, {47, 17}, {130, 70}, {700, 37}}) {
+    RadianceImage picture(width, height);
+    // Noise, between surfaces of black and full light with edges everywhere.
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const bool plain = (x / 53 + y / 11) % 3 == 0;
+        for (int c = 0; c < 3; ++c)
+          picture.at(x, y, c) =
+              plain ? static_cast<float>((x / 53) % 2) : static_cast<float>(draw()) * 0x1p-24f;
+      }
+    }
+    const Image<std::uint16_t> codes = dither.codes(picture);
+    const std::vector<int> expected = diffused(picture, curves);
+    EXPECT_TRUE(std::equal(expected.begin(), expected.end(), codes.samples.begin(), codes.samples.end()))
+        << width << " x " << height;
+  }
+}
+
+// Rows below have no effect, however many are processed at once; nor does the height.
 TEST(Dither, RowsDependOnThoseAbove) {
   const Dither dither(monitor(8));
   for (const int width : {1, 2, 3, 17}) {
