@@ -1,4 +1,4 @@
-"""Every claim of docs/reliability.md is asserted by a test that carries its name, and every case asserts a
+"""Every claim of docs/reliability.md and docs/soak.md is asserted by a test that carries its name, and every case asserts a
 claim."""
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ _GROUPS = f"(?:always|capture|solve|bits|soak|{'|'.join(main.SUITES)})"
 
 
 class Claims(unittest.TestCase):
-    """docs/reliability.md against the tests."""
+    """docs/reliability.md and docs/soak.md against the tests."""
 
     def setUp(self) -> None:
-        self.page = (ROOT / "docs/reliability.md").read_text()
+        self.page = "".join((ROOT / f"docs/{page}.md").read_text() for page in ("reliability", "soak"))
         self.claimed = set(re.findall(rf"`({_GROUPS}\.[a-z-]+)`", self.page))
         self.cases = collections.Counter(case.claim for suite in main.SUITES.values() for case in suite.cases.all)
 

@@ -19,7 +19,8 @@ class Listed(unittest.TestCase):
     def test_names_what_exists(self) -> None:
         shown = subprocess.run(["ctest", "--test-dir", os.environ["GLASSWING_BUILD"], "--show-only=json-v1"], check=True, capture_output=True, text=True)
         tests = {test["name"] for test in json.loads(shown.stdout)["tests"]}
-        claims = set(re.findall(r"`([a-z]+\.[a-z-]+)`", (_ROOT / "docs/reliability.md").read_text()))
+        pages = "".join((_ROOT / f"docs/{page}.md").read_text() for page in ("reliability", "soak"))
+        claims = set(re.findall(r"`([a-z]+\.[a-z-]+)`", pages))
         rows = [row.split("|")[2] for row in (_ROOT / "tests/regressions/README.md").read_text().splitlines() if row.startswith("| ") and "`" in row]
         names = [name for row in rows for name in re.findall("`([^`]+)`", row)]
         unknown = [name for name in names if name not in claims and not fnmatch.filter(tests, name)]
