@@ -284,14 +284,16 @@ def flood(stage: Stage) -> Report:
     return Report(1, f"{summary}; {memory.check(300.0)}; {neighbour.check()}")
 
 
-@case("callers.large", "messages of more than 8 MiB, 32 at once", "RESOURCE_EXHAUSTED")
+@case("callers.large", "messages of more than 8 MiB, 32 at once", "refused, or dropped with their connection")
 def oversized(stage: Stage) -> Report:
     """Requests that are valid except for their size."""
     memory = Memory(stage.lab.server)
     ask = stage.lab.channel.unary_unary("/glasswing.v1.SessionService/GetSession")
     calls = [ask.future(sessions.GetSessionRequest(name="x" * (9 << 20)).SerializeToString(), timeout=60.0) for _ in range(32)]
+    # What is queued behind those that are refused may be more than a connection may send without a message.
     for call in calls:
-        assert call.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{call.code()}: {call.details()}"
+        assert call.code() in {grpc.StatusCode.RESOURCE_EXHAUSTED, grpc.StatusCode.UNAVAILABLE}, f"{call.code()}: {call.details()}"
+    stage.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=30.0, wait_for_ready=True)
     return Report(32, memory.check(400.0))
 
 

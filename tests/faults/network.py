@@ -132,12 +132,14 @@ def same_request_at_once(stage: RelayedStage) -> Report:
     header.CopyFrom(stage.captured.header)
     header.session = name
     begin = sessions.BeginImportRequest(name=name, manifest=header)
-    assert set(_together(stage, "BeginImport", begin)) == {"OK"}  # repeating it is no error
+    codes = _together(stage, "BeginImport", begin)
+    assert set(codes) == {"OK"}, codes  # repeating it is no error
     listed = stage.lab.sessions.ListSessions(sessions.ListSessionsRequest(text=name), timeout=10.0).sessions
     assert len(listed) == 1, f"{len(listed)} sessions were made"
     stage.ledger.session(name)
     note = sessions.AnnotateSessionRequest(name=SESSION, note="of eight", add_tags=["a"])
-    assert set(_together(stage, "AnnotateSession", note)) == {"OK"}
+    codes = _together(stage, "AnnotateSession", note)
+    assert set(codes) == {"OK"}, codes
     solve = sessions.SolveSessionRequest(name=SESSION)
     codes = _together(stage, "SolveSession", solve)
     assert codes.count("OK") >= 1 and set(codes) <= {"OK", "FAILED_PRECONDITION"}, codes
