@@ -326,7 +326,7 @@ v1::CameraCalibration calibration_of(const SensorCurve& response) {
 TEST_F(RigTest, SyncIsMeasuredInTheLightThatACalibrationTells) {
   const SensorCurve s_curve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
   start({}, s_curve);
-  RigLinks rig = connect(server_->rig(), server_->calibrations(), "").value();
+  RigLinks rig = connect(server_->rig(), server_->calibrations(), "", {}).value();
   const v1::CameraCalibration calibration = calibration_of(s_curve);
   const absl::StatusOr<v1::MonitorSync> sync =
       measure_sync(rig, "back", 0.0, &calibration, [](const std::string&) {}, {});
