@@ -128,8 +128,18 @@ std::string tiles_text(const v1::Session& session) {
   return fmt::format("{} of {} tiles", session.tiles_done(), session.tile_count());
 }
 
+std::string waiting_text(const v1::Session& session) {
+  const v1::Waiting& waiting = session.waiting();
+  if (!session.has_waiting()) return "";
+  return fmt::format("{}{}; {}", waiting.what(), waiting.since().empty() ? "" : ", since " + waiting.since(),
+                     waiting.advice());
+}
+
 std::string summary_of(const v1::Session& session) {
   std::string line = fmt::format("session {} is {}", session.name(), state_name(session.state()));
+  // Of a session that is paused the reason says more.
+  if (session.has_waiting() && session.state() != v1::SESSION_STATE_PAUSED)
+    return line + ", and waits: " + waiting_text(session);
   if (!session.reason().empty()) return line + ": " + session.reason();
   switch (session.state()) {
     case v1::SESSION_STATE_CAPTURING:

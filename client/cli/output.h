@@ -38,6 +38,11 @@ std::string unsolved_text(std::int64_t pixels);
 // Progress of the solve: "3 of 40 tiles".
 std::string tiles_text(const v1::Session& session);
 
+// What the session waits for, in the server's words: "no solver is running, since 2026-01-31T12:00:00Z; start
+// one:
+// ...". Empty: for nothing.
+std::string waiting_text(const v1::Session& session);
+
 // One line: "session vase is captured: 311 steps (2 retaken) in 10.4 s, 1260 frames taken".
 std::string summary_of(const v1::Session& session);
 

@@ -57,7 +57,8 @@ absl::Status list_sessions(const Client& client, const SessionsArguments& argume
                     fmt::format("{}/{}", session.proven_count(), session.step_count()),
                     fmt::format("{}/{}", session.tiles_done(), session.tile_count()),
                     bytes_text(static_cast<double>(session.archive_bytes())),
-                    fmt::format("{}", fmt::join(session.tags(), " ")), session.note(), session.reason()});
+                    fmt::format("{}", fmt::join(session.tags(), " ")), session.note(),
+                    session.has_waiting() ? "waits: " + session.waiting().what() : session.reason()});
   }
   print_table(client,
               {{"NAME"},

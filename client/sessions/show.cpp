@@ -19,7 +19,13 @@ void print_details(const v1::Session& session) {
   };
   row("session", session.name());
   row("state", state_name(session.state()));
-  row("reason", session.reason());
+  if (session.has_waiting()) {
+    row("waits for", session.waiting().what() +
+                         (session.waiting().since().empty() ? "" : ", since " + session.waiting().since()));
+    row("", session.waiting().advice());
+  }
+  // What a running capture or solve gives as its reason is what it waits for.
+  if (!session.has_waiting() || session.state() == v1::SESSION_STATE_PAUSED) row("reason", session.reason());
   row("created", session.created() + (session.started_by().empty() ? "" : " by " + session.started_by()));
   row("note", session.note());
   row("tags", fmt::format("{}", fmt::join(session.tags(), " ")));

@@ -26,8 +26,7 @@ class SessionProgress {
   void update(const v1::Session& session) {
     if (session.state() != state_) progress_.emplace(state_name(session.state()));
     state_ = session.state();
-    if (is_under_way(session) && session.reason().empty() != told_.empty()) tell(session);
-    if (!told_.empty()) return;
+    if (is_under_way(session) && session.waiting().what() != told_) tell(session);
     const bool solving = state_ == v1::SESSION_STATE_SOLVING,
                frames = solving && is_video(session) && !session.matte_ready();
     const int done = frames    ? session.solved_frames_size()
@@ -36,6 +35,8 @@ class SessionProgress {
     const int count = frames    ? frames_to_solve(session)
                       : solving ? session.tile_count()
                                 : session.step_count();
+    if (!told_.empty() && done == done_) return;
+    done_ = done;
     const std::string retaken =
         !solving && session.retaken_count() > 0 ? fmt::format(", {} retaken", session.retaken_count()) : "";
     if (solving && count == 0) return progress_->update_unknown(tiles_text(session));
@@ -48,14 +49,16 @@ class SessionProgress {
   }
 
  private:
-  // Prints the reason for waiting, on a line of its own. The time left counts from when the work goes on.
+  // Prints what the session waits for, or that it goes on, on a line of its own. The time left counts from
+  // when the work goes on.
   void tell(const v1::Session& session) {
-    told_ = session.reason();
+    told_ = session.waiting().what();
     progress_.emplace(state_name(state_));
     std::cerr << summary_of(session) << "\n";
   }
 
-  std::string told_;
+  std::string told_;  // what it waits for
+  int done_ = -1;
   v1::SessionState state_ = v1::SESSION_STATE_UNSPECIFIED;
   std::optional<Progress> progress_;
 };

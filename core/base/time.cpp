@@ -1,10 +1,9 @@
 #include "core/base/time.h"
 
-#include <absl/time/clock.h>
-#include <absl/time/time.h>
-
 #include <cerrno>
 #include <ctime>
+
+#include "core/base/utc.h"
 
 namespace glasswing {
 
@@ -22,7 +21,7 @@ void sleep_until_monotonic(nanoseconds deadline) {
 }
 
 std::string utc_now_rfc3339() {
-  return absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", absl::Now(), absl::UTCTimeZone());
+  return utc_rfc3339_ago(nanoseconds(0));
 }
 
 }  // namespace glasswing

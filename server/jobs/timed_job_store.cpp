@@ -27,8 +27,6 @@ enum Operation {
 constexpr std::array<const char*, kCount> kNames = {"create", "recut",    "change", "remove",    "claim",
                                                     "keep",   "complete", "fail",   "hand_back", "read"};
 
-constexpr char kJobStore[] = "job store";
-
 const absl::Status& status_of(const absl::Status& status) {
   return status;
 }

@@ -14,6 +14,7 @@
 #include "core/base/descriptor.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/base/utc.h"
 
 namespace glasswing {
 namespace {
@@ -203,7 +204,10 @@ std::vector<RegisteredSolver> NodeRegistry::current() const {
     nodes.push_back({.node = entry.node, .info = entry.solver});
     v1::Node& node = nodes.back().node;
     node.set_up(now - entry.heard < kSilence);
-    if (!node.up()) node.clear_clock();
+    if (!node.up()) {
+      node.clear_clock();
+      node.set_away_since(utc_rfc3339_ago(now - entry.heard));
+    }
     if (node.has_clock())
       node.mutable_clock()->set_age_s(std::chrono::duration<double>(now - entry.clock_measured).count());
   }

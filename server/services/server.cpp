@@ -102,7 +102,7 @@ void Server::take_up_solves_later(std::stop_token stop) {
     const absl::Status taken = take_up_solves();
     if (absl::IsUnavailable(taken)) continue;
     if (taken.ok()) spdlog::info("{} answers; solves go on", stores_.jobs->title());
-    if (!taken.ok()) problems().set("job store", std::string(taken.message()));
+    if (!taken.ok()) problems().set(kJobStore, std::string(taken.message()));
     return;
   }
 }

@@ -22,15 +22,14 @@ bool rests(v1::SessionState state) {
          state == v1::SESSION_STATE_CANCELLED;
 }
 
-// Every answer with one session is made here; SessionStore::list() makes those with many.
+}  // namespace
+
 template <typename Response>
-grpc::Status answer(absl::StatusOr<v1::Session> session, Response* response) {
+grpc::Status SessionServiceImpl::answer(absl::StatusOr<v1::Session> session, Response* response) {
   if (!session.ok()) return to_grpc(session.status());
-  *response->mutable_session() = with_allowed_actions(*std::move(session));
+  *response->mutable_session() = waits_.told(with_allowed_actions(*std::move(session)));
   return grpc::Status::OK;
 }
-
-}  // namespace
 
 grpc::Status SessionServiceImpl::CreateSession(grpc::ServerContext* context,
                                                const v1::CreateSessionRequest* request,
@@ -85,7 +84,7 @@ grpc::Status SessionServiceImpl::ListSessions(grpc::ServerContext*, const v1::Li
   if (!page.ok()) return to_grpc(page.status());
   const absl::StatusOr<std::vector<v1::Session>> sessions = server_.sessions().list(*request);
   if (!sessions.ok()) return to_grpc(sessions.status());
-  for (const v1::Session& session : *sessions) *response->add_sessions() = session;
+  for (const v1::Session& session : *sessions) *response->add_sessions() = waits_.told(session);
   page->cut(*response->mutable_sessions());
   response->set_next_page_token(page->next_token());
   return grpc::Status::OK;
@@ -124,10 +123,9 @@ grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
   std::int64_t seen = 0;
   std::string last;
   while (!context->IsCancelled() && !stopping_) {
-    const std::int64_t now =
-        server_.sessions().wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500));
-    if (now == seen && seen != 0) continue;
-    seen = std::max<std::int64_t>(now, 1);
+    // Also without a change of the session: what it waits for may have changed.
+    seen = std::max<std::int64_t>(
+        server_.sessions().wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500)), 1);
     v1::WatchSessionResponse response;
     const grpc::Status found = answer(server_.sessions().find(request->name()), &response);
     if (!found.ok()) return found;

@@ -6,12 +6,13 @@
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "server/services/server.h"
+#include "server/services/waits.h"
 
 namespace glasswing {
 
 class SessionServiceImpl final : public v1::SessionService::Service {
  public:
-  explicit SessionServiceImpl(Server& server) : server_(server) {}
+  explicit SessionServiceImpl(Server& server) : server_(server), waits_(server) {}
   // Ends the watches, so that the daemon can stop.
   void stop() { stopping_ = true; }
 
@@ -53,7 +54,12 @@ class SessionServiceImpl final : public v1::SessionService::Service {
                           grpc::ServerWriter<v1::FetchMatteResponse>*) override;
 
  private:
+  // Every answer with one session is made here.
+  template <typename Response>
+  grpc::Status answer(absl::StatusOr<v1::Session> session, Response* response);
+
   Server& server_;
+  Waits waits_;
   std::atomic<bool> stopping_ = false;
 };
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/base/status.h"
+#include "core/base/time.h"
 #include "server/sessions/session_state.h"
 
 namespace glasswing {
@@ -38,7 +39,11 @@ absl::Status SessionStore::Edit::change(const v1::Session& session) {
 }
 
 void SessionStore::Edit::show(const v1::Session& session) {
-  store_.live_[session.name()] = session;
+  v1::Session& live = store_.live_[session.name()];
+  const std::string since = live.reason() == session.reason() ? live.waiting().since() : utc_now_rfc3339();
+  live = session;
+  live.clear_waiting();
+  if (!session.reason().empty()) live.mutable_waiting()->set_since(since);
   announce();
 }
 

@@ -41,7 +41,8 @@ class SessionStore {
     absl::Status insert(const v1::Session& session, const std::string& request_id);
     // Durable, then announced; the live view ends.
     absl::Status change(const v1::Session& session);
-    // Announced without being durable: the live view, ahead of the catalogue.
+    // Announced without being durable: the live view, ahead of the catalogue. Its waiting.since is when its
+    // reason was first shown.
     void show(const v1::Session& session);
     // Durable without being announced: a copy of the live view that a restart finds.
     absl::Status save_progress(const v1::Session& session);

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/base/name.h"
+#include "core/base/utc.h"
 #include "server/metrics/server_metrics.h"
 
 namespace glasswing {
@@ -49,6 +50,7 @@ void Fleet::note(const std::string& name, const std::function<void(Solver&)>& ch
   std::erase_if(solvers_, [&](const auto& entry) { return now - entry.second.heard >= kForgotten; });
   Solver& solver = solvers_.try_emplace(name, now).first->second;
   solver.heard = now;
+  heard_ = now;
   change(solver);
 }
 
@@ -99,8 +101,10 @@ v1::GetFleetResponse Fleet::describe(const std::vector<RegisteredSolver>& solver
     solver.set_vectors(info.vectors());
     solver.set_up(node.up());
   }
+  std::optional<nanoseconds> heard;
   {
     const std::lock_guard lock(mutex_);
+    heard = heard_;
     for (const auto& [name, known] : solvers_) {
       if (now - known.heard >= kForgotten && !registered.contains(name)) continue;
       v1::FleetSolver& solver = entry(name);
@@ -118,6 +122,7 @@ v1::GetFleetResponse Fleet::describe(const std::vector<RegisteredSolver>& solver
     if (!registered.contains(lease.solver)) solver.set_up(true);
   }
   v1::GetFleetResponse response;
+  if (heard) response.set_solver_heard(utc_rfc3339_ago(now - *heard));
   for (auto& [name, solver] : described_solvers) *response.add_solvers() = std::move(solver);
   for (const JobState& job : jobs) *response.add_solves() = described(job);
   response.set_store(store);

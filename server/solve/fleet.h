@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,7 @@ class Fleet {
   const std::function<nanoseconds()> now_;
   mutable std::mutex mutex_;
   std::map<std::string, Solver> solvers_;  // by name; guarded by mutex_
+  std::optional<nanoseconds> heard_;       // from any solver; guarded by mutex_
 };
 
 }  // namespace glasswing

@@ -5,6 +5,7 @@
 
 #include "core/base/set_aside.h"
 #include "core/base/status.h"
+#include "core/base/time.h"
 
 namespace glasswing {
 
@@ -12,22 +13,29 @@ namespace fs = std::filesystem;
 
 void Problems::set(const std::string& subject, const std::string& text) {
   const std::lock_guard lock(mutex_);
-  std::string& known = texts_[subject];
-  if (known == text) return;
-  known = text;
+  Problem& known = problems_[subject];
+  if (known.text == text) return;
+  if (known.since.empty()) known.since = utc_now_rfc3339();
+  known.text = text;
   spdlog::error("{}", text);
 }
 
 void Problems::clear(const std::string& subject) {
   const std::lock_guard lock(mutex_);
-  texts_.erase(subject);
+  problems_.erase(subject);
 }
 
 std::vector<std::string> Problems::all() const {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> texts;
-  for (const auto& [subject, text] : texts_) texts.push_back(text);
+  for (const auto& [subject, problem] : problems_) texts.push_back(problem.text);
   return texts;
+}
+
+std::string Problems::since(const std::string& subject) const {
+  const std::lock_guard lock(mutex_);
+  const auto known = problems_.find(subject);
+  return known == problems_.end() ? "" : known->second.since;
 }
 
 absl::Status Problems::set_aside(const fs::path& data, const fs::path& file, const absl::Status& damage,

@@ -13,6 +13,9 @@
 
 namespace glasswing {
 
+// The subject of the job store.
+inline constexpr char kJobStore[] = "job store";
+
 // Thread-safe.
 class Problems {
  public:
@@ -20,6 +23,8 @@ class Problems {
   void set(const std::string& subject, const std::string& text);
   void clear(const std::string& subject);
   std::vector<std::string> all() const;  // texts, by subject
+  // RFC 3339, UTC: when something was first said of the subject. Empty: nothing is.
+  std::string since(const std::string& subject) const;
 
   // Moves a damaged file below `data` to damaged/, and says so. `advice`: what to do.
   absl::Status set_aside(const std::filesystem::path& data, const std::filesystem::path& file,
@@ -31,8 +36,11 @@ class Problems {
   void note_set_aside(const std::filesystem::path& data);
 
  private:
+  struct Problem {
+    std::string text, since;
+  };
   mutable std::mutex mutex_;
-  std::map<std::string, std::string> texts_;  // by subject; guarded by mutex_
+  std::map<std::string, Problem> problems_;  // by subject; guarded by mutex_
 };
 
 }  // namespace glasswing

@@ -46,7 +46,7 @@ from glasswing.plan import (
     Sweep,
 )
 from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Rig, connect
-from glasswing.session import Action, Session, SessionInfo, State, Stopped, UnprovenStep
+from glasswing.session import Action, Session, SessionInfo, State, Stopped, UnprovenStep, Waiting
 
 __version__ = "@glasswing_VERSION@"
 
@@ -93,6 +93,7 @@ __all__ = [
     "TimedOut",
     "Unavailable",
     "UnprovenStep",
+    "Waiting",
     "connect",
     "linear_to_srgb",
     "read_picture",

@@ -63,6 +63,28 @@ class UnprovenStep:
 
 
 @dataclasses.dataclass(frozen=True)
+class Waiting:
+    """What a session's work waits for, in the server's words."""
+
+    what: str
+    """"no solver is running"."""
+    since: datetime.datetime | None
+    """None: unknown."""
+    advice: str
+    """What to do."""
+
+    @classmethod
+    def from_message(cls, message: session_pb2.Waiting) -> Waiting:
+        """Converts a wire message."""
+        since = datetime.datetime.fromisoformat(message.since) if message.since else None
+        return cls(message.what, since, message.advice)
+
+    def __str__(self) -> str:
+        since = f", since {self.since:%Y-%m-%d %H:%M:%S %Z}" if self.since else ""
+        return f"{self.what}{since}; {self.advice}"
+
+
+@dataclasses.dataclass(frozen=True)
 class SessionInfo:
     """A snapshot of a session, also the type of the events of ``Session.events()``.
 
@@ -74,6 +96,8 @@ class SessionInfo:
     state: State
     reason: str
     """Why it is paused or failed, and what to do; else empty."""
+    waiting: Waiting | None
+    """What keeps its work from going on; None: nothing."""
     warning: str
     """What makes the capture less reliable; else empty."""
     created: datetime.datetime
@@ -123,6 +147,7 @@ class SessionInfo:
             name=message.name,
             state=State(message.state),
             reason=message.reason,
+            waiting=Waiting.from_message(message.waiting) if message.HasField("waiting") else None,
             warning=message.warning,
             created=datetime.datetime.fromisoformat(message.created),
             started_by=message.started_by,
@@ -157,6 +182,8 @@ class SessionInfo:
 
     def __str__(self) -> str:
         line = f"session {self.name} is {self.state.name.lower()}"
+        if self.waiting and self.state is not State.PAUSED:  # of a paused one the reason says more
+            return f"{line}, and waits: {self.waiting}"
         if self.reason:
             return f"{line}: {self.reason}"
         if self.state is State.SOLVING:

@@ -30,7 +30,10 @@ function Row({ session, search }: { session: SessionJson; search: (tag: string) 
         </span>
       </td>
       <td data-label="State">
-        <State kind={kindOf(session)}>{plainName(session.state, "SESSION_STATE_")}</State>
+        <span>
+          <State kind={kindOf(session)}>{plainName(session.state, "SESSION_STATE_")}</State>
+          {session.waiting && <span class="note clip">waits: {session.waiting.what}</span>}
+        </span>
       </td>
       <td data-label="Steps" class="digits">
         {stepsText(session)}

@@ -12,7 +12,7 @@ import { Progress } from "./progress";
 import { stepLimit } from "./rates";
 import { Retakes } from "./retakes";
 import { Scrubber } from "./scrubber";
-import { isCapturing, kindOf } from "./states";
+import { isCapturing, isUnderWay, kindOf, waitingText } from "./states";
 import { TimelineView } from "./timeline_view";
 import { useArchive } from "./use_archive";
 import { useTimeline } from "./use_timeline";
@@ -55,7 +55,12 @@ function Session({ session }: { session: SessionJson }) {
   return (
     <>
       <section class="card">
-        {session.reason && (
+        {session.waiting && (
+          <p class="caution-text" role="status">
+            {waitingText(session.waiting)}
+          </p>
+        )}
+        {session.reason && !(session.waiting && isUnderWay(session)) && (
           <p class={kindOf(session) === "bad" ? "failure" : "caution-text"} role="status">
             {session.reason}
           </p>

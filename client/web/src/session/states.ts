@@ -1,4 +1,5 @@
-import type { SessionActionJson, SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { SessionActionJson, SessionJson, WaitingJson } from "../gen/glasswing/v1/session_pb";
+import { timeText } from "../parts/words";
 
 export type StateKind = "good" | "caution" | "bad" | "faint" | "busy";
 
@@ -22,6 +23,15 @@ export function kindOf({ state }: SessionJson): StateKind {
 
 export function isCapturing({ state }: SessionJson): boolean {
   return state === "SESSION_STATE_CAPTURING" || state === "SESSION_STATE_CREATED";
+}
+
+export function isUnderWay(session: SessionJson): boolean {
+  return isCapturing(session) || session.state === "SESSION_STATE_SOLVING";
+}
+
+/** The server's words for what a session waits for. */
+export function waitingText({ what = "", since, advice }: WaitingJson): string {
+  return `Waits: ${what}${since ? `, since ${timeText(since)}` : ""}; ${advice}`;
 }
 
 /** True if the server would accept this call for the session as it is now. */
