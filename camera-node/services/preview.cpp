@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camera-node/services/focus.h"
 #include "core/frame/image_file.h"
 
 namespace glasswing {
@@ -12,22 +13,6 @@ double clipped_fraction(const Image16& image, std::uint16_t full_scale) {
   const auto clipped = std::count_if(image.samples.begin(), image.samples.end(),
                                      [&](std::uint16_t sample) { return sample >= full_scale; });
   return static_cast<double>(clipped) / static_cast<double>(image.samples.size());
-}
-
-double focus_of(const Image16& image) {
-  double square = 0.0, sum = 0.0;
-  const auto green = [&](int x, int y) { return static_cast<double>(image.at(x, y, 1)); };
-  for (int y = 1; y + 1 < image.height_px; ++y) {
-    for (int x = 1; x + 1 < image.width_px; ++x) {
-      const double laplacian =
-          green(x - 1, y) + green(x + 1, y) + green(x, y - 1) + green(x, y + 1) - 4.0 * green(x, y);
-      square += laplacian * laplacian;
-      sum += green(x, y);
-    }
-  }
-  const double count =
-      std::max(image.width_px - 2, 0) * static_cast<double>(std::max(image.height_px - 2, 0));
-  return sum > 0.0 ? std::sqrt(square * count) / sum : 0.0;
 }
 
 }  // namespace
@@ -43,7 +28,9 @@ v1::PreviewResponse preview_of(const Image16& image, int max_width_px, std::uint
                                                                response.width_px() / image.width_px)),
                                   1));
   response.set_jpeg(encode_jpeg(resized(radiance, response.width_px(), response.height_px())));
-  response.set_focus(focus_of(image));
+  const Focus focus = focus_of(image, full_scale);
+  response.set_focus(focus.value);
+  response.set_focus_hint(focus.hint);
   response.set_clipped_fraction(clipped_fraction(image, full_scale));
   response.set_mean(sum / static_cast<double>(radiance.samples.size()));
   return response;

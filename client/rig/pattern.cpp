@@ -44,7 +44,8 @@ void add_pattern_command(CLI::App& app, Client& client) {
       "  glasswing pattern white\n"
       "  glasswing pattern bars --monitor left");
   auto arguments = std::make_shared<PatternArguments>();
-  command.add_option("pattern", arguments->pattern, "white, gray, bars, ramp or black")->required();
+  command.add_option("pattern", arguments->pattern, "white, gray, bars, lines (to focus on), ramp or black")
+      ->required();
   command.add_option("--monitor", arguments->monitors, "only this monitor; may be repeated");
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return show_pattern(client, *arguments); };

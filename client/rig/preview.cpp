@@ -4,12 +4,14 @@
 #include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
+#include "glasswing/v1/rig_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
@@ -22,7 +24,8 @@ struct PreviewArguments {
   double fps = 2.0;
   int width_px = 640;
   double exposure_ms = 0.0;
-  int count = 0;  // 0: until interrupted
+  std::string pattern;  // shown meanwhile; empty: none
+  int count = 0;        // 0: until interrupted
 };
 
 absl::StatusOr<std::string> camera_address(const Client& client) {
@@ -34,6 +37,41 @@ absl::StatusOr<std::string> camera_address(const Client& client) {
   }
   return absl::UnavailableError("no camera node is up; start glasswing-camera");
 }
+
+// A test pattern on all monitors until this is destroyed.
+class ShownPattern {
+ public:
+  ShownPattern(const Client& client, const std::string& pattern)
+      : server_(client.server_title(), client.server) {
+    v1::ShowPatternRequest request;
+    request.set_pattern(pattern);
+    set_deadline(context_, kPreviewTimeout);
+    reader_ = server_.stub->ShowPattern(&context_, request);
+  }
+  ~ShownPattern() {
+    if (ended_) return;
+    context_.TryCancel();
+    for (v1::ShowPatternResponse response; reader_->Read(&response);) {
+    }
+    (void)reader_->Finish();
+  }
+  ShownPattern(const ShownPattern&) = delete;
+  ShownPattern& operator=(const ShownPattern&) = delete;
+
+  // Returns when the pattern is visible.
+  absl::Status wait() {
+    v1::ShowPatternResponse shown;
+    if (reader_->Read(&shown)) return absl::OkStatus();
+    ended_ = true;
+    return status_from(reader_->Finish(), server_.title);
+  }
+
+ private:
+  const Peer<v1::RigService> server_;
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReader<v1::ShowPatternResponse>> reader_;
+  bool ended_ = false;
+};
 
 // Replaces the file atomically, so that viewers never see half a picture. Not flushed to disk.
 absl::Status replace_file(const fs::path& path, const std::string& bytes) {
@@ -54,21 +92,29 @@ void print_line(const v1::PreviewResponse& shown, const PreviewArguments& argume
                                  {"width_px", shown.width_px()},
                                  {"height_px", shown.height_px()},
                                  {"focus", shown.focus()},
+                                 {"focus_hint", shown.focus_hint()},
                                  {"clipped_fraction", shown.clipped_fraction()},
                                  {"mean", shown.mean()},
                                  {"exposure_ms", shown.exposure_ms()}};
     std::cout << line.dump() << std::endl;
     return;
   }
-  std::cout << fmt::format("{} {}x{}: focus {:.4f}, {:.2f} % clipped, mean {:.3f} at {:.3g} ms",
-                           arguments.output, shown.width_px(), shown.height_px(), shown.focus(),
-                           100.0 * shown.clipped_fraction(), shown.mean(), shown.exposure_ms())
+  const std::string focus =
+      shown.focus_hint().empty() ? fmt::format("focus {:.2f}", shown.focus()) : shown.focus_hint();
+  std::cout << fmt::format("{} {}x{}: {:.2f} % clipped, mean {:.3f} at {:.3g} ms; {}", arguments.output,
+                           shown.width_px(), shown.height_px(), 100.0 * shown.clipped_fraction(),
+                           shown.mean(), shown.exposure_ms(), focus)
             << std::endl;
 }
 
 absl::Status preview(const Client& client, const PreviewArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const std::string address, camera_address(client));
   const Peer<v1::CameraService> camera("camera node at " + address, address);
+  std::optional<ShownPattern> pattern;
+  if (!arguments.pattern.empty()) {
+    pattern.emplace(client, arguments.pattern);
+    GW_RETURN_IF_ERROR(pattern->wait());
+  }
   v1::PreviewRequest request;
   request.set_max_fps(arguments.fps);
   request.set_max_width_px(arguments.width_px);
@@ -95,7 +141,13 @@ absl::Status preview(const Client& client, const PreviewArguments& arguments) {
 void add_preview_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
       "preview", "Write the camera's live picture to a file, for framing and focus, until interrupted.");
-  command.footer("Example:\n  glasswing preview -o live.jpg --fps 2");
+  command.footer(
+      "Focus is 0 to 1, whatever the exposure: 1 is an edge as sharp as the pixels, 0.5 one that is blurred "
+      "by\n"
+      "about a pixel.\n\n"
+      "Examples:\n"
+      "  glasswing preview -o live.jpg --fps 2\n"
+      "  glasswing preview --pattern lines");
   auto arguments = std::make_shared<PreviewArguments>();
   command.add_option("-o,--output", arguments->output, "the JPEG file to rewrite")->capture_default_str();
   command.add_option("--fps", arguments->fps, "maximum frame rate, Hz")
@@ -108,6 +160,10 @@ void add_preview_command(CLI::App& app, Client& client) {
       .add_option("--exposure-ms", arguments->exposure_ms,
                   "exposure while no capture runs, ms; default: about 4")
       ->check(CLI::Range(0.01, 10000.0));
+  command.add_option(
+      "--pattern", arguments->pattern,
+      "show this test pattern meanwhile: lines (to focus on), bars, white, gray, ramp or black; "
+      "holds the rig");
   command.add_option("--count", arguments->count, "stop after this many pictures")
       ->check(CLI::Range(1, 1000000));
   command.callback(

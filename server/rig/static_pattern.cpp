@@ -15,7 +15,7 @@ constexpr std::chrono::milliseconds kPoll(10);
 constexpr std::chrono::milliseconds kStartLead(200);  // from the command to the picture
 // The longest step that displays accept, and the number of steps that last a day at 60 Hz.
 constexpr int kHoldRefreshes = 600, kSteps = 8640;
-constexpr int kBars = 8;
+constexpr int kBars = 8, kLines = 24;
 constexpr double kGray = 0.2;
 
 }  // namespace
@@ -93,16 +93,16 @@ absl::StatusOr<std::vector<v1::Stimulus>> test_pattern(const std::string& name,
     if (name == "white" || name == "gray" || name == "black") {
       stimulus.set_kind("solid");
       for (int c = 0; c < 3; ++c) stimulus.add_colour(name == "white" ? 1.0 : name == "gray" ? kGray : 0.0);
-    } else if (name == "bars") {
+    } else if (name == "bars" || name == "lines") {
       stimulus.set_kind("square");
       stimulus.set_orient("vertical_bars");
       stimulus.set_level(1);
-      stimulus.set_bar_width_px(static_cast<double>(monitor.width_px()) / kBars);
+      stimulus.set_bar_width_px(static_cast<double>(monitor.width_px()) / (name == "bars" ? kBars : kLines));
     } else if (name == "ramp") {
       stimulus.set_kind("ramp");
     } else {
       return absl::InvalidArgumentError(
-          fmt::format("the pattern is \"{}\"; it must be white, gray, bars, ramp or black", name));
+          fmt::format("the pattern is \"{}\"; it must be white, gray, bars, lines, ramp or black", name));
     }
   }
   return stimuli;

@@ -34,7 +34,8 @@ class StaticPattern {
 };
 
 // A picture for framing, focusing and finding faults, on each of `monitors`: "white", "gray" (a fifth of the
-// light), "bars" (vertical ones), "ramp" or "black". INVALID_ARGUMENT: another name.
+// light), "bars" (8 vertical ones), "lines" (24, to focus on), "ramp" or "black". INVALID_ARGUMENT: another
+// name.
 absl::StatusOr<std::vector<v1::Stimulus>> test_pattern(const std::string& name,
                                                        const std::vector<v1::Monitor>& monitors);
 

@@ -4,7 +4,7 @@ import type { ShowPatternResponseJson } from "../gen/glasswing/v1/rig_service_pb
 import { Failure } from "../parts/failure";
 import { useAction } from "../parts/use_action";
 
-const kPatterns = ["white", "gray", "bars", "ramp", "black"];
+const kPatterns = ["white", "gray", "bars", "lines", "ramp", "black"];
 
 /** Shows a test pattern on all monitors until stopped or the page is left. */
 export function Pattern() {

@@ -116,7 +116,7 @@ function Figures({ picture }: { picture: PreviewResponseJson }) {
       </div>
       <div>
         <dt>Focus</dt>
-        <dd>{Number(picture.focus ?? 0).toPrecision(3)}</dd>
+        <dd>{picture.focusHint ? "–" : Number(picture.focus ?? 0).toFixed(2)}</dd>
       </div>
     </dl>
   );
@@ -244,11 +244,15 @@ export function Preview({ cameras }: { cameras: string[] }) {
                   label="Focus over the last seconds; higher is sharper"
                   data={focus}
                   lines={[{ label: "focus", token: "--accent" }]}
-                  text={(value) => value.toPrecision(3)}
+                  text={(value) => value.toFixed(2)}
                   height={110}
                 />
               )}
-              <p class="note">Focus: higher is sharper, for one scene at one exposure.</p>
+              <p class="note" role="status">
+                {seen.picture.focusHint
+                  ? `Focus: ${seen.picture.focusHint}.`
+                  : "Focus: 1 is an edge as sharp as the pixels, 0.5 one that is blurred by about a pixel."}
+              </p>
             </>
           )}
         </div>
