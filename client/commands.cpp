@@ -31,9 +31,12 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_retry_command(app, client);
   add_delete_command(app, client);
   add_annotate_commands(app, client);
-  CLI::App& plan = *app.add_subcommand("plan", "Check a plan, or estimate its cost.");
+  CLI::App& plan = *app.add_subcommand("plan", "Make a plan, check one, or estimate its cost.");
   plan.require_subcommand(1);
-  plan.footer("Examples:\n  glasswing plan check vase.txtpb\n  glasswing plan estimate vase.txtpb");
+  plan.footer(
+      "Examples:\n  glasswing plan make --for-rig -o vase.txtpb\n  glasswing plan check vase.txtpb\n  "
+      "glasswing plan estimate vase.txtpb");
+  add_plan_make_command(plan, client);
   add_plan_check_command(plan, client);
   add_plan_estimate_command(plan, client);
   add_capture_command(app, client);

@@ -222,9 +222,9 @@ RadianceImage blur_picture(const Matte& matte, double max_px) {
 
 void add_blur_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("blur", "Measure the blur of camera and screen over the picture, from a matte.");
+      *app.add_subcommand("blur", "Measure the blur of camera and monitor over the picture, from a matte.");
   command.footer(
-      "The blur is that of lens, screen and camera pixel together, as a standard deviation. It is measured\n"
+      "The blur is that of lens, monitor and camera pixel together, as a standard deviation. It is measured\n"
       "outside the silhouette, best with an empty stage.\n\n"
       "Example:\n"
       "  glasswing capture deploy/plans/blur.txtpb --session blur --watch\n"

@@ -5,13 +5,21 @@
 
 #include "client/sessions/commands.h"
 #include "client/sessions/photo.h"
+#include "client/sessions/rig_limits.h"
 #include "core/base/status.h"
 #include "core/pattern/plan.h"
+#include "core/pattern/plan_fit.h"
 
 namespace glasswing {
 namespace {
 
-absl::Status check(const Client& client, const std::string& path) {
+struct PlanCheckArguments {
+  std::string plan;
+  RigLimitsArguments rig;
+};
+
+absl::Status check(const Client& client, const PlanCheckArguments& arguments) {
+  const std::string& path = arguments.plan;
   GW_ASSIGN_OR_RETURN(const v1::Plan plan, read_plan(path));
   for (const v1::Photo& photo : plan.photos()) {
     const std::filesystem::path file = photo_path(path, photo);
@@ -21,6 +29,8 @@ absl::Status check(const Client& client, const std::string& path) {
                     "to the plan",
                     path, file.string()));
   }
+  GW_ASSIGN_OR_RETURN(const RigLimits rig, read_rig_limits(client, arguments.rig, plan.camera()));
+  const std::vector<std::string> warnings = misfits(plan, rig);
   if (client.json) {
     const nlohmann::ordered_json answer = {{"plan", path},
                                            {"good", true},
@@ -33,10 +43,12 @@ absl::Status check(const Client& client, const std::string& path) {
                                            {"video_frames", is_video(plan) ? ramp_frames_of(plan.ramp()) : 0},
                                            {"photos", plan.photos_size()},
                                            {"hold_refreshes", hold_refreshes_of(plan)},
-                                           {"retries", retries_of(plan)}};
+                                           {"retries", retries_of(plan)},
+                                           {"warnings", warnings}};
     std::cout << answer.dump(1) << "\n";
     return absl::OkStatus();
   }
+  for (const std::string& warning : warnings) std::cerr << fmt::format("warning: {}\n", warning);
   if (is_video(plan)) {
     std::cout << fmt::format(
         "{} is good: a video of {} frames, {} frames of the empty stage before, {} refreshes a frame\n", path,
@@ -56,10 +68,16 @@ absl::Status check(const Client& client, const std::string& path) {
 void add_plan_check_command(CLI::App& plan, Client& client) {
   CLI::App& command =
       *plan.add_subcommand("check", "Check a plan; an error names the file, the line and the wrong value.");
-  command.footer("Example:\n  glasswing plan check deploy/plans/crystal.txtpb");
-  auto path = std::make_shared<std::string>();
-  command.add_option("plan", *path, "the plan, a .txtpb file")->required();
-  command.callback([&client, path] { client.run = [&client, path] { return check(client, *path); }; });
+  command.footer(
+      "With --for-rig, or for monitors that are given, it also warns of what fits them badly.\n\n"
+      "Examples:\n"
+      "  glasswing plan check deploy/plans/crystal.txtpb\n"
+      "  glasswing plan check deploy/plans/crystal.txtpb --for-rig");
+  auto arguments = std::make_shared<PlanCheckArguments>();
+  command.add_option("plan", arguments->plan, "the plan, a .txtpb file")->required();
+  add_rig_limits_options(command, arguments->rig);
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return check(client, *arguments); }; });
 }
 
 }  // namespace glasswing

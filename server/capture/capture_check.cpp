@@ -6,6 +6,7 @@
 
 #include "core/base/status.h"
 #include "core/pattern/plan_cost.h"
+#include "core/pattern/plan_fit.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "server/rig/embed_calibrations.h"
@@ -49,6 +50,10 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
     estimate.add_warnings(
         fmt::format("{} does not answer; the plan does without it, but its monitors may shine", display));
   }
+  const RigLimits rig{.monitors = {header.monitors().begin(), header.monitors().end()},
+                      .camera = links.camera_info,
+                      .blur_px = 0.0};
+  for (const std::string& misfit : misfits(header.plan(), rig)) estimate.add_warnings(misfit);
   std::set<std::string> shown;
   for (const Step& step : steps) shown.insert(step.stimulus.panel());
   for (const auto& display : links.displays) {

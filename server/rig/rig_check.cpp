@@ -10,6 +10,7 @@
 #include "core/base/status.h"
 #include "core/pattern/id_patch.h"
 #include "core/pattern/plan.h"
+#include "core/pattern/plan_fit.h"
 #include "core/pattern/stimulus_kind.h"
 #include "core/service/service.h"
 #include "server/rig/rig_findings.h"
@@ -32,6 +33,7 @@ class RigCheck {
     if (links.ok()) links->exchange_clocks(16).IgnoreError();  // the test capture reports an error of this
     if (!links.ok()) return tell_status("nodes", links.status());
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();
+    GW_RETURN_IF_ERROR(check_fit(*links));
     check_clocks(*links);
     GW_RETURN_IF_ERROR(try_out(*links, stop));
     const v1::Camera& camera = links->camera_info.camera();
@@ -126,6 +128,15 @@ class RigCheck {
       return false;
     }
     return true;
+  }
+
+  // Of the camera, judge_window() tells what was measured.
+  absl::Status check_fit(const RigLinks& links) {
+    GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, links.monitors());
+    const RigLimits limits{.monitors = std::move(monitors), .camera = {}, .blur_px = 0.0};
+    for (const std::string& misfit : misfits(plan_, limits))
+      tell(v1::FINDING_LEVEL_WARNING, "plan", misfit, "glasswing plan make --for-rig makes a plan that fits");
+    return absl::OkStatus();
   }
 
   void check_clocks(const RigLinks& links) {

@@ -1,0 +1,87 @@
+#include <fmt/format.h>
+
+#include <fstream>
+#include <iostream>
+#include <map>
+
+#include "client/cli/rig_view.h"
+#include "client/sessions/commands.h"
+#include "client/sessions/rig_limits.h"
+#include "core/base/status.h"
+#include "core/pattern/plan_fit.h"
+
+namespace glasswing {
+namespace {
+
+const std::map<std::string, PlanQuality> kQualities = {
+    {"draft", PlanQuality::kDraft}, {"good", PlanQuality::kGood}, {"best", PlanQuality::kBest}};
+
+struct PlanMakeArguments {
+  RigLimitsArguments rig;
+  std::string quality = "good", output;
+  int images = 0;  // 0: as many as the quality takes
+};
+
+absl::Status make(const Client& client, const PlanMakeArguments& arguments) {
+  GW_ASSIGN_OR_RETURN(RigLimits rig, read_rig_limits(client, arguments.rig, ""));
+  if (rig.monitors.empty()) {
+    absl::StatusOr<RigView> view = read_rig_view(client, "");
+    if (!view.ok()) {
+      return absl::Status(view.status().code(),
+                          fmt::format("{}; or name the monitors: --monitor back=1920x1080",
+                                      std::string(view.status().message())));
+    }
+    rig.monitors = std::move(view->monitors);
+  }
+  PlanWish wish{.quality = kQualities.at(arguments.quality), .images = {}};
+  if (arguments.images > 0) wish.images = arguments.images;
+  GW_ASSIGN_OR_RETURN(const v1::Plan plan, make_plan(wish, rig));
+  const std::string text = plan_text(plan, rig);
+  if (arguments.output.empty()) {
+    std::cout << text;
+    return absl::OkStatus();
+  }
+  std::ofstream out(arguments.output, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) {
+    return absl::UnavailableError(
+        fmt::format("cannot write {}; its directory must be there and writable, with room on the disk",
+                    arguments.output));
+  }
+  std::cerr << fmt::format("{}: {} images with the object; what it costs: glasswing plan estimate {}\n",
+                           arguments.output, images_of(plan, rig), arguments.output);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_plan_make_command(CLI::App& plan, Client& client) {
+  CLI::App& command =
+      *plan.add_subcommand("make", "Make a plan of method gaussian that fits the monitors and the camera.");
+  command.footer(
+      "Without --monitor the server's monitors are taken; --for-rig also chooses exposures and "
+      "hold_refreshes by "
+      "its camera.\n\n"
+      "Examples:\n"
+      "  glasswing plan make --for-rig -o vase.txtpb\n"
+      "  glasswing plan make --for-rig --quality best --images 800 -o vase.txtpb\n"
+      "  glasswing plan make --monitor back=1920x1080 --quality draft");
+  auto arguments = std::make_shared<PlanMakeArguments>();
+  add_rig_limits_options(command, arguments->rig);
+  std::vector<std::string> names;
+  for (const auto& [name, quality] : kQualities) names.push_back(name);
+  command
+      .add_option(
+          "--quality", arguments->quality,
+          "draft: about a hundred images; good; best: finer stripes, and a second exposure for highlights")
+      ->check(CLI::IsMember(names))
+      ->capture_default_str();
+  command.add_option("--images", arguments->images, "at most so many with the object, at each exposure")
+      ->check(CLI::Range(1, 20000));
+  command.add_option("-o,--output", arguments->output, "the plan to write, a .txtpb file; default: print it");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return make(client, *arguments); }; });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,67 @@
+#include "client/sessions/rig_limits.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "client/cli/rig_view.h"
+#include "core/base/name.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kMaxSide_px = 16384;  // as of a plan's monitors
+
+}  // namespace
+
+absl::StatusOr<v1::Monitor> parse_monitor(const std::string& text) {
+  char name[65] = "";
+  int width_px = 0, height_px = 0, read = 0;
+  const auto is_side = [](int side_px) { return side_px >= 1 && side_px <= kMaxSide_px; };
+  if (std::sscanf(text.c_str(), "%64[^=]=%dx%d%n", name, &width_px, &height_px, &read) != 3 ||
+      static_cast<size_t>(read) != text.size() || !is_side(width_px) || !is_side(height_px) ||
+      !check_name("monitor", name).ok()) {
+    return absl::InvalidArgumentError(
+        fmt::format("--monitor is \"{}\"; it must be NAME=WxH, with sides of 1 to {} px: back=1920x1080",
+                    text, kMaxSide_px));
+  }
+  v1::Monitor monitor;
+  monitor.set_name(name);
+  monitor.set_width_px(width_px);
+  monitor.set_height_px(height_px);
+  return monitor;
+}
+
+absl::StatusOr<RigLimits> read_rig_limits(const Client& client, const RigLimitsArguments& arguments,
+                                          const std::string& camera) {
+  RigLimits limits;
+  limits.blur_px = arguments.blur_px;
+  if (arguments.for_rig) {
+    GW_ASSIGN_OR_RETURN(RigView rig, read_rig_view(client, camera));
+    if (!rig.camera) return absl::UnavailableError("no camera node is up; start glasswing-camera");
+    if (rig.monitors.empty() && arguments.monitors.empty())
+      return absl::UnavailableError("no display node is up; start glasswing-display");
+    limits.monitors = std::move(rig.monitors);
+    limits.camera = std::move(rig.camera);
+  }
+  if (!arguments.monitors.empty()) limits.monitors.clear();
+  for (const std::string& text : arguments.monitors) {
+    GW_ASSIGN_OR_RETURN(v1::Monitor monitor, parse_monitor(text));
+    limits.monitors.push_back(std::move(monitor));
+  }
+  return limits;
+}
+
+void add_rig_limits_options(CLI::App& command, RigLimitsArguments& arguments) {
+  command.add_flag("--for-rig", arguments.for_rig, "for the monitors and the camera of the server's rig");
+  command.add_option("--monitor", arguments.monitors, "for a monitor of this size, in px; may be repeated")
+      ->type_name("NAME=WxH")
+      ->allow_extra_args(false);
+  command
+      .add_option("--blur", arguments.blur_px,
+                  "how far camera and monitor blur, px of the monitor (sigma), as glasswing blur tells")
+      ->check(CLI::Range(0.0, 200.0));
+}
+
+}  // namespace glasswing

@@ -1,0 +1,46 @@
+// Plans that fit a rig: chosen for its monitors and its camera, and what of a given plan does not fit.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/pattern/plan.h"
+#include "glasswing/v1/camera_service.pb.h"
+
+namespace glasswing {
+
+// "draft": about a hundred images, wide stripes in three directions. "good": stripes of sigma
+// 4 sqrt(longer side / 128) px in four directions, half a sigma apart. "best": half that sigma, and a second,
+// shorter exposure for highlights.
+enum class PlanQuality { kDraft, kGood, kBest };
+
+struct RigLimits {
+  std::vector<v1::Monitor> monitors;            // with sizes; a refresh rate of 0 is unknown
+  std::optional<v1::GetCameraResponse> camera;  // empty: unknown
+  double blur_px = 0.0;                         // sigma on the monitor (`glasswing blur`); 0: unknown
+};
+
+struct PlanWish {
+  PlanQuality quality = PlanQuality::kGood;
+  std::optional<int> images;  // at most so many with the object, at each exposure; chooses sigma
+};
+
+// A plan of method "gaussian" for these monitors. Without a camera: 4 ms, two refreshes a step.
+// INVALID_ARGUMENT: there is no monitor; even the widest stripes take more images than wished; or the camera
+// is too slow.
+absl::StatusOr<v1::Plan> make_plan(const PlanWish& wish, const RigLimits& rig);
+
+// Steps with the object at one exposure. `plan` passes check_plan(), and `rig` has its monitors.
+int images_of(const v1::Plan& plan, const RigLimits& rig);
+
+// For people: what of the plan does not fit the rig, a sentence each, with what would. Monitors that the rig
+// does not have are left out.
+std::vector<std::string> misfits(const v1::Plan& plan, const RigLimits& rig);
+
+// The plan as a file, with comments.
+std::string plan_text(const v1::Plan& plan, const RigLimits& rig);
+
+}  // namespace glasswing

@@ -1,0 +1,149 @@
+// Plans for monitors from small to large, and what each warning is for.
+#include "core/pattern/plan_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace glasswing {
+namespace {
+
+v1::Monitor monitor(const std::string& name, int width_px, int height_px, double refresh_hz = 60.0) {
+  v1::Monitor monitor;
+  monitor.set_name(name);
+  monitor.set_width_px(width_px);
+  monitor.set_height_px(height_px);
+  monitor.set_refresh_hz(refresh_hz);
+  return monitor;
+}
+
+v1::GetCameraResponse camera(double rate_hz, double min_ms, double max_ms, double readout_ms) {
+  v1::GetCameraResponse camera;
+  camera.set_frame_rate_hz(rate_hz);
+  camera.set_min_exposure_ms(min_ms);
+  camera.set_max_exposure_ms(max_ms);
+  camera.set_readout_ns(std::llround(1e6 * readout_ms));
+  return camera;
+}
+
+constexpr std::pair<int, int> kSizes[] = {{128, 96}, {1280, 720}, {1920, 1080}, {1080, 1920}, {3840, 2160}};
+constexpr PlanQuality kQualities[] = {PlanQuality::kDraft, PlanQuality::kGood, PlanQuality::kBest};
+
+TEST(PlanFit, MakesPlansThatFitEverySizeAndReadBackAsTheyAre) {
+  for (const auto& [width_px, height_px] : kSizes) {
+    const RigLimits rig{.monitors = {monitor("back", width_px, height_px)},
+                        .camera = camera(60.0, 0.1, 16.0, 5.0),
+                        .blur_px = 0.0};
+    int images = 0;
+    for (const PlanQuality quality : kQualities) {
+      const absl::StatusOr<v1::Plan> plan = make_plan({.quality = quality, .images = {}}, rig);
+      ASSERT_TRUE(plan.ok()) << plan.status();
+      EXPECT_TRUE(misfits(*plan, rig).empty()) << misfits(*plan, rig)[0];
+      EXPECT_GT(images_of(*plan, rig), images);  // each quality takes more than the one before
+      images = images_of(*plan, rig);
+      const absl::StatusOr<v1::Plan> read = parse_plan(plan_text(*plan, rig), "made.txtpb");
+      ASSERT_TRUE(read.ok()) << read.status();
+      EXPECT_EQ(read->DebugString(), plan->DebugString());
+    }
+  }
+}
+
+TEST(PlanFit, ADraftTakesAHundredImagesOnAnyMonitor) {
+  for (const auto& [width_px, height_px] : kSizes) {
+    const RigLimits rig{.monitors = {monitor("back", width_px, height_px)}, .camera = {}, .blur_px = 0.0};
+    const int images = images_of(*make_plan({.quality = PlanQuality::kDraft, .images = {}}, rig), rig);
+    EXPECT_LE(images, 100);
+    EXPECT_GT(images, 85) << width_px;
+  }
+}
+
+TEST(PlanFit, ImagesChooseTheNarrowestStripesThatKeepToThem) {
+  const RigLimits rig{
+      .monitors = {monitor("back", 1920, 1080), monitor("left", 1080, 1920)}, .camera = {}, .blur_px = 0.0};
+  for (const int wished : {300, 1000, 3000}) {
+    v1::Plan plan = *make_plan({.quality = PlanQuality::kGood, .images = wished}, rig);
+    EXPECT_LE(images_of(plan, rig), wished);
+    for (v1::Sweep& sweep : *plan.mutable_sweeps()) {
+      sweep.set_sigma_px(sweep.sigma_px() - 0.25);
+      sweep.set_step_px(0.5 * sweep.sigma_px());
+    }
+    EXPECT_GT(images_of(plan, rig), wished);
+  }
+  const absl::Status few = make_plan({.quality = PlanQuality::kGood, .images = 20}, rig).status();
+  EXPECT_EQ(few.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(few.message().find("the widest stripes take"), std::string::npos) << few;
+  EXPECT_FALSE(make_plan({}, {}).ok());
+}
+
+TEST(PlanFit, ExposuresAndHoldFitTheCamera) {
+  RigLimits rig{.monitors = {monitor("back", 1920, 1080, 60.0)},
+                .camera = camera(200.0, 0.1, 4.9, 0.0),
+                .blur_px = 0.0};
+  v1::Plan plan = *make_plan({.quality = PlanQuality::kBest, .images = {}}, rig);
+  EXPECT_EQ(plan.hold_refreshes(), 2);
+  ASSERT_EQ(plan.exposure_ms_size(), 2);
+  EXPECT_EQ(plan.exposure_ms(0), 4.0);
+  EXPECT_EQ(plan.exposure_ms(1), 0.5);
+  // 8 ms + 16.7 ms of readout + 16.7 ms a frame = 41.3 ms: three refreshes.
+  rig.camera = camera(60.0, 8.0, 16.0, 16.7);
+  plan = *make_plan({.quality = PlanQuality::kBest, .images = {}}, rig);
+  EXPECT_EQ(plan.hold_refreshes(), 3);
+  ASSERT_EQ(plan.exposure_ms_size(), 1);  // no shorter one is possible
+  EXPECT_EQ(plan.exposure_ms(0), 8.0);
+  rig.camera = camera(0.05, 8.0, 16.0, 0.0);
+  EXPECT_FALSE(make_plan({}, rig).ok());
+}
+
+TEST(PlanFit, StripesAreNotNarrowerThanTheBlur) {
+  const RigLimits rig{.monitors = {monitor("back", 128, 96)}, .camera = {}, .blur_px = 6.2};
+  EXPECT_EQ(make_plan({.quality = PlanQuality::kGood, .images = {}}, rig)->sweeps(0).sigma_px(), 6.5);
+}
+
+std::vector<std::string> misfits_of(const std::string& text, const RigLimits& rig) {
+  return misfits(parse_plan(text, "plan.txtpb").value(), rig);
+}
+
+TEST(PlanFit, WarnsOfTooFewLevelsForTheMonitor) {
+  const std::string crystal =
+      "method: \"gaussian\" monitors { name: \"back\" } sweeps { sigma_px: 4 step_px: 2 } square_waves { "
+      "levels: 7 }";
+  EXPECT_TRUE(
+      misfits_of(crystal, {.monitors = {monitor("back", 128, 96)}, .camera = {}, .blur_px = 0.0}).empty());
+  const std::vector<std::string> large =
+      misfits_of(crystal, {.monitors = {monitor("back", 1920, 1080)}, .camera = {}, .blur_px = 0.0});
+  ASSERT_EQ(large.size(), 1u);
+  EXPECT_NE(large[0].find("\"back\" (1920x1080) the finest bars are 16 px wide"), std::string::npos)
+      << large[0];
+  EXPECT_NE(large[0].find("levels: 8 makes them 8 px"), std::string::npos) << large[0];
+  const std::string bars = "method: \"hierarchical\" monitors { name: \"back\" } square_waves { levels: 7 }";
+  EXPECT_EQ(
+      misfits_of(bars, {.monitors = {monitor("back", 1920, 1080)}, .camera = {}, .blur_px = 0.0}).size(), 1u);
+  EXPECT_TRUE(
+      misfits_of(bars, {.monitors = {monitor("other", 1920, 1080)}, .camera = {}, .blur_px = 0.0}).empty());
+  // The plan's own size, without a rig.
+  EXPECT_EQ(misfits_of("method: \"hierarchical\" monitors { name: \"back\" width_px: 1920 height_px: 1080 } "
+                       "square_waves { levels: 7 }",
+                       {})
+                .size(),
+            1u);
+}
+
+TEST(PlanFit, WarnsOfNarrowStripesAndOfExposuresOutsideTheCamerasWindow) {
+  const std::string plan =
+      "method: \"gaussian\" monitors { name: \"back\" } sweeps { sigma_px: 4 step_px: 2 } exposure_ms: [4, "
+      "20, 40]";
+  RigLimits rig{.monitors = {monitor("back", 128, 96)}, .camera = {}, .blur_px = 5.0};
+  std::vector<std::string> found = misfits_of(plan, rig);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_NE(found[0].find("narrower than the blur of camera and monitor, 5 px"), std::string::npos)
+      << found[0];
+  rig = {.monitors = {monitor("back", 128, 96)}, .camera = camera(50.0, 0.1, 20.0, 1.0), .blur_px = 0.0};
+  found = misfits_of(plan, rig);
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_NE(found[0].find("20 ms needs 41 ms"), std::string::npos) << found[0];
+  EXPECT_NE(found[0].find("hold_refreshes to 3"), std::string::npos) << found[0];
+  EXPECT_NE(found[1].find("exposure_ms is 40; the camera takes 0.1 to 20 ms"), std::string::npos) << found[1];
+}
+
+}  // namespace
+}  // namespace glasswing
