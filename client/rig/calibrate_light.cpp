@@ -29,6 +29,7 @@ namespace {
 constexpr std::chrono::minutes kFitTimeout(10);
 constexpr double kLongestMs = 16.0;      // longest exposure of the ladder, unless the plan has a longer one
 constexpr double kUnknownWhiteMs = 5.0;  // white_ms of an uncalibrated camera
+constexpr int kMaxCurveBits = 12;        // codes of more bits have no curve (core/radiometry/tone_curve)
 
 constexpr const char* kCameraGuide =
     "Measuring which light the camera's codes stand for. Nothing on the stage, the room dark or its light "
@@ -220,7 +221,7 @@ absl::StatusOr<v1::ListCalibrationsResponse> known(const Client& client) {
   return call_pages(server, &v1::RigService::Stub::ListCalibrations, {});
 }
 
-void tell(const Client& client, const char* guide) {
+void tell(const Client& client, const std::string& guide) {
   if (!client.json) std::cerr << guide;
 }
 
@@ -246,6 +247,19 @@ absl::Status calibrate_display_light(const Client& client, const CalibrateArgume
   GW_RETURN_IF_ERROR(plan_of(arguments).status());
   GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, arguments.camera));
   GW_ASSIGN_OR_RETURN(const v1::ListCalibrationsResponse calibrations, known(client));
+  if (arguments.monitors.empty()) {
+    for (const v1::Monitor& monitor : rig.monitors) {
+      if (monitor.bits() <= kMaxCurveBits) {
+        arguments.monitors.push_back(monitor.name());
+      } else {
+        tell(
+            client,
+            fmt::format("Monitor {} has codes of {} bits, which are light as they are: nothing to measure.\n",
+                        monitor.name(), monitor.bits()));
+      }
+    }
+    if (arguments.monitors.empty() && !rig.monitors.empty()) return absl::OkStatus();
+  }
   double white_ms = kUnknownWhiteMs;
   for (const v1::CameraCalibration& camera : calibrations.cameras()) {
     const bool own = rig.camera && camera.camera() == rig.camera->camera().name();

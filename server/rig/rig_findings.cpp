@@ -23,6 +23,7 @@ constexpr double kWellProven = 0.9, kHardlyProven = 0.3;
 constexpr double kManyRetaken = 0.05;
 constexpr double kRateOff = 0.05;  // of the camera's declared rate
 constexpr nanoseconds kSyncAgrees = microseconds(300);
+constexpr int kMaxCurveBits = 12;  // codes of more bits have no curve (core/radiometry/tone_curve)
 
 double ms(nanoseconds time) {
   return 1e-6 * static_cast<double>(time.count());
@@ -225,6 +226,11 @@ v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,
     return make_finding(
         v1::FINDING_LEVEL_OK, "light",
         fmt::format("{} has curves of its own (measured {})", monitor.name(), measured->measured()));
+  }
+  if (monitor.bits() > kMaxCurveBits) {
+    return make_finding(
+        v1::FINDING_LEVEL_OK, "light",
+        fmt::format("{} has codes of {} bits, which are light as they are", monitor.name(), monitor.bits()));
   }
   return make_finding(
       v1::FINDING_LEVEL_WARNING, "light",

@@ -141,6 +141,8 @@ TEST(RigFindings, LightIsMeasuredOrTakenForLinear) {
   monitor.set_name("back");
   EXPECT_EQ(judge_monitor_light(monitor, std::nullopt).level(), v1::FINDING_LEVEL_WARNING);
   EXPECT_EQ(judge_monitor_light(monitor, v1::DisplayCalibration()).level(), v1::FINDING_LEVEL_OK);
+  monitor.set_bits(16);  // as an ideal simulated one, which no curve can be measured of
+  EXPECT_EQ(judge_monitor_light(monitor, std::nullopt).level(), v1::FINDING_LEVEL_OK);
 }
 
 TEST(RigFindings, SyncIsMeasuredOrOnlyDeclared) {
