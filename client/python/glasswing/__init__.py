@@ -16,6 +16,8 @@
 Every failure raises an ``Error`` whose text is one line and says what to do.
 """
 
+# First: a message that Python has made already would be another than the one that this module brings.
+from glasswing import _native as _native
 from glasswing.errors import (
     AlreadyExists,
     Damaged,
@@ -29,6 +31,7 @@ from glasswing.errors import (
     Unavailable,
 )
 from glasswing.fleet import Fleet, Lease, Solve, Solver
+from glasswing.instruments import Finding, Level, LivePicture, MonitorLatency
 from glasswing.matte import Matte, Modes, PixelFlag
 from glasswing.pictures import Picture, linear_to_srgb, read_picture, resized, srgb_to_linear, write_picture
 from glasswing.plan import (
@@ -60,14 +63,18 @@ __all__ = [
     "Damaged",
     "Error",
     "Estimate",
+    "Finding",
     "Fleet",
     "Fringes",
     "Holder",
     "InvalidInput",
     "Lease",
+    "Level",
+    "LivePicture",
     "Matte",
     "Modes",
     "Monitor",
+    "MonitorLatency",
     "Node",
     "NodeKind",
     "NotAllowed",

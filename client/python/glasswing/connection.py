@@ -7,8 +7,9 @@ import getpass
 import ipaddress
 import os
 import pathlib
+import re
 import socket
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from typing import Any, TypeVar, cast
 
 import grpc
@@ -21,6 +22,12 @@ LONG_CALL_SECONDS = 60.0
 """For calls in which the server calls nodes, or that transfer one file."""
 
 Response = TypeVar("Response")
+_IS_OF_GRPC = re.compile(
+    r"failed to connect|socket closed|recvmsg|sendmsg|connection reset|broken pipe|goaway|dns resolution|endpoint clos"
+    r"|cancelling all calls|stream removed|keepalive|transport closed",
+    re.IGNORECASE,
+)
+"""How gRPC's own messages begin where a peer cannot be reached."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,14 +42,18 @@ class Hold:
 class Connection:
     """A channel to the server at ``settings.server``; the first call connects."""
 
-    def __init__(self, settings: Settings, timeout: float) -> None:
-        self.title = f"server at {settings.server}"
+    def __init__(self, settings: Settings, timeout: float, what: str = "server") -> None:
+        self.title = f"{what} at {settings.server}"
         self.timeout = timeout
         token = os.environ.get("GLASSWING_HOLD")
         self.hold = Hold(token) if token else None
         self._settings = settings
         self._channel = _dial(settings)
         self._client = f"{_user()}@{socket.gethostname()}"
+
+    def to(self, address: str, what: str) -> Connection:
+        """A connection to a node, with the same certificates. ``what`` names its kind in errors."""
+        return Connection(dataclasses.replace(self._settings, server=address), self.timeout, what)
 
     def stub(self, stub_class: Callable[[grpc.Channel], Any]) -> Any:
         """A stub for one of the server's services."""
@@ -73,7 +84,7 @@ class Connection:
             answer.MergeFrom(self.call(rpc, request))
         return cast(Response, answer)
 
-    def stream(self, rpc: Callable[..., Iterable[Response]], request: Any, timeout: float) -> Iterator[Response]:
+    def stream(self, rpc: Callable[..., Iterable[Response]], request: Any, timeout: float) -> Generator[Response, None, None]:
         """Yields all answers to one request; closing the iterator cancels the call."""
         call: Any = rpc(request, timeout=timeout, metadata=self.metadata())
         try:
@@ -86,8 +97,8 @@ class Connection:
     def error_of(self, error: grpc.RpcError) -> Error:
         """The error of a failed call."""
         code, details = error.code().name, error.details() or ""
-        if code == "UNAVAILABLE" and "node" not in details:
-            # gRPC's message for an unreachable peer is about sockets; the server's own message names a node.
+        if code == "UNAVAILABLE" and (not details or _IS_OF_GRPC.match(details)):
+            # gRPC's message for an unreachable peer is about sockets; the server's own says what is away, and advises.
             return Unavailable(f"{self.title} {_why_unreachable(details, self._settings)}")
         if code == "DEADLINE_EXCEEDED" and "Deadline Exceeded" in details:
             return TimedOut(f"{self.title} did not answer in time")

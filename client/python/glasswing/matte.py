@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from glasswing import _native
 from glasswing.errors import InvalidInput
-from glasswing.pictures import Picture, as_picture
+from glasswing.pictures import Picture, as_picture, encode_png8, linear_to_srgb
 from glasswing.v1 import matte_pb2
 
 _Floats = npt.NDArray[np.float32]
@@ -110,6 +110,12 @@ class Matte:
     def modes(self) -> Modes:
         """The footprints: where on the monitors the light came from."""
         return Modes(**{field.name: getattr(self._native, field.name) for field in dataclasses.fields(Modes)})
+
+    def _repr_png_(self) -> bytes:
+        """What notebooks show: F plus half of the light that white monitors would send, with coverage as alpha."""
+        light = self.foreground + 0.5 * self._native.weight.sum(axis=3)
+        alpha = (np.clip(self.coverage, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
+        return encode_png8(np.dstack([linear_to_srgb(light), alpha]))
 
     def composite(
         self, backgrounds: Mapping[str, npt.ArrayLike], *, exact: bool = False, threads: int = 0

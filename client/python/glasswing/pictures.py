@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import struct
+import zlib
 from typing import Any
 
 import numpy as np
@@ -49,6 +51,20 @@ def resized(picture: npt.ArrayLike, width_px: int, height_px: int) -> Picture:
 def encode_png16(picture: npt.ArrayLike) -> bytes:
     """Encodes a linear 16-bit PNG, the format in which pictures are sent to displays."""
     return _native.encode_png16(as_picture(picture, "picture"))
+
+
+def encode_png8(codes: npt.NDArray[np.uint8]) -> bytes:
+    """Encodes 8-bit codes, H x W x 3 or 4 (the last is alpha), as PNG."""
+    height, width, channels = codes.shape
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2 if channels == 3 else 6, 0, 0, 0)
+    rows = np.zeros((height, 1 + width * channels), np.uint8)  # each row begins with its filter, none
+    rows[:, 1:] = codes.reshape(height, -1)
+    content = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows.tobytes())) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + content
 
 
 def as_picture(array: Any, what: str) -> Picture:

@@ -20,15 +20,22 @@ from glasswing import pictures
 from glasswing.connection import CHUNK_BYTES, LONG_CALL_SECONDS, Connection, Hold
 from glasswing.errors import Error, Refused, TimedOut, Unavailable
 from glasswing.fleet import Fleet
+from glasswing.instruments import Finding, LivePicture, MonitorLatency
 from glasswing.plan import Plan
 from glasswing.session import Session, SessionInfo, State
 from glasswing.settings import load_settings
-from glasswing.v1 import archive_pb2, fleet_service_pb2, node_service_pb2, plan_pb2, rig_service_pb2, session_pb2
+from glasswing.v1 import archive_pb2, camera_service_pb2, fleet_service_pb2, node_service_pb2, plan_pb2, rig_service_pb2, session_pb2
 from glasswing.v1 import session_service_pb2 as pb
+from glasswing.v1.camera_service_pb2_grpc import CameraServiceStub
 from glasswing.v1.fleet_service_pb2_grpc import FleetServiceStub
 from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
 from glasswing.v1.rig_service_pb2_grpc import RigServiceStub
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
+
+
+_MEASURE_SECONDS = 300.0
+_FIT_SECONDS = 600.0
+_SHOW_SECONDS = 86400.0
 
 
 class NodeKind(enum.Enum):
@@ -251,6 +258,72 @@ class Rig:
             call.cancel()
             self._wait_until_freed(reason)
 
+    def doctor(self, plan: Plan | None = None) -> Iterator[Finding]:
+        """Tests the rig, for this plan's monitors and exposures if one is given, and yields each finding as it is made.
+
+        Shows and records some steps. InvalidInput: the plan. Refused names the rig's holder.
+        """
+        request = rig_service_pb2.CheckRigRequest(plan=plan.to_message() if plan else None)
+        for answer in self._connection.stream(self._rig.CheckRig, request, _MEASURE_SECONDS):
+            yield Finding.from_message(answer.finding)
+
+    def calibrate_sync(
+        self, monitors: Iterable[str] = (), *, exposure_ms: float = 0.0, camera: str = ""
+    ) -> list[MonitorLatency]:
+        """Measures how late the light of these monitors (default: all) is, and stores it for all later proofs.
+
+        ``exposure_ms``: 0 is four fifths of the frame interval. Refused: says why a monitor could not be measured; the
+        others are stored.
+        """
+        request = rig_service_pb2.CalibrateSyncRequest(
+            monitors=list(monitors), exposure_ms=exposure_ms, camera=camera
+        )
+        answers = self._connection.stream(self._rig.CalibrateSync, request, _MEASURE_SECONDS)
+        return [MonitorLatency.from_message(each.result) for each in answers if each.HasField("result")]
+
+    def calibrate_light(self, session: Session) -> rig_service_pb2.FitCalibrationResponse:
+        """Fits and stores the response that a captured session measured: a plan with ``CalibrationFrames``.
+
+        Later sessions use it. Refused: says what the frames lack.
+        """
+        request = rig_service_pb2.FitCalibrationRequest(session=session.name)
+        answer: rig_service_pb2.FitCalibrationResponse = self._connection.call(
+            self._rig.FitCalibration, request, _FIT_SECONDS
+        )
+        return answer
+
+    @contextlib.contextmanager
+    def pattern(self, name: str, monitors: Iterable[str] = ()) -> Iterator[list[str]]:
+        """Shows a test pattern while the block runs, and gives the monitors that show it (default: all). Holds the rig.
+
+        ``name``: "lines" (to focus on), "bars", "white", "gray", "ramp" or "black".
+        """
+        request = rig_service_pb2.ShowPatternRequest(pattern=name, monitors=list(monitors))
+        answers = self._connection.stream(self._rig.ShowPattern, request, _SHOW_SECONDS)
+        try:
+            yield list(next(answers).monitors)
+        finally:
+            answers.close()
+
+    def preview(
+        self, *, camera: str = "", max_fps: float = 2.0, max_width_px: int = 640, exposure_ms: float = 0.0
+    ) -> Iterator[LivePicture]:
+        """Yields what a camera sees until the loop is left; a capture may run meanwhile.
+
+        ``camera``: a camera node's name; default: the first that is up. ``max_fps``: 0.2 to 10. ``exposure_ms``: 0 is about
+        4; ignored while a capture runs. Unavailable: no such camera is up.
+        """
+        request = camera_service_pb2.PreviewRequest(
+            max_fps=max_fps, max_width_px=max_width_px, exposure_ms=exposure_ms
+        )
+        connection = self._connection.to(self._camera_address(camera), "camera node")
+        try:
+            stub = connection.stub(CameraServiceStub)
+            for picture in connection.stream(stub.Preview, request, _SHOW_SECONDS):
+                yield LivePicture.from_message(picture)
+        finally:
+            connection.close()
+
     def upload(self, picture: pictures.Picture) -> str:
         """Uploads a picture (linear, H x W x 3) for plans and returns its name, for ``Photo.file``."""
         png = pictures.encode_png16(picture)
@@ -262,6 +335,12 @@ class Rig:
 
     def _session(self, message: session_pb2.Session) -> Session:
         return Session(self._connection, SessionInfo.from_message(message))
+
+    def _camera_address(self, camera: str) -> str:
+        for node in self.nodes():
+            if node.kind is NodeKind.CAMERA and node.up and camera in ("", node.name):
+                return node.address
+        raise Unavailable(f'camera node "{camera}" is not up' if camera else "no camera node is up; start glasswing-camera")
 
     def _wait_until_freed(self, reason: str) -> None:
         """Waits until the server has noticed the end of the call, so that the next call finds the rig free."""

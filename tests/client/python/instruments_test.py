@@ -1,0 +1,151 @@
+"""The doctor, calibrations, patterns and previews against a server and a camera node that this test plays, and the errors
+of a server that cannot do what it is asked."""
+
+import concurrent.futures
+import struct
+import threading
+import unittest
+import zlib
+
+import grpc
+import numpy as np
+
+import glasswing
+from glasswing.pictures import encode_png8
+from glasswing.v1 import (
+    calibration_pb2,
+    camera_service_pb2,
+    camera_service_pb2_grpc,
+    node_service_pb2,
+    node_service_pb2_grpc,
+    rig_service_pb2,
+    rig_service_pb2_grpc,
+    session_service_pb2_grpc,
+)
+
+STORE_AWAY = "the job store does not answer: PostgreSQL at db.lab: connection refused; start it"
+
+
+class Server(
+    node_service_pb2_grpc.NodeServiceServicer,
+    rig_service_pb2_grpc.RigServiceServicer,
+    camera_service_pb2_grpc.CameraServiceServicer,
+    session_service_pb2_grpc.SessionServiceServicer,
+):
+    """A server, and its camera node at the same address."""
+
+    def __init__(self) -> None:
+        self.asked: list[object] = []
+        self.pattern_ended = threading.Event()
+        self.server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
+        node_service_pb2_grpc.add_NodeServiceServicer_to_server(self, self.server)
+        rig_service_pb2_grpc.add_RigServiceServicer_to_server(self, self.server)
+        camera_service_pb2_grpc.add_CameraServiceServicer_to_server(self, self.server)
+        session_service_pb2_grpc.add_SessionServiceServicer_to_server(self, self.server)
+        self.address = f"127.0.0.1:{self.server.add_insecure_port('127.0.0.1:0')}"
+        self.server.start()
+
+    def ListNodes(self, request, context):
+        answer = node_service_pb2.ListNodesResponse()
+        camera = answer.nodes.add(kind=node_service_pb2.NODE_KIND_CAMERA, name="camera-1", address=self.address, up=True)
+        answer.nodes.add(kind=camera.kind, name="camera-2", address="127.0.0.1:1", up=False)
+        return answer
+
+    def CheckRig(self, request, context):
+        self.asked.append(request)
+        finding = rig_service_pb2.Finding(level=rig_service_pb2.FINDING_LEVEL_OK, subject="clocks", text="are known")
+        yield rig_service_pb2.CheckRigResponse(finding=finding)
+        finding = rig_service_pb2.Finding(level=rig_service_pb2.FINDING_LEVEL_WARNING, subject="flips", text="5 late", advice="hold")
+        yield rig_service_pb2.CheckRigResponse(finding=finding)
+
+    def CalibrateSync(self, request, context):
+        self.asked.append(request)
+        yield rig_service_pb2.CalibrateSyncResponse(progress="measuring back")
+        measured = calibration_pb2.MonitorSync(monitor="back", lag_ns=2_880_000, settle_ns=1_130_000, error_ns=30_000)
+        yield rig_service_pb2.CalibrateSyncResponse(result=measured)
+
+    def ShowPattern(self, request, context):
+        self.asked.append(request)
+        if request.pattern == "purple":
+            context.abort(grpc.StatusCode.INVALID_ARGUMENT, 'the pattern is "purple"; it must be white')
+        context.add_callback(self.pattern_ended.set)
+        yield rig_service_pb2.ShowPatternResponse(monitors=["back"])
+        self.pattern_ended.wait()
+
+    def Preview(self, request, context):
+        self.asked.append(request)
+        while context.is_active():
+            yield camera_service_pb2.PreviewResponse(jpeg=b"\xff\xd8\xff", width_px=8, height_px=6, focus=0.5, exposure_ms=2.0)
+            yield camera_service_pb2.PreviewResponse(jpeg=b"\xff\xd8\xff", focus_hint="too dark to judge focus")
+
+    def GetSession(self, request, context):
+        context.abort(grpc.StatusCode.UNAVAILABLE, STORE_AWAY)
+
+
+class InstrumentsTest(unittest.TestCase):
+    def setUp(self) -> None:
+        self.server = Server()
+        self.addCleanup(self.server.server.stop, None)
+        self.rig = glasswing.connect(self.server.address)
+        self.addCleanup(self.rig.close)
+
+    def test_the_doctor_yields_findings(self) -> None:
+        findings = list(self.rig.doctor(glasswing.Plan(method="gaussian", hold_refreshes=3)))
+        self.assertEqual([finding.level for finding in findings], [glasswing.Level.OK, glasswing.Level.WARNING])
+        self.assertEqual([str(finding) for finding in findings], ["ok: clocks: are known", "warning: flips: 5 late -> hold"])
+        self.assertEqual(self.server.asked[0].plan.hold_refreshes, 3)
+        list(self.rig.doctor())
+        self.assertFalse(self.server.asked[1].HasField("plan"))
+
+    def test_latencies_are_measured(self) -> None:
+        self.assertEqual(self.rig.calibrate_sync(["back"]), [glasswing.MonitorLatency("back", 2.88, 1.13, 0.03)])
+        self.assertEqual(list(self.server.asked[0].monitors), ["back"])
+
+    def test_a_pattern_is_shown_while_the_block_runs(self) -> None:
+        with self.rig.pattern("lines") as monitors:
+            self.assertEqual(monitors, ["back"])
+            self.assertFalse(self.server.pattern_ended.is_set())
+        self.assertTrue(self.server.pattern_ended.wait(30))
+        with self.assertRaisesRegex(glasswing.InvalidInput, "purple"), self.rig.pattern("purple"):
+            pass
+
+    def test_a_preview_goes_on_until_its_loop_is_left(self) -> None:
+        pictures = self.rig.preview(max_fps=5, exposure_ms=2)
+        first, second = next(pictures), next(pictures)
+        pictures.close()
+        self.assertEqual((first.focus, first.focus_hint, first.width_px, first._repr_jpeg_()), (0.5, "", 8, b"\xff\xd8\xff"))
+        self.assertEqual(second.focus_hint, "too dark to judge focus")
+        self.assertEqual((self.server.asked[0].max_fps, self.server.asked[0].max_width_px), (5.0, 640))
+        with self.assertRaisesRegex(glasswing.Unavailable, 'camera node "camera-2" is not up'):
+            next(self.rig.preview(camera="camera-2"))
+
+    def test_the_servers_advice_is_not_lost(self) -> None:
+        with self.assertRaises(glasswing.Unavailable) as caught:
+            self.rig.session("vase")
+        self.assertEqual(str(caught.exception), STORE_AWAY)
+        self.server.server.stop(None).wait()
+        with self.assertRaisesRegex(glasswing.Unavailable, f"server at {self.server.address} does not answer"):
+            self.rig.nodes()
+
+
+class PngTest(unittest.TestCase):
+    def test_codes_come_back_from_a_png(self) -> None:
+        for channels in (3, 4):
+            codes = np.random.default_rng(1).integers(0, 256, (5, 7, channels), np.uint8)
+            png = encode_png8(codes)
+            self.assertEqual(png[:8], b"\x89PNG\r\n\x1a\n")
+            chunks, at = {}, 8
+            while at < len(png):
+                (length,) = struct.unpack(">I", png[at : at + 4])
+                kind, content = png[at + 4 : at + 8], png[at + 8 : at + 8 + length]
+                self.assertEqual(struct.unpack(">I", png[at + 8 + length : at + 12 + length])[0], zlib.crc32(kind + content))
+                chunks[kind] = content
+                at += 12 + length
+            self.assertEqual(struct.unpack(">IIBB", chunks[b"IHDR"][:10]), (7, 5, 8, {3: 2, 4: 6}[channels]))
+            rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(5, 1 + 7 * channels)
+            self.assertFalse(rows[:, 0].any())
+            np.testing.assert_array_equal(rows[:, 1:].reshape(codes.shape), codes)
+
+
+if __name__ == "__main__":
+    unittest.main()
