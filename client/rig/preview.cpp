@@ -25,17 +25,29 @@ struct PreviewArguments {
   int width_px = 640;
   double exposure_ms = 0.0;
   std::string pattern;  // shown meanwhile; empty: none
+  std::string camera;   // empty: the only one that is up
   int count = 0;        // 0: until interrupted
 };
 
-absl::StatusOr<std::string> camera_address(const Client& client) {
+absl::StatusOr<std::string> camera_address(const Client& client, const std::string& name) {
   const Peer<v1::NodeService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
                       call_pages(server, &v1::NodeService::Stub::ListNodes, {}));
+  std::vector<std::string> names;
+  std::string address;
   for (const v1::Node& node : listed.nodes()) {
-    if (node.kind() == v1::NODE_KIND_CAMERA && node.up()) return node.address();
+    if (node.kind() != v1::NODE_KIND_CAMERA || !node.up()) continue;
+    if (node.name() == name) return node.address();
+    names.push_back(node.name());
+    address = node.address();
   }
-  return absl::UnavailableError("no camera node is up; start glasswing-camera");
+  if (names.empty()) return absl::UnavailableError("no camera node is up; start glasswing-camera");
+  if (name.empty() && names.size() == 1) return address;
+  const std::string all = fmt::format("{}", fmt::join(names, ", "));
+  if (!name.empty())
+    return absl::UnavailableError(fmt::format("no camera node \"{}\" is up; there are: {}", name, all));
+  return absl::FailedPreconditionError(
+      fmt::format("the rig has several cameras, {}; name one by --camera", all));
 }
 
 // A test pattern on all monitors until this is destroyed.
@@ -108,7 +120,7 @@ void print_line(const v1::PreviewResponse& shown, const PreviewArguments& argume
 }
 
 absl::Status preview(const Client& client, const PreviewArguments& arguments) {
-  GW_ASSIGN_OR_RETURN(const std::string address, camera_address(client));
+  GW_ASSIGN_OR_RETURN(const std::string address, camera_address(client, arguments.camera));
   const Peer<v1::CameraService> camera("camera node at " + address, address);
   std::optional<ShownPattern> pattern;
   if (!arguments.pattern.empty()) {
@@ -164,6 +176,8 @@ void add_preview_command(CLI::App& app, Client& client) {
       "--pattern", arguments->pattern,
       "show this test pattern meanwhile: lines (to focus on), bars, white, gray, ramp or black; "
       "holds the rig");
+  command.add_option("--camera", arguments->camera, "the camera node; needed if several are up")
+      ->type_name("NODE");
   command.add_option("--count", arguments->count, "stop after this many pictures")
       ->check(CLI::Range(1, 1000000));
   command.callback(
