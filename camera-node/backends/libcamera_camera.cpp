@@ -234,6 +234,7 @@ v1::GetCameraResponse LibcameraCamera::describe() const {
   camera.set_width_px(size_.width_px);
   camera.set_height_px(size_.height_px);
   camera.set_bits(format_->bits);
+  if (format_->kind == PixelFormat::Kind::kBayer) camera.set_mosaic(std::string(format_->order));
   camera.set_response("linear");  // image_of() decodes other transfer functions
   response.set_backend("libcamera");
   response.set_frame_rate_hz(1e9 / static_cast<double>(period_.count()));

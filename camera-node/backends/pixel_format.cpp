@@ -7,7 +7,6 @@
 #include <cassert>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "core/base/status.h"
 #include "core/frame/jpeg_header.h"
@@ -134,23 +133,16 @@ Image16 image_of_raw(const RawPicture& picture) {
         static_cast<float>((static_cast<double>(code) / full - picture.black) / (1.0 - picture.black)));
   }
   std::vector<std::uint16_t> codes(static_cast<size_t>(width));
-  cv::Mat mosaic(height, width, CV_16UC1);
+  const int channels = picture.format->kind == Kind::kBayer ? 1 : 3;
+  Image16 image(width, height, channels);
+  std::uint16_t* to = image.samples.data();
   for (int y = 0; y < height; ++y) {
     unpack_row(*picture.format, picture.planes[0].data() + static_cast<size_t>(y) * picture.stride_bytes,
                codes);
-    std::uint16_t* row = mosaic.ptr<std::uint16_t>(y);
     // Codes above full scale only occur in damaged frames; they are clamped.
-    for (size_t x = 0; x < codes.size(); ++x) row[x] = linear[std::min<size_t>(codes[x], linear.size() - 1)];
+    for (const std::uint16_t code : codes)
+      to = std::fill_n(to, channels, linear[std::min<size_t>(code, linear.size() - 1)]);
   }
-  Image16 image(width, height);
-  cv::Mat rgb(height, width, CV_16UC3, image.samples.data());
-  const std::string_view order = picture.format->order;
-  cv::cvtColor(mosaic, rgb,
-               order == "RGGB"   ? cv::COLOR_BayerRGGB2RGB
-               : order == "GRBG" ? cv::COLOR_BayerGRBG2RGB
-               : order == "GBRG" ? cv::COLOR_BayerGBRG2RGB
-               : order == "BGGR" ? cv::COLOR_BayerBGGR2RGB
-                                 : cv::COLOR_GRAY2RGB);
   return image;
 }
 

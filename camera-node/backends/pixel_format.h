@@ -1,7 +1,6 @@
 // Pictures as cameras deliver them, and their conversion to linear light.
 //
-//   raw    sample = (code - black) / (full - black), one colour a pixel; the other two are the mean of the
-//          nearest neighbours that have them (bilinear), which keeps the picture linear in the light
+//   raw    sample = (code - black) / (full - black); a colour sensor's frame stays a mosaic of one channel
 //   RGB    sample = decode(code / 255)
 //   YCbCr  R' = Y' + 2 (1 - kr) Cr,  B' = Y' + 2 (1 - kb) Cb,  G' from Y' = kr R' + (1 - kr - kb) G' + kb B';
 //          decoded as RGB. Subsampled chroma is repeated.
@@ -50,7 +49,8 @@ struct RawPicture {
   std::vector<std::vector<std::uint8_t>> planes;  // NV12 has two, all others one
 };
 
-// DATA_LOSS: too few bytes for the format and size, or a JPEG that is damaged or of another size.
+// Of one channel for raw colour formats, whose `order` is the mosaic's name. DATA_LOSS: too few bytes for the
+// format and size, or a JPEG that is damaged or of another size.
 absl::StatusOr<Image16> image_of(const RawPicture& picture);
 
 }  // namespace glasswing

@@ -37,16 +37,14 @@ absl::StatusOr<v1::CaptureManifest> read_manifest(const std::filesystem::path& d
 absl::StatusOr<Image16> read_picture(const std::filesystem::path& path, const v1::Frame& frame,
                                      const v1::Camera& camera) {
   // Only archives of our own format have checksums.
-  if (frame.checksum().empty())
-    return read_frame_file(path, PictureSize{camera.width_px(), camera.height_px()});
+  if (frame.checksum().empty()) return read_frame_file(path, shape_of(camera));
   GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(path));
   const auto damaged = [&path](const std::string& how) {
     return absl::DataLossError(fmt::format("{} is damaged: {}", path.string(), how));
   };
   if (checksum_of(bytes) != frame.checksum())
     return damaged(fmt::format("its checksum is {} instead of {}", checksum_of(bytes), frame.checksum()));
-  if (const absl::Status header = check_tiff_header(bytes, camera.width_px(), camera.height_px());
-      !header.ok())
+  if (const absl::Status header = check_tiff_header(bytes, shape_of(camera)); !header.ok())
     return damaged(std::string(header.message()));
   return decode_tiff(bytes);
 }

@@ -11,7 +11,7 @@ namespace {
 
 absl::StatusOr<std::shared_ptr<const MappedArchive>> map(ArchiveStore& store, const std::string& session) {
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store.find(session));
-  return MappedArchive::open(archive->directory());
+  return MappedArchive::open_interpolated(archive->directory());
 }
 
 absl::StatusOr<v1::CameraCalibration> fit_camera(ArchiveStore& store, const std::string& session) {

@@ -110,6 +110,7 @@ grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::
 grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
                                              const v1::StreamFramesRequest* request,
                                              grpc::ServerWriter<v1::StreamFramesResponse>* writer) {
+  const std::optional<Mosaic> mosaic = mosaic_of(camera_.describe().camera());
   std::atomic<bool> wanted = true;
   std::jthread sender;  // converts and sends while the camera runs on
   const auto send = [&](std::stop_token stop) {
@@ -120,7 +121,7 @@ grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
       sent = frame->taken.sequence();
       const absl::StatusOr<Image16> image = frame->image();
       if (!image.ok()) continue;  // the next frame may be intact
-      wanted = write_whole(*image, frame->taken, *writer);
+      wanted = write_whole(interpolated(*image, mosaic), frame->taken, *writer);
     }
   };
   const auto take = [&](const v1::FrameTaken* taken) {
@@ -160,13 +161,15 @@ grpc::Status CameraServiceImpl::MeasureLight(grpc::ServerContext*, const v1::Mea
                                                ? FrameLight::create(request->calibration())
                                                : FrameLight::create(v1::CaptureManifest());
   if (!light.ok()) return to_grpc(light.status());
-  const std::uint16_t full_scale = full_scale_of(camera_.describe().camera());
+  const v1::Camera camera = camera_.describe().camera();
+  const std::optional<Mosaic> mosaic = mosaic_of(camera);
+  const std::uint16_t full_scale = full_scale_of(camera);
   for (const std::int64_t sequence : request->sequences()) {
     const std::optional<CapturedFrame> found = ring_.find(sequence);
     if (!found) continue;
     const absl::StatusOr<Image16> image = found->image();
     if (!image.ok()) return to_grpc(image.status());
-    *response->add_frames() = light_of(*image, *light, full_scale);
+    *response->add_frames() = light_of(interpolated(*image, mosaic), *light, full_scale);
     response->mutable_frames()->rbegin()->set_sequence(sequence);
   }
   return grpc::Status::OK;
@@ -183,6 +186,7 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
       request->exposure_ms() != 0.0
           ? request->exposure_ms()
           : std::clamp(kPreviewExposureMs, camera.min_exposure_ms(), camera.max_exposure_ms());
+  const std::optional<Mosaic> mosaic = mosaic_of(camera.camera());
   const nanoseconds period(static_cast<std::int64_t>(1e9 / request->max_fps()));
   nanoseconds due = monotonic_now();
   std::int64_t shown = -1;
@@ -210,7 +214,7 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
     const absl::StatusOr<Image16> image = frame->image();
     if (!image.ok()) continue;  // the next frame may be intact
     v1::PreviewResponse response =
-        preview_of(*image, request->max_width_px(), full_scale_of(camera.camera()));
+        preview_of(*image, mosaic, request->max_width_px(), full_scale_of(camera.camera()));
     response.set_exposure_ms(frame->taken.exposure_ms());
     if (!writer->Write(response)) break;
   }

@@ -24,7 +24,7 @@ std::int64_t bytes_of(const std::vector<Archive::NewFrame>& frames) {
   size_t bytes = 0;
   for (const Archive::NewFrame& frame : frames) {
     const bool of_video = frame.record.object() && kind_of(frame.record.stimulus()) == StimulusKind::kRamp;
-    if (!of_video) bytes += tiff_size_bytes(frame.image.width_px, frame.image.height_px);
+    if (!of_video) bytes += tiff_size_bytes(shape_of(frame.image));
   }
   return static_cast<std::int64_t>(bytes);
 }

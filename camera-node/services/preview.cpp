@@ -17,7 +17,9 @@ double clipped_fraction(const Image16& image, std::uint16_t full_scale) {
 
 }  // namespace
 
-v1::PreviewResponse preview_of(const Image16& image, int max_width_px, std::uint16_t full_scale) {
+v1::PreviewResponse preview_of(const Image16& frame, const std::optional<Mosaic>& mosaic, int max_width_px,
+                               std::uint16_t full_scale) {
+  const Image16 image = interpolated(frame, mosaic);
   RadianceImage radiance(image.width_px, image.height_px);
   std::transform(image.samples.begin(), image.samples.end(), radiance.samples.begin(), radiance_of);
   double sum = 0.0;
@@ -31,7 +33,7 @@ v1::PreviewResponse preview_of(const Image16& image, int max_width_px, std::uint
   const Focus focus = focus_of(image, full_scale);
   response.set_focus(focus.value);
   response.set_focus_hint(focus.hint);
-  response.set_clipped_fraction(clipped_fraction(image, full_scale));
+  response.set_clipped_fraction(clipped_fraction(frame, full_scale));
   response.set_mean(sum / static_cast<double>(radiance.samples.size()));
   return response;
 }

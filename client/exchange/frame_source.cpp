@@ -32,7 +32,12 @@ absl::StatusOr<Image16> read_verified(const fs::path& directory, const v1::Camer
                                              path.string(), checksum_of(bytes), frame.checksum()));
     }
   }
-  return read_frame_file(path, PictureSize{.width_px = camera.width_px(), .height_px = camera.height_px()});
+  const std::optional<Mosaic> mosaic = mosaic_of(camera);
+  if (!mosaic || !frame.stimulus().reference()) return read_frame_file(path, shape_of(camera));
+  // References may have all colours, which no frame of this archive can hold.
+  GW_ASSIGN_OR_RETURN(const Image16 picture,
+                      read_frame_file(path, PictureSize{camera.width_px(), camera.height_px()}));
+  return sampled(picture, *mosaic);
 }
 
 // Reads the list's frame; errors name its line, too.

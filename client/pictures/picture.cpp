@@ -52,9 +52,11 @@ absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, En
     return read_radiance(file, encoding);
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
   GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(manifest));
-  if (light.is_identity() && mix.is_unit()) return read_radiance(file, encoding);
+  const std::optional<Mosaic> mosaic = mosaic_of(manifest.camera());
+  if (light.is_identity() && mix.is_unit() && !mosaic) return read_radiance(file, encoding);
   GW_ASSIGN_OR_RETURN(const Shading shading, Shading::create(manifest));
-  GW_ASSIGN_OR_RETURN(const Image16 frame, read_frame_file(file));
+  GW_ASSIGN_OR_RETURN(const Image16 stored, read_frame_file(file, shape_of(manifest.camera())));
+  const Image16 frame = interpolated(stored, mosaic);
   RadianceImage picture(frame.width_px, frame.height_px);
   for (int y = 0; y < frame.height_px; ++y) {
     for (int x = 0; x < frame.width_px; ++x) {

@@ -69,7 +69,13 @@ absl::StatusOr<std::string> CapturedFrames::file(const std::string& file) const 
 
 absl::StatusOr<std::string> CapturedFrames::jpeg(const std::string& file, int width_px, double stops) const {
   GW_ASSIGN_OR_RETURN(const std::string bytes, this->file(file));
-  GW_ASSIGN_OR_RETURN(const Image16 frame, decode_tiff(bytes));
+  GW_ASSIGN_OR_RETURN(const Image16 stored, decode_tiff(bytes));
+  std::optional<Mosaic> mosaic;
+  if (stored.channels == 1) {
+    GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, this->manifest());
+    mosaic = mosaic_of(manifest.camera());
+  }
+  const Image16 frame = interpolated(stored, mosaic);
   RadianceImage light(frame.width_px, frame.height_px);
   const auto gain = static_cast<float>(std::exp2(stops));
   for (size_t i = 0; i < frame.samples.size(); ++i) light.samples[i] = gain * radiance_of(frame.samples[i]);
@@ -78,15 +84,19 @@ absl::StatusOr<std::string> CapturedFrames::jpeg(const std::string& file, int wi
   return encode_jpeg(light);
 }
 
-absl::StatusOr<std::string> CapturedFrames::samples_json(int x, int y) const {
-  const auto archive = v1::ArchiveService::NewStub(node_);
+absl::StatusOr<v1::CaptureManifest> CapturedFrames::manifest() const {
   v1::GetManifestRequest ask;
   ask.set_session(session_);
   v1::GetManifestResponse found;
-  grpc::ClientContext manifest_context;
-  set_deadline(manifest_context, kTimeout);
-  GW_RETURN_IF_ERROR(from_grpc(archive->GetManifest(&manifest_context, ask, &found), peer_));
-  const v1::CaptureManifest& manifest = found.manifest();
+  grpc::ClientContext context;
+  set_deadline(context, kTimeout);
+  GW_RETURN_IF_ERROR(
+      from_grpc(v1::ArchiveService::NewStub(node_)->GetManifest(&context, ask, &found), peer_));
+  return std::move(*found.mutable_manifest());
+}
+
+absl::StatusOr<std::string> CapturedFrames::samples_json(int x, int y) const {
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, this->manifest());
   const int width = manifest.camera().width_px(), height = manifest.camera().height_px();
   if (x < 0 || y < 0 || x >= width || y >= height) {
     return absl::OutOfRangeError(
@@ -99,9 +109,12 @@ absl::StatusOr<std::string> CapturedFrames::samples_json(int x, int y) const {
   request.set_row_count(1);
   grpc::ClientContext context;
   set_deadline(context, kTimeout);
-  GW_ASSIGN_OR_RETURN(const std::string rows, read_all(*archive->ReadRows(&context, request), peer_));
+  GW_ASSIGN_OR_RETURN(const std::string rows,
+                      read_all(*v1::ArchiveService::NewStub(node_)->ReadRows(&context, request), peer_));
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
-  const size_t row = static_cast<size_t>(width) * 3;
+  const FrameShape shape = shape_of(manifest.camera());
+  const std::optional<Mosaic> mosaic = mosaic_of(manifest.camera());
+  const size_t row = shape.row_samples();
   if (rows.size() != 2 * row * static_cast<size_t>(manifest.frames_size()))
     return absl::DataLossError(fmt::format("{} sent too few rows", peer_));
   nlohmann::json samples = nlohmann::json::array();
@@ -109,8 +122,12 @@ absl::StatusOr<std::string> CapturedFrames::samples_json(int x, int y) const {
     nlohmann::json radiance;
     bool saturated = false;
     for (int c = 0; c < 3; ++c) {
+      if (mosaic && mosaic->channel(x, y) != c) {
+        radiance.push_back(nullptr);
+        continue;
+      }
       const std::uint16_t sample =
-          sample_at(rows, static_cast<size_t>(i) * row + static_cast<size_t>(3 * x + c));
+          sample_at(rows, static_cast<size_t>(i) * row + static_cast<size_t>(mosaic ? x : 3 * x + c));
       radiance.push_back(light.light(sample, c));
       saturated = saturated || light.saturated(sample);
     }

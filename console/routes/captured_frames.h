@@ -9,6 +9,7 @@
 #include <string>
 
 #include "console/routes/server_link.h"
+#include "glasswing/v1/archive.pb.h"
 
 namespace glasswing {
 
@@ -25,13 +26,14 @@ class CapturedFrames {
   // A frame as an sRGB JPEG of at most `width_px`, its light times 2^stops. Uncalibrated: codes are taken as
   // light.
   absl::StatusOr<std::string> jpeg(const std::string& file, int width_px, double stops) const;
-  // One camera pixel in every frame: {"samples": [{"file": …, "radiance": [r, g, b], "saturated": true}]}.
-  // Calibrated light, as solvers use it, but without correction of brightness drift, which needs whole
-  // frames. OUT_OF_RANGE: no such pixel.
+  // One camera pixel in every frame: {"samples": [{"file": …, "radiance": [r, g, b], "saturated": true}]};
+  // null is what the photosite of a mosaic did not measure. Calibrated light, as solvers use it, but without
+  // correction of brightness drift, which needs whole frames. OUT_OF_RANGE: no such pixel.
   absl::StatusOr<std::string> samples_json(int x, int y) const;
 
  private:
   CapturedFrames(std::string session, const std::string& address, std::shared_ptr<grpc::Channel> node);
+  absl::StatusOr<v1::CaptureManifest> manifest() const;
 
   std::string session_, peer_;
   std::shared_ptr<grpc::Channel> node_;

@@ -49,18 +49,18 @@ std::shared_ptr<LocalArchive> LocalArchive::open(const v1::LocateArchiveResponse
   return archive;
 }
 
-absl::StatusOr<std::shared_ptr<const MappedFile>> LocalArchive::map(const std::string& file, int width_px,
-                                                                    int height_px) {
+absl::StatusOr<std::shared_ptr<const MappedFile>> LocalArchive::map(const std::string& file,
+                                                                    const FrameShape& shape) {
   const fs::path path = directory_ / file;
   GW_ASSIGN_OR_RETURN(const FileIdentity identity, identity_of(path));
   const std::lock_guard lock(mutex_);
   std::shared_ptr<const MappedFile>& known = mapped_[file];
   if (known == nullptr || known->identity() != identity || !known->intact()) {
-    GW_ASSIGN_OR_RETURN(known, MappedFile::open(path, tiff_size_bytes(width_px, height_px)));
+    GW_ASSIGN_OR_RETURN(known, MappedFile::open(path, tiff_size_bytes(shape)));
   }
-  if (known->bytes().size() != tiff_size_bytes(width_px, height_px))
+  if (known->bytes().size() != tiff_size_bytes(shape))
     return absl::OutOfRangeError(fmt::format("{} has another size", path.string()));
-  GW_RETURN_IF_ERROR(check_tiff_header(known->bytes(), width_px, height_px));
+  GW_RETURN_IF_ERROR(check_tiff_header(known->bytes(), shape));
   return known;
 }
 

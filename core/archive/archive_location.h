@@ -10,6 +10,7 @@
 #include <string>
 
 #include "core/base/mapped_file.h"
+#include "core/frame/mosaic.h"
 #include "glasswing/v1/archive_service.pb.h"
 
 namespace glasswing {
@@ -27,8 +28,8 @@ class LocalArchive {
   // Null unless this process sees the same directory. Concurrent holders share one object.
   static std::shared_ptr<LocalArchive> open(const v1::LocateArchiveResponse& location);
 
-  // As MappedFile::open; DATA_LOSS unless the file has the header of a frame of this size.
-  absl::StatusOr<std::shared_ptr<const MappedFile>> map(const std::string& file, int width_px, int height_px);
+  // As MappedFile::open; DATA_LOSS unless the file has the header of a frame of this shape.
+  absl::StatusOr<std::shared_ptr<const MappedFile>> map(const std::string& file, const FrameShape& shape);
 
   explicit LocalArchive(std::filesystem::path directory) : directory_(std::move(directory)) {}
 

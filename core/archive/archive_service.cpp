@@ -49,12 +49,7 @@ absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& r
                       manifest.session(), frame.file()));
     }
   }
-  const v1::Camera& camera = manifest.camera();
-  if (image->width_px != camera.width_px() || image->height_px != camera.height_px()) {
-    return absl::InvalidArgumentError(fmt::format("{} is {}x{}; the manifest says {}x{}", frame.file(),
-                                                  image->width_px, image->height_px, camera.width_px(),
-                                                  camera.height_px()));
-  }
+  GW_RETURN_IF_ERROR(check_shape(frame.file(), shape_of(*image), shape_of(manifest.camera())));
   GW_RETURN_IF_ERROR(store.room().check(static_cast<std::int64_t>(bytes.size())));
   return archive->add({{.record = frame, .image = *std::move(image)}}).status();
 }

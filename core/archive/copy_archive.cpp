@@ -30,7 +30,8 @@ absl::StatusOr<std::vector<int>> missing_in(Archive& archive, const v1::CaptureM
 
 absl::StatusOr<std::string> read_frame(const RemoteArchive& from, const v1::CaptureManifest& manifest,
                                        int frame) {
-  Image16 image(manifest.camera().width_px(), manifest.camera().height_px());
+  const FrameShape shape = shape_of(manifest.camera());
+  Image16 image(shape.width_px, shape.height_px, shape.channels);
   GW_ASSIGN_OR_RETURN(image.samples, from.samples(manifest, {frame}, 0, image.height_px));
   std::string bytes = encode_tiff(image);
   const v1::Frame& record = manifest.frames(frame);

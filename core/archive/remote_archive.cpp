@@ -74,19 +74,17 @@ struct RemoteArchive::Source {
 
 struct RemoteArchive::Request {
   v1::ReadRowsRequest read;
-  int width_px = 0, height_px = 0;
+  FrameShape shape;
 
-  size_t frame_bytes() const {
-    return static_cast<size_t>(read.row_count()) * static_cast<size_t>(width_px) * 6;
-  }
+  size_t row_bytes() const { return 2 * shape.row_samples(); }
+  size_t frame_bytes() const { return static_cast<size_t>(read.row_count()) * row_bytes(); }
   size_t size_bytes() const { return frame_bytes() * static_cast<size_t>(read.files_size()); }
   const std::string& file_at(std::int64_t offset) const {
     return read.files(static_cast<int>(static_cast<size_t>(offset) / frame_bytes()));
   }
   static Request of(const std::string& session, const v1::CaptureManifest& manifest,
                     const std::vector<int>& frames, int first_row, int row_count) {
-    Request request{
-        .read = {}, .width_px = manifest.camera().width_px(), .height_px = manifest.camera().height_px()};
+    Request request{.read = {}, .shape = shape_of(manifest.camera())};
     request.read.set_session(session);
     request.read.set_first_row(first_row);
     request.read.set_row_count(row_count);
@@ -152,8 +150,8 @@ void RemoteArchive::locate_archives() const {
 }
 
 absl::StatusOr<FrameRows> RemoteArchive::map(const Request& request, const Source& source) const {
-  const int at_once = static_cast<int>(std::max<std::int64_t>(
-      1, kLocatedBytes / static_cast<std::int64_t>(tiff_size_bytes(request.width_px, request.height_px))));
+  const int at_once = static_cast<int>(
+      std::max<std::int64_t>(1, kLocatedBytes / static_cast<std::int64_t>(tiff_size_bytes(request.shape))));
   for (int first = 0; first < request.read.files_size(); first += at_once) {
     v1::LocateArchiveRequest verify;
     verify.set_session(session_);
@@ -162,11 +160,9 @@ absl::StatusOr<FrameRows> RemoteArchive::map(const Request& request, const Sourc
     GW_RETURN_IF_ERROR(source.locate(verify, kLocateTime, stop_).status());
   }
   FrameRows rows;
-  const size_t begin = kTiffPixelOffset + static_cast<size_t>(request.read.first_row()) *
-                                              static_cast<size_t>(request.width_px) * 6;
+  const size_t begin = kTiffPixelOffset + static_cast<size_t>(request.read.first_row()) * request.row_bytes();
   for (const std::string& file : request.read.files()) {
-    GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> mapped,
-                        source.local->map(file, request.width_px, request.height_px));
+    GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> mapped, source.local->map(file, request.shape));
     const auto* samples = reinterpret_cast<const std::uint16_t*>(mapped->bytes().data() + begin);
     rows.rows.emplace_back(samples, request.frame_bytes() / 2);
     rows.mapped.push_back(std::move(mapped));
@@ -178,7 +174,7 @@ absl::StatusOr<FrameRows> RemoteArchive::map(const Request& request, const Sourc
 absl::StatusOr<FrameRows> RemoteArchive::map_any(const Request& request) const {
   locate_archives();
   if (request.read.first_row() < 0 || request.read.row_count() < 1 ||
-      request.read.first_row() > request.height_px - request.read.row_count())
+      request.read.first_row() > request.shape.height_px - request.read.row_count())
     return absl::InvalidArgumentError("no such rows");  // reading gives a better message
   for (const auto& source : sources_) {
     if (source->local == nullptr) continue;

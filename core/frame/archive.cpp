@@ -55,8 +55,7 @@ bool is_stored_name(const std::string& file) {
 
 Archive::Archive(fs::path directory, v1::CaptureManifest manifest)
     : directory_(std::move(directory)),
-      width_px_(manifest.camera().width_px()),
-      height_px_(manifest.camera().height_px()),
+      shape_(shape_of(manifest.camera())),
       manifest_(std::move(manifest)),
       sealed_(is_sealed(directory_)) {
   for (int i = 0; i < manifest_.frames_size(); ++i) index_of_file_[manifest_.frames(i).file()] = i;
@@ -143,11 +142,7 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
     GW_RETURN_IF_ERROR(check_new_frame(record));
     if (index_of_file_.contains(record.file()) || std::ranges::any_of(fresh, has_file))
       return absl::AlreadyExistsError(fmt::format("{} holds another {}", directory_.string(), record.file()));
-    if (frame.image.width_px != width_px_ || frame.image.height_px != height_px_) {
-      return absl::InvalidArgumentError(fmt::format("{} is {}x{}; the camera's frames are {}x{}",
-                                                    record.file(), frame.image.width_px,
-                                                    frame.image.height_px, width_px_, height_px_));
-    }
+    GW_RETURN_IF_ERROR(check_shape(record.file(), shape_of(frame.image), shape_));
     const std::string bytes = encode_tiff(frame.image);
     record.set_checksum(checksum_of(bytes));
     record.set_size_bytes(static_cast<std::int64_t>(bytes.size()));
@@ -183,7 +178,7 @@ absl::Status Archive::enter(const std::vector<v1::Frame>& fresh) {
 absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
   for (const auto& [record, bytes] : frames) {
     GW_RETURN_IF_ERROR(check_new_frame(record));
-    if (checksum_of(bytes) != record.checksum() || !check_tiff_header(bytes, width_px_, height_px_).ok()) {
+    if (checksum_of(bytes) != record.checksum() || !check_tiff_header(bytes, shape_).ok()) {
       return absl::InvalidArgumentError(fmt::format("{} has checksum {}, announced was {}", record.file(),
                                                     checksum_of(bytes), record.checksum()));
     }
@@ -220,7 +215,7 @@ absl::StatusOr<v1::Frame> Archive::find(const std::string& file) const {
 
 absl::Status Archive::verify(const MappedFile& mapped, const v1::Frame& frame) const {
   const std::string checksum = checksum_of(mapped.bytes());
-  const absl::Status header = check_tiff_header(mapped.bytes(), width_px_, height_px_);
+  const absl::Status header = check_tiff_header(mapped.bytes(), shape_);
   if (!mapped.intact()) return absl::DataLossError("it cannot be read to its end");
   if (checksum != frame.checksum()) {
     return absl::DataLossError(fmt::format("its checksum is {} instead of {}", checksum, frame.checksum()));
@@ -245,10 +240,10 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> Archive::map(const std::string
     if (known != verified_.end()) verified = known->second;
   }
   const absl::StatusOr<std::shared_ptr<const MappedFile>> mapped =
-      MappedFile::open(path, tiff_size_bytes(width_px_, height_px_));
+      MappedFile::open(path, tiff_size_bytes(shape_));
   if (absl::IsOutOfRange(mapped.status()) && identity.ok()) {
     return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(),
-                                           identity->size_bytes, tiff_size_bytes(width_px_, height_px_)));
+                                           identity->size_bytes, tiff_size_bytes(shape_)));
   }
   if (absl::IsResourceExhausted(mapped.status()))
     return mapped;  // this process has too many files or mappings
@@ -281,9 +276,9 @@ absl::StatusOr<std::string> Archive::read_frame_bytes(const std::string& file) {
 }
 
 absl::Status Archive::check_rows(int first_row, int row_count) const {
-  if (first_row >= 0 && row_count >= 1 && first_row <= height_px_ - row_count) return absl::OkStatus();
+  if (first_row >= 0 && row_count >= 1 && first_row <= shape_.height_px - row_count) return absl::OkStatus();
   return absl::InvalidArgumentError(fmt::format("{} rows from row {} asked for; the frame has rows 0 to {}",
-                                                row_count, first_row, height_px_ - 1));
+                                                row_count, first_row, shape_.height_px - 1));
 }
 
 }  // namespace glasswing

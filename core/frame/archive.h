@@ -4,7 +4,7 @@
 //   header.json     the manifest without frames, written when the archive is created
 //   frames.jsonl    one line per frame, appended once its file is durable
 //   manifest.json   header and frames, written when the archive is sealed
-//   frames/*.tif    16-bit rgb, uncompressed TIFF, linear, pixels contiguous
+//   frames/*.tif    16-bit rgb or one channel (mosaic.h), uncompressed TIFF, linear, pixels contiguous
 #pragma once
 
 #include <absl/status/status.h>
@@ -21,6 +21,7 @@
 
 #include "core/base/mapped_file.h"
 #include "core/frame/image.h"
+#include "core/frame/mosaic.h"
 #include "glasswing/v1/archive.pb.h"
 
 namespace glasswing {
@@ -30,14 +31,14 @@ inline constexpr int kMaxMonitors = 64;
 
 // The format of frame files: little-endian TIFF, one strip at a fixed offset.
 inline constexpr size_t kTiffPixelOffset = 256;
-constexpr size_t tiff_size_bytes(int width_px, int height_px) {
-  return kTiffPixelOffset + static_cast<size_t>(width_px) * static_cast<size_t>(height_px) * 6;
+inline size_t tiff_size_bytes(const FrameShape& shape) {
+  return kTiffPixelOffset + 2 * shape.row_samples() * static_cast<size_t>(shape.height_px);
 }
 std::string encode_tiff(const Image16& image);
 // DATA_LOSS unless `bytes` is in the exact form that encode_tiff writes.
 absl::StatusOr<Image16> decode_tiff(std::string_view bytes);
-// DATA_LOSS unless `bytes` starts with the header that encode_tiff writes for a picture of this size.
-absl::Status check_tiff_header(std::string_view bytes, int width_px, int height_px);
+// DATA_LOSS unless `bytes` starts with the header that encode_tiff writes for a frame of this shape.
+absl::Status check_tiff_header(std::string_view bytes, const FrameShape& shape);
 
 // Validates a manifest from any source: sides of 1 to kMaxSide_px, 1 to kMaxMonitors monitors with distinct
 // names, frame files below the archive and each listed once, finite numbers. INVALID_ARGUMENT names the
@@ -98,7 +99,7 @@ class Archive {
   absl::StatusOr<std::string> read_frame_bytes(const std::string& file);
   // INVALID_ARGUMENT unless frames have these rows.
   absl::Status check_rows(int first_row, int row_count) const;
-  size_t row_bytes() const { return static_cast<size_t>(width_px_) * 6; }
+  size_t row_bytes() const { return 2 * shape_.row_samples(); }
 
   const std::filesystem::path& directory() const { return directory_; }
 
@@ -111,7 +112,7 @@ class Archive {
   absl::Status enter(const std::vector<v1::Frame>& fresh);
 
   const std::filesystem::path directory_;
-  const int width_px_, height_px_;  // of every frame
+  const FrameShape shape_;  // of every frame
   mutable std::mutex mutex_;
   v1::CaptureManifest manifest_;                                     // guarded by mutex_
   bool sealed_;                                                      // guarded by mutex_

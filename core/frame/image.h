@@ -1,4 +1,4 @@
-// Pictures: rows from the top, r, g, b interleaved.
+// Pictures: rows from the top, r, g, b interleaved; or one channel, as a mosaic (mosaic.h) has.
 #pragma once
 
 #include <cassert>
@@ -12,18 +12,22 @@ template <typename Sample>
 struct Image {
   int width_px = 0;
   int height_px = 0;
-  std::vector<Sample> samples;  // height x width x 3
+  int channels = 3;             // or 1
+  std::vector<Sample> samples;  // height x width x channels
 
   Image() = default;
-  Image(int width, int height)
+  Image(int width, int height, int channel_count = 3)
       : width_px(width),
         height_px(height),
-        samples(static_cast<size_t>(width) * static_cast<size_t>(height) * 3) {}
+        channels(channel_count),
+        samples(static_cast<size_t>(width) * static_cast<size_t>(height) *
+                static_cast<size_t>(channel_count)) {}
 
   bool empty() const { return samples.empty(); }
   size_t index(int x, int y, int channel) const {
-    assert(x >= 0 && x < width_px && y >= 0 && y < height_px && channel >= 0 && channel < 3);
-    return (static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x)) * 3 +
+    assert(x >= 0 && x < width_px && y >= 0 && y < height_px && channel >= 0 && channel < channels);
+    return (static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x)) *
+               static_cast<size_t>(channels) +
            static_cast<size_t>(channel);
   }
   Sample& at(int x, int y, int channel) { return samples[index(x, y, channel)]; }

@@ -110,16 +110,17 @@ PictureSize png_size(std::string_view bytes) {
   return {.width_px = side(kWidthAt), .height_px = side(kHeightAt)};
 }
 
-// Three channels in OpenCV's b, g, r order; 8, 16 bit or float. OpenCV allocates what a header promises, so
-// the size is checked first.
-absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
+// Three channels in OpenCV's b, g, r order, or the file's own; 8, 16 bit or float. OpenCV allocates what a
+// header promises, so the size is checked first.
+absl::StatusOr<cv::Mat> decode_any(std::string_view bytes,
+                                   int flags = cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR) {
   if (bytes.empty()) return absl::DataLossError("it is empty");
   GW_RETURN_IF_ERROR(picture_size(bytes).status());
   if (is_png(bytes)) GW_RETURN_IF_ERROR(check_png(bytes));
   if (is_jpeg(bytes)) GW_RETURN_IF_ERROR(check_jpeg(bytes));
   try {
     const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
-    cv::Mat image = cv::imdecode(raw, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR);
+    cv::Mat image = cv::imdecode(raw, flags);
     if (image.empty()) return absl::DataLossError("it is damaged, or no picture");
     if (image.depth() != CV_8U && image.depth() != CV_16U && image.depth() != CV_32F) {
       return absl::DataLossError("its samples are not 8-bit, 16-bit or float");
@@ -130,15 +131,18 @@ absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
   }
 }
 
+// Of one or three channels.
 absl::StatusOr<Image16> image16_of(const cv::Mat& mat) {
   if (mat.depth() == CV_32F) return absl::DataLossError("its samples are float; frames have 8 or 16 bit");
-  Image16 image(mat.cols, mat.rows);
+  const int channels = mat.channels();
+  Image16 image(mat.cols, mat.rows, channels);
   for (int y = 0; y < mat.rows; ++y) {
     for (int x = 0; x < mat.cols; ++x) {
-      for (int c = 0; c < 3; ++c) {
+      for (int c = 0; c < channels; ++c) {
+        const int at = x * channels + channels - 1 - c;
         image.at(x, y, c) = mat.depth() == CV_16U
-                                ? mat.at<cv::Vec3w>(y, x)[2 - c]
-                                : static_cast<std::uint16_t>(mat.at<cv::Vec3b>(y, x)[2 - c] * 257);
+                                ? mat.ptr<std::uint16_t>(y)[at]
+                                : static_cast<std::uint16_t>(mat.ptr<std::uint8_t>(y)[at] * 257);
       }
     }
   }
@@ -340,7 +344,10 @@ absl::StatusOr<PictureSize> picture_size(std::string_view bytes) {
                                          size.height_px, kMaxSide_px));
 }
 
-absl::StatusOr<Image16> read_frame_file(const fs::path& path, std::optional<PictureSize> expected) {
+namespace {
+
+// The file's bytes, of a picture of this size.
+absl::StatusOr<std::string> read_picture_bytes(const fs::path& path, std::optional<PictureSize> expected) {
   absl::StatusOr<std::string> bytes = read_file(path);
   if (absl::IsNotFound(bytes.status()))
     return absl::DataLossError(fmt::format("{}: the frame is missing", path.string()));
@@ -352,15 +359,44 @@ absl::StatusOr<Image16> read_frame_file(const fs::path& path, std::optional<Pict
                                            path.string(), size->width_px, size->height_px, expected->width_px,
                                            expected->height_px));
   }
-  if (absl::StatusOr<Image16> own = decode_tiff(*bytes); own.ok()) return own;
-  const absl::StatusOr<cv::Mat> mat = decode_any(*bytes);
+  return bytes;
+}
+
+absl::StatusOr<Image16> decode_frame(const fs::path& path, std::string_view bytes, int flags) {
+  const absl::StatusOr<cv::Mat> mat = decode_any(bytes, flags);
   if (!mat.ok()) return named(path, mat.status());
+  if (mat->channels() != 1 && mat->channels() != 3) {
+    return absl::DataLossError(
+        fmt::format("{} has {} channels; a frame of a mosaic has one", path.string(), mat->channels()));
+  }
   absl::StatusOr<Image16> image = image16_of(*mat);
   if (!image.ok()) return named(path, image.status());
-  if (image->width_px != size->width_px || image->height_px != size->height_px)
+  if (PictureSize{image->width_px, image->height_px} != *picture_size(bytes))
     return absl::DataLossError(
         fmt::format("{} is rotated; a frame's first row must be its top", path.string()));
   return image;
+}
+
+}  // namespace
+
+absl::StatusOr<Image16> read_frame_file(const fs::path& path, std::optional<PictureSize> expected) {
+  GW_ASSIGN_OR_RETURN(const std::string bytes, read_picture_bytes(path, expected));
+  absl::StatusOr<Image16> own = decode_tiff(bytes);
+  if (own.ok() && own->channels == 3) return own;
+  return decode_frame(path, bytes, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR);
+}
+
+absl::StatusOr<Image16> read_frame_file(const fs::path& path, const FrameShape& expected) {
+  const PictureSize size{expected.width_px, expected.height_px};
+  if (expected.channels == 3) return read_frame_file(path, size);
+  GW_ASSIGN_OR_RETURN(const std::string bytes, read_picture_bytes(path, size));
+  absl::StatusOr<Image16> image = decode_tiff(bytes);
+  if (!image.ok()) {
+    GW_ASSIGN_OR_RETURN(image, decode_frame(path, bytes, cv::IMREAD_UNCHANGED));
+  }
+  if (image->channels == 1) return image;
+  return absl::DataLossError(fmt::format(
+      "{} has r, g, b; the manifest says that frames are a mosaic, of one channel", path.string()));
 }
 
 absl::StatusOr<CodedPhotograph> read_photograph(const fs::path& path) {

@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "core/frame/image.h"
+#include "core/frame/mosaic.h"
 
 namespace glasswing {
 
@@ -56,6 +57,9 @@ absl::StatusOr<PictureSize> picture_size(std::string_view bytes);
 // before decoding.
 absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path,
                                         std::optional<PictureSize> expected = std::nullopt);
+// The same of a camera's frame: as it is stored where the camera has a mosaic. DATA_LOSS, too, if that file
+// has more than one channel.
+absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path, const FrameShape& expected);
 
 // A photograph in its own codes: PNG, JPEG or TIFF; gray becomes r = g = b, alpha is dropped, and a JPEG is
 // rotated as its EXIF says. DATA_LOSS names a file that is missing, truncated, of float samples, or of

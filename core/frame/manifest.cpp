@@ -12,6 +12,7 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kMaxName = 255;  // bytes, of a frame's file
+constexpr double kMaxBlack = 0.9;
 
 // The path and value of the first number in `message` that is not finite; empty if there is none.
 std::string find_not_finite(const google::protobuf::Message& message) {
@@ -64,6 +65,11 @@ absl::Status check_manifest_header(const v1::CaptureManifest& manifest) {
     return impossible(fmt::format("the camera's read_sd is {} and its gain {}; they must be 0 or more",
                                   camera.read_sd(), camera.gain()));
   }
+  if (!(camera.black_level() >= 0.0 && camera.black_level() <= kMaxBlack)) {
+    return impossible(
+        fmt::format("the camera's black_level is {}; it must be 0 to {}", camera.black_level(), kMaxBlack));
+  }
+  if (!camera.mosaic().empty()) GW_RETURN_IF_ERROR(Mosaic::parse(camera.mosaic()).status());
   if (manifest.monitors_size() > kMaxMonitors) {
     return impossible(
         fmt::format("it names {} monitors; at most {} can be", manifest.monitors_size(), kMaxMonitors));

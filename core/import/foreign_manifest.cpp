@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <cmath>
 #include <functional>
 #include <nlohmann/json.hpp>
 
@@ -44,6 +45,33 @@ absl::StatusOr<v1::Stimulus> stimulus_of(const Json& entry, const std::string& w
   return stimulus;
 }
 
+// A raw sensor: {"cfa": "RGGB", "sensor": {"bits": 12, "black_level": 256, "full_well_e": 20000,
+// "read_noise_sd": 0.003}}, all of which may be left out. Codes of black are of `bits`, noise is of full
+// scale.
+absl::Status translate_sensor(const Json& json, const std::filesystem::path& path, v1::Camera& camera) {
+  if (json.contains("cfa")) {
+    if (!json["cfa"].is_string()) return bad(path, "cfa is not a string, such as \"RGGB\"");
+    camera.set_mosaic(json["cfa"].get<std::string>());
+  }
+  const Json sensor = json.value("sensor", Json::object());
+  const auto number = [&](const char* key, double low, double high) -> absl::StatusOr<double> {
+    if (!sensor.is_object() || !sensor.contains(key)) return 0.0;
+    if (sensor[key].is_number() && sensor[key].get<double>() >= low && sensor[key].get<double>() <= high)
+      return sensor[key].get<double>();
+    return bad(path, fmt::format("sensor.{} is {}; it must be {} to {}", key,
+                                 sensor[key].dump().substr(0, 32), low, high));
+  };
+  GW_ASSIGN_OR_RETURN(const double bits, number("bits", 1.0, 16.0));
+  GW_ASSIGN_OR_RETURN(const double black, number("black_level", 0.0, 65535.0));
+  GW_ASSIGN_OR_RETURN(const double electrons, number("full_well_e", 1.0, 1e9));
+  GW_ASSIGN_OR_RETURN(const double read_sd, number("read_noise_sd", 0.0, 1.0));
+  if (bits > 0.0) camera.set_bits(static_cast<int>(bits));
+  camera.set_black_level(black / (std::exp2(camera.bits()) - 1.0));
+  camera.set_read_sd(read_sd);
+  if (electrons > 0.0) camera.set_gain(1.0 / electrons);
+  return absl::OkStatus();
+}
+
 // Everything except the frames.
 absl::StatusOr<v1::CaptureManifest> translate_header(const Json& json, const std::filesystem::path& path) {
   v1::CaptureManifest manifest;
@@ -70,6 +98,7 @@ absl::StatusOr<v1::CaptureManifest> translate_header(const Json& json, const std
   manifest.mutable_camera()->set_height_px(height);
   manifest.mutable_camera()->set_bits(16);
   manifest.mutable_camera()->set_response("linear");
+  GW_RETURN_IF_ERROR(translate_sensor(json, path, *manifest.mutable_camera()));
   return manifest;
 }
 

@@ -12,15 +12,18 @@ namespace {
 // sequence, and each is lit as often as dark.
 constexpr std::array<std::uint16_t, 10> kLearningIds = {0x0000, 0xffff, 0xaaaa, 0x5555, 0xcccc,
                                                         0x3333, 0xf0f0, 0x0f0f, 0xff00, 0x00ff};
-constexpr float kMinContrast = 0.01f * 65535.0f * 3.0f;  // of the sum of r, g, b
-constexpr float kMaxDeviation = 0.25f;                   // of a pixel's contrast, from its dark or lit level
-constexpr size_t kMaxPixels = 64;                        // of a cell
+constexpr float kMinContrast = 0.01f * 65535.0f;  // of a pixel's sum, for each of its channels
+constexpr float kMaxDeviation = 0.25f;            // of a pixel's contrast, from its dark or lit level
+constexpr size_t kMaxPixels = 64;                 // of a cell
 // Of full contrast: nine tenths of one picture mixed with a tenth of another is still doubtful.
 constexpr double kSure = 0.8;
 
+// Of a pixel's channels.
 float sum_at(const Image16& frame, size_t at) {
-  return static_cast<float>(frame.samples[at]) + static_cast<float>(frame.samples[at + 1]) +
-         static_cast<float>(frame.samples[at + 2]);
+  float sum = 0.0f;
+  for (size_t c = 0; c < static_cast<size_t>(frame.channels); ++c)
+    sum += static_cast<float>(frame.samples[at + c]);
+  return sum;
 }
 
 bool is_lit(int cell, std::uint16_t id) {
@@ -66,12 +69,13 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
   PatchReader reader;
   bool dark_everywhere = true;
   reader.sample_count_ = frames.front().samples.size();
-  for (size_t at = 0; at < reader.sample_count_; at += 3) {
+  const int channels = frames.front().channels;
+  for (size_t at = 0; at < reader.sample_count_; at += static_cast<size_t>(channels)) {
     std::array<float, kLearningIds.size()> light;
     for (size_t i = 0; i < light.size(); ++i) light[i] = sum_at(frames[i], at);
     const auto [low, high] = std::minmax_element(light.begin(), light.end());
     const float contrast = *high - *low;
-    if (contrast < kMinContrast) continue;
+    if (contrast < kMinContrast * static_cast<float>(channels)) continue;
     dark_everywhere = false;
     float dark = 0.0f, lit = 0.0f;
     unsigned sequence = 0;

@@ -49,7 +49,7 @@ class PatchReader {
 
  private:
   struct Pixel {
-    size_t at = 0;  // index of the red sample
+    size_t at = 0;  // index of its first sample
     float dark = 0.0f, lit = 0.0f;
   };
   static constexpr int kCells = 2 * IdPatch::kBits;

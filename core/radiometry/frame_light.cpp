@@ -60,10 +60,12 @@ absl::Status check_calibration(const v1::CameraCalibration& calibration) {
 absl::StatusOr<FrameLight> FrameLight::create(const v1::CaptureManifest& manifest) {
   if (manifest.has_camera_calibration()) return create(manifest.camera_calibration());
   FrameLight light;
+  const auto black = static_cast<float>(manifest.camera().black_level());
+  light.identity_ = black == 0.0f;
   for (std::vector<float>& table : light.light_) {
     table.resize(kSamples);
     for (size_t sample = 0; sample < kSamples; ++sample)
-      table[sample] = static_cast<float>(sample) / 65535.0f;
+      table[sample] = (static_cast<float>(sample) / 65535.0f - black) / (1.0f - black);
   }
   return light;
 }

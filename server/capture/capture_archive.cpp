@@ -40,9 +40,8 @@ absl::StatusOr<v1::CaptureManifest> CaptureArchive::open(const v1::CaptureManife
 }
 
 absl::Status CaptureArchive::check_room(std::int64_t frame_count) {
-  const v1::Camera& camera = links_.camera_info.camera();
   const std::int64_t needed_bytes =
-      frame_count * static_cast<std::int64_t>(tiff_size_bytes(camera.width_px(), camera.height_px()));
+      frame_count * static_cast<std::int64_t>(tiff_size_bytes(shape_of(links_.camera_info.camera())));
   v1::GetSpaceResponse space;
   grpc::ClientContext context;
   set_deadline(context, kNodeCall);

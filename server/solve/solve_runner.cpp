@@ -7,6 +7,7 @@
 
 #include "core/base/fault_point.h"
 #include "core/base/status.h"
+#include "core/frame/mosaic.h"
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/video_frames.h"
@@ -226,7 +227,7 @@ absl::Status SolveRunner::complete_survey(const v1::CompleteSurveyRequest& reque
     GW_ASSIGN_OR_RETURN(session, session_of(edit, request.lease()));
   }
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, nodes_));
-  const v1::Camera& camera = manifest.camera();
+  const FrameShape shape = shape_of(manifest.camera());
   v1::TileWork work = work_of(session, manifest);
   const std::vector<int> rows(work.survey_rows().begin(), work.survey_rows().end());
   const std::vector<double> seconds(request.row_seconds().begin(), request.row_seconds().end());
@@ -236,10 +237,11 @@ absl::Status SolveRunner::complete_survey(const v1::CompleteSurveyRequest& reque
         fmt::format("the survey of session \"{}\" must report the seconds of each of its {} rows",
                     session.name(), rows.size()));
   }
-  const std::int64_t row_samples = std::int64_t{camera.width_px()} * manifest.frames_size() * 3;
-  const std::int64_t max_bytes = std::min(kMaxTileBytes, kMaxTilePixels * manifest.frames_size() * 6);
+  const std::int64_t row_bytes = 2 * static_cast<std::int64_t>(shape.row_samples()) * manifest.frames_size();
+  const std::int64_t max_bytes =
+      std::min(kMaxTileBytes, kMaxTilePixels * manifest.frames_size() * shape.channels * 2);
   const std::vector<TileRange> tiles =
-      row_tiles(camera.height_px(), rows, seconds, row_samples * 2, max_bytes, min_tile_seconds_);
+      row_tiles(shape.height_px, rows, seconds, row_bytes, max_bytes, min_tile_seconds_);
   work.clear_survey_rows();
   GW_RETURN_IF_ERROR(stores_.jobs.recut(attempt_of(request.lease()), work.SerializeAsString(), tiles));
   fault_point("survey committed");

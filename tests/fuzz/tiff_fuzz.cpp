@@ -33,8 +33,8 @@ void try_input(std::string_view input) {
   }
   FUZZ_CHECK(encode_tiff(*image) == input);
   FUZZ_CHECK(picture_size(input).value() == (PictureSize{image->width_px, image->height_px}));
-  FUZZ_CHECK(check_tiff_header(input, image->width_px, image->height_px).ok());
-  FUZZ_CHECK(!check_tiff_header(input, image->width_px + 1, image->height_px).ok());
+  FUZZ_CHECK(check_tiff_header(input, shape_of(*image)).ok());
+  FUZZ_CHECK(!check_tiff_header(input, {image->width_px + 1, image->height_px, image->channels}).ok());
 }
 
 }  // namespace glasswing::fuzz

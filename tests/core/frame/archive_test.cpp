@@ -389,9 +389,9 @@ TEST(Tiff, RoundTripsAndReadsElsewhere) {
 TEST(Tiff, AHeaderAloneIsNotBelieved) {
   const std::string header = encode_tiff(Image16(1, kMaxSide_px)).substr(0, kTiffPixelOffset);
   EXPECT_TRUE(absl::IsDataLoss(decode_tiff(header).status()));
-  EXPECT_TRUE(check_tiff_header(header, 1, kMaxSide_px).ok());
-  EXPECT_FALSE(check_tiff_header(header, kMaxSide_px, 1).ok());
-  EXPECT_FALSE(check_tiff_header(header.substr(0, 255), 1, kMaxSide_px).ok());
+  EXPECT_TRUE(check_tiff_header(header, {1, kMaxSide_px}).ok());
+  EXPECT_FALSE(check_tiff_header(header, {kMaxSide_px, 1}).ok());
+  EXPECT_FALSE(check_tiff_header(header.substr(0, 255), {1, kMaxSide_px}).ok());
 }
 
 TEST(Tiff, NoHeaderByteMayDiffer) {

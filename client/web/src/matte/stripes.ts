@@ -14,12 +14,12 @@ export interface Sweep {
   texture: number;
   /** One of its stimuli, for what they have in common. */
   stripe: StimulusJson;
-  points: { r: number; radiance: number[] }[];
+  points: { r: number; radiance: (number | null)[] }[];
 }
 
 export interface Sample {
   file: string;
-  radiance: number[];
+  radiance: (number | null)[]; // null: not measured by the photosite
 }
 
 export function foretold(
