@@ -78,7 +78,7 @@ std::vector<double> widths_of(const std::vector<BarFrames>& bars) {
 Samples3 pixel_of(const FrameStack& stack, int frame, int x, int y) {
   Samples3 samples{};
   if (frame < 0) return samples;
-  for (int c = 0; c < kChannels; ++c) {
+  for (const int c : stack.channels(x, y)) {
     samples[static_cast<size_t>(c)] = static_cast<double>(stack.at(frame, x, y, c));
   }
   return samples;
@@ -139,6 +139,9 @@ std::vector<int> frames_of(const std::vector<EmptyMonitor>& monitors) {
 }
 
 void gather(const FrameStack& stack, const EmptyMonitor& monitor, int x, int y, EmptyPixel& pixel) {
+  const ChannelRange measured = stack.channels(x, y);
+  pixel.first_channel = static_cast<size_t>(measured.first);
+  pixel.last_channel = static_cast<size_t>(measured.last);
   pixel.black = pixel_of(stack, monitor.black, x, y);
   pixel.white = pixel_of(stack, monitor.white, x, y);
   for (size_t axis = 0; axis < 2; ++axis) {
@@ -169,13 +172,13 @@ Mode BackgroundPoint::mode(int channel, int texture) const {
           .texture = texture};
 }
 
-BackgroundMap::BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise)
+BackgroundMap::BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise, int channel_count)
     : monitor_(monitor),
       noise_(noise),
       decoders_{BarDecoder(widths_of(monitor.bars[0]), monitor.width_px),
                 BarDecoder(widths_of(monitor.bars[1]), monitor.height_px)} {
   const size_t waves = monitor.bars[0].size() + monitor.bars[1].size();
-  const size_t samples = kChannels * (waves + (has_solids() ? 1 : 0));
+  const size_t samples = static_cast<size_t>(channel_count) * (waves + (has_solids() ? 1 : 0));
   if (samples > 0) seen_threshold_ = chi_square_quantile(static_cast<double>(samples), kFalsePositiveRate);
   if (waves > 0) refuted_threshold_ = chi_square_quantile(static_cast<double>(waves), kFourSd);
 }
@@ -185,7 +188,7 @@ BackgroundMap::Contrast BackgroundMap::difference_of(const EmptyPixel& pixel, si
   const BarFrames& frames = monitor_.bars[axis][level];
   const BarSamples& bars = pixel.bars[axis][level];
   Contrast result;
-  for (size_t c = 0; c < kChannels; ++c) {
+  for (size_t c = pixel.first_channel; c < pixel.last_channel; ++c) {
     double difference = bars.lit[c] - bars.inverse[c];
     double variance = noise_.variance(bars.lit[c]) + noise_.variance(bars.inverse[c]);
     if (frames.inverse < 0) {
@@ -206,7 +209,7 @@ BackgroundMap::Contrast BackgroundMap::difference_of(const EmptyPixel& pixel, si
 BackgroundMap::Contrast BackgroundMap::contrast_of(const EmptyPixel& pixel) const {
   Contrast result;
   if (monitor_.white >= 0 && monitor_.black >= 0) {
-    for (size_t c = 0; c < kChannels; ++c) {
+    for (size_t c = pixel.first_channel; c < pixel.last_channel; ++c) {
       const double light = monitor_.white_light;
       result.radiance[c] = (pixel.white[c] - pixel.black[c]) / light;
       result.variance[c] =
@@ -220,7 +223,7 @@ BackgroundMap::Contrast BackgroundMap::contrast_of(const EmptyPixel& pixel) cons
       differences.push_back(difference_of(pixel, axis, level));
     }
   }
-  for (size_t c = 0; c < kChannels; ++c) {
+  for (size_t c = pixel.first_channel; c < pixel.last_channel; ++c) {
     double most = 0.0;
     for (const Contrast& difference : differences) most = std::max(most, std::abs(difference.radiance[c]));
     double sum = 0.0, variance = 0.0, count = 0.0;
@@ -241,7 +244,7 @@ BackgroundMap::Contrast BackgroundMap::contrast_of(const EmptyPixel& pixel) cons
 bool BackgroundMap::sees(const EmptyPixel& pixel, const Contrast& contrast) const {
   double chi_square = 0.0, signal = 0.0, variance = 0.0;
   const auto add = [&](const Contrast& light) {
-    for (size_t c = 0; c < kChannels; ++c) {
+    for (size_t c = pixel.first_channel; c < pixel.last_channel; ++c) {
       chi_square += light.radiance[c] * light.radiance[c] / std::max(light.variance[c], 1e-20);
     }
   };
@@ -251,7 +254,7 @@ bool BackgroundMap::sees(const EmptyPixel& pixel, const Contrast& contrast) cons
     }
   }
   if (monitor_.white >= 0 && monitor_.black >= 0) add(contrast);
-  for (size_t c = 0; c < kChannels; ++c) {
+  for (size_t c = pixel.first_channel; c < pixel.last_channel; ++c) {
     signal += contrast.radiance[c];
     variance += contrast.variance[c];
   }
@@ -271,7 +274,7 @@ std::vector<BarDecoder::Sample> BackgroundMap::waves(const EmptyPixel& pixel, si
   for (size_t level = 0; level < monitor_.bars[axis].size(); ++level) {
     const Contrast difference = difference_of(pixel, axis, level);
     double top = 0.0, bottom = 0.0;
-    for (size_t c = 0; c < kChannels; ++c) {
+    for (size_t c = pixel.first_channel; c < pixel.last_channel; ++c) {
       const double information = 1.0 / std::max(difference.variance[c] + contrast.variance[c], 1e-20);
       top += information * contrast.radiance[c] * difference.radiance[c];
       bottom += information * contrast.radiance[c] * contrast.radiance[c];
@@ -285,7 +288,7 @@ std::vector<BarDecoder::Sample> BackgroundMap::waves(const EmptyPixel& pixel, si
 // v) / 2 for bars and (1 - v) / 2 for their complement, with the v that were fitted.
 void BackgroundMap::weigh(const EmptyPixel& pixel, const Contrast& contrast, BackgroundPoint& point) const {
   if (!has_bars()) {
-    for (size_t c = 0; c < kChannels; ++c)
+    for (size_t c = pixel.first_channel; c < pixel.last_channel; ++c)
       point.weight[c] = has_solids() ? std::max(contrast.radiance[c], 0.0) : 1.0;
     return;
   }
@@ -294,7 +297,7 @@ void BackgroundMap::weigh(const EmptyPixel& pixel, const Contrast& contrast, Bac
   };
   std::array<Sums, kChannels> sums;
   const auto add = [&](const Samples3& sample, double h) {
-    for (size_t c = 0; c < kChannels; ++c) {
+    for (size_t c = pixel.first_channel; c < pixel.last_channel; ++c) {
       const double information = 1.0 / std::max(noise_.variance(sample[c]), 1e-20);
       sums[c].n += information;
       sums[c].h += information * h;
@@ -315,7 +318,7 @@ void BackgroundMap::weigh(const EmptyPixel& pixel, const Contrast& contrast, Bac
     }
   }
   const double inside = std::max(point.axis[0].inside * point.axis[1].inside, 0.05);
-  for (size_t c = 0; c < kChannels; ++c) {
+  for (size_t c = pixel.first_channel; c < pixel.last_channel; ++c) {
     const Sums& s = sums[c];
     const double determinant = s.n * s.hh - s.h * s.h;
     const double light = (s.n * s.ih - s.h * s.i) / determinant;

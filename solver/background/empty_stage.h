@@ -52,8 +52,9 @@ struct BarSamples {
   Samples3 lit{}, inverse{};  // as recorded; `inverse` is ignored if there is no such frame
 };
 struct EmptyPixel {
-  Samples3 black{}, white{};                    // ignored if there is no such frame
-  std::array<std::vector<BarSamples>, 2> bars;  // in the order of EmptyMonitor::bars
+  Samples3 black{}, white{};                           // ignored if there is no such frame
+  std::array<std::vector<BarSamples>, 2> bars;         // in the order of EmptyMonitor::bars
+  size_t first_channel = 0, last_channel = kChannels;  // [first, last) were measured
 };
 // `pixel` is overwritten; reuse one to save allocations.
 void gather(const FrameStack& stack, const EmptyMonitor& monitor, int x, int y, EmptyPixel& pixel);
@@ -92,11 +93,12 @@ struct SmoothStage {
 // Measures points on one monitor. Thread-safe.
 class BackgroundMap {
  public:
-  BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise);
+  // `channel_count`: 1 for the pixels of a mosaic.
+  BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise, int channel_count = kChannels);
 
-  // Fits centre and width of each axis by least squares over its bars, all channels together, then weights
-  // and foreground by least squares over black, white and all bars. `straight` breaks ties that the bars
-  // leave (BarDecoder::Guess), and is the result for the first monitor if there are no bars.
+  // Fits centre and width of each axis by least squares over its bars, all measured channels together, then
+  // weights and foreground by least squares over black, white and all bars. `straight` breaks ties that the
+  // bars leave (BarDecoder::Guess), and is the result for the first monitor if there are no bars.
   BackgroundPoint point(const EmptyPixel& pixel, const StraightView& straight) const;
 
   // The same with centre and width as on the map at (x_px, y_px) of the picture.

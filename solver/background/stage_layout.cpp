@@ -66,7 +66,7 @@ bool changed_by_object(const FrameStack& stack, const StageLayout& layout, const
   std::vector<SilhouetteTest::Pair> pairs;
   pairs.reserve(layout.pairs.size() * kChannels);
   for (const StageLayout::Pair& pair : layout.pairs) {
-    for (int c = 0; c < kChannels; ++c) {
+    for (const int c : stack.channels(x, y)) {
       const size_t index = stack.sample_index(x, y, c);
       const MergedSample object = merge(stack, pair.object, index, noise);
       const MergedSample empty = merge(stack, pair.empty, index, noise);

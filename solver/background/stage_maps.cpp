@@ -97,7 +97,7 @@ class MapFinder {
         monitor_(monitor),
         sweeps_(std::move(sweeps)),
         noise_(sample_noise(manifest.camera(), kUsualNoise)),
-        background_(monitor, noise_) {}
+        background_(monitor, noise_, shape_of(manifest.camera()).channels) {}
 
   int texture() const { return monitor_.texture; }
   bool has_evidence() const {
@@ -185,14 +185,15 @@ class MapFinder {
     std::vector<double> light;
     for (const int frame : sweep.frames) {
       double sum = 0.0;
-      for (int c = 0; c < kChannels; ++c) {
+      for (const int c : row.channels(x, 0)) {
         if (row.rows[static_cast<size_t>(frame)][row.sample_index(x, 0, c)] >= kSaturatedCode) return;
         sum += static_cast<double>(row.at(frame, x, 0, c));
       }
       light.push_back(sum);
     }
+    const double channels = row.samples_per_pixel();
     const SweepPeak peak = find_sweep_peak(sweep.r_px, light, sweep.sigma_px);
-    const double sd = std::sqrt(kChannels * noise_.variance(peak.height / (2.0 * kChannels)));
+    const double sd = std::sqrt(channels * noise_.variance(peak.height / (2.0 * channels)));
     if (!peak.found || peak.height < kMinPeak * sd) return;
     shown_.push_back({.x_px = x + 0.5,
                       .y_px = row.first_row + 0.5,

@@ -19,7 +19,8 @@ Surroundings::Surroundings(const FrameStack& stack, const StageLayout& layout, d
       noise_known_(layout.camera.read_sd() > 0.0),
       noise_(sample_noise(layout.camera, kUsualNoise)),
       silhouette_(tolerance) {
-  for (const EmptyMonitor& monitor : layout.monitors) background_.emplace_back(monitor, noise_);
+  for (const EmptyMonitor& monitor : layout.monitors)
+    background_.emplace_back(monitor, noise_, stack.samples_per_pixel());
 }
 
 float Surroundings::black(int y, int lane) const {
@@ -36,7 +37,7 @@ bool Surroundings::has_object(int x, int y, double read_sd) {
 bool Surroundings::sees_patch(int x, int y) const {
   constexpr double kSure = 8.0;  // standard deviations, beyond any noise
   for (const std::vector<int>& frames : layout_.patches) {
-    for (int c = 0; c < kChannels; ++c) {
+    for (const int c : stack_.channels(x, y)) {
       float low = INFINITY, high = -INFINITY;
       for (const int frame : frames) {
         const float sample = stack_.at(frame, x, y, c);
@@ -113,11 +114,14 @@ bool Surroundings::map_background(int x, int y, Matte& matte) {
   for (size_t m = 0; m < points.size(); ++m) {
     const BackgroundPoint& point = points[m];
     if (!point.seen) continue;
-    for (size_t c = 0; c < kChannels && layout_.black.empty(); ++c)
-      matte.foreground(x, y)[c] = static_cast<float>(point.foreground[c]);
+    if (layout_.black.empty()) {
+      for (const int c : stack_.channels(x, y))
+        matte.foreground(x, y)[static_cast<size_t>(c)] =
+            static_cast<float>(point.foreground[static_cast<size_t>(c)]);
+    }
     if (point.ambiguous) matte.flags(x, y) |= kFlagPoorFit;
     sure = sure && !point.ambiguous;
-    for (int c = 0; c < kChannels; ++c) {
+    for (const int c : stack_.channels(x, y)) {
       size_t& place = slot[static_cast<size_t>(c)];
       if (place < matte.modes(x, y, c).size())
         matte.modes(x, y, c)[place++] = point.mode(c, layout_.monitors[m].texture);
@@ -138,8 +142,12 @@ SettledRow Surroundings::settle_row(int y, std::span<const double> read_sd, Matt
       continue;
     }
     matte.coverage(x, y) = row.object[pixel] ? 1.0f : 0.0f;
-    for (int c = 0; c < kChannels && !layout_.black.empty(); ++c)
-      matte.foreground(x, y)[static_cast<size_t>(c)] = black(y, x * kChannels + c);
+    if (!layout_.black.empty()) {
+      const auto row_start = static_cast<int>(stack_.sample_index(0, y, 0));
+      for (const int c : stack_.channels(x, y))
+        matte.foreground(x, y)[static_cast<size_t>(c)] =
+            black(y, static_cast<int>(stack_.sample_index(x, y, c)) - row_start);
+    }
     row.open[pixel] = !row.object[pixel] && !map_background(x, y, matte);
   }
   return row;

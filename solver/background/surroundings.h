@@ -33,7 +33,7 @@ class Surroundings {
   // that was not recorded, it is the background map's, and 0 on the object.
   SettledRow settle_row(int y, std::span<const double> read_sd, Matte& matte);
 
-  // The radiance of black with the object, which must have been recorded; `lane` counts the channels of a
+  // The radiance of black with the object, which must have been recorded; `lane` counts the samples of a
   // row.
   float black(int y, int lane) const;
 

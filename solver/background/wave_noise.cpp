@@ -66,7 +66,7 @@ double WaveNoise::of_row(const FrameStack& stack, int y) const {
   const int width = stack.width_px;
   for (const Sum& sum : sums_) {
     for (int x = 0; x < width; ++x) {
-      for (int c = 0; c < kChannels; ++c) {
+      for (const int c : stack.channels(x, y)) {
         off.push_back(std::abs(stack.at(sum.bars, x, y, c) + stack.at(sum.complement, x, y, c) -
                                stack.at(sum.white, x, y, c) - stack.at(sum.black, x, y, c)));
       }

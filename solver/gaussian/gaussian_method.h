@@ -12,6 +12,7 @@ class GaussianMethod final : public Method {
   // `options`: core/pattern/method_options.h.
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
+  bool solves_mosaics() const override { return true; }
   // Where the manifest has no noise model, noise is estimated from each pixel's own samples.
   absl::StatusOr<std::unique_ptr<PreparedMethod>> prepare(const v1::CaptureManifest& manifest) const override;
 

@@ -1,5 +1,5 @@
 // The samples of all sweeps for a stretch of one row, in blocks of kBlockLanes side by side: lane l of the
-// stretch is one channel of one pixel, in the order of a frame's own samples.
+// stretch is one channel of one pixel (the one of a mosaic), in the order of a frame's own samples.
 #pragma once
 
 #include <array>

@@ -85,7 +85,8 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout,
     : stack_(stack),
       layout_(layout),
       max_modes_(max_modes),
-      lane_count_(stack.width_px * kChannels),
+      pixel_lanes_(stack.samples_per_pixel()),
+      lane_count_(stack.width_px * pixel_lanes_),
       surroundings_(stack, layout.stage, silhouette_tolerance),
       noise_known_(surroundings_.noise_known()),
       coarse_(std::ranges::any_of(layout.sweeps, is_coarse)),
@@ -107,12 +108,12 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout,
     }
     grids_.push_back(std::move(grid));
   }
-  for (int first = 0; first < kChannels; ++first) {
+  for (int phase = 0; phase < kChannels; ++phase) {
     for (const SweepLayout& sweep : layout.sweeps) {
       for (const auto& peak : sweep.peak) {
         for (int lane = 0; lane < kBlockLanes; ++lane) {
-          const double own = peak[static_cast<size_t>((first + lane) % kChannels)];
-          inverse_peak_[first].push_back(own > 0.0 ? static_cast<float>(1.0 / own) : 0.0f);
+          const double own = peak[static_cast<size_t>(channel_in(phase, lane))];
+          inverse_peak_[phase].push_back(own > 0.0 ? static_cast<float>(1.0 / own) : 0.0f);
         }
       }
     }
@@ -129,7 +130,16 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout,
   settled_.resize(textures_.size());
   noise_sd_.resize(static_cast<size_t>(lane_count_));
   unclipped_.assign(noise_sd_.size(), 1.0f);
-  to_solve_.resize(static_cast<size_t>(lane_count_ / kChannels));
+  to_solve_.resize(static_cast<size_t>(stack.width_px));
+}
+
+int StackSolver::phase_of(int first_lane, int y) const {
+  return stack_.mosaic ? (stack_.first_row + y) % 2 : first_lane % kChannels;
+}
+
+int StackSolver::channel_in(int phase, int lane) const {
+  return stack_.mosaic ? stack_.mosaic->channel(lane * stack_.column_step, phase)
+                       : (phase + lane) % kChannels;
 }
 
 void StackSolver::estimate_row_noise(int y) {
@@ -164,9 +174,10 @@ std::vector<double> StackSolver::read_noise() const {
   std::vector<double> read_sd(to_solve_.size());
   for (size_t x = 0; x < read_sd.size(); ++x) {
     double variance = 0.0;
-    for (size_t c = 0; c < kChannels; ++c) {
-      const auto sd = static_cast<double>(noise_sd_[x * kChannels + c]);
-      variance += sd * sd / kChannels;
+    const auto lanes = static_cast<size_t>(pixel_lanes_);
+    for (size_t lane = x * lanes; lane < (x + 1) * lanes; ++lane) {
+      const auto sd = static_cast<double>(noise_sd_[lane]);
+      variance += sd * sd / pixel_lanes_;
     }
     read_sd[x] = std::sqrt(std::max(variance, kMinStep * kMinStep));
   }
@@ -194,14 +205,15 @@ void StackSolver::solve_row(int y, Matte& matte) {
   }
   for (int first = 0; first < lane_count_; first += kStretch) {
     const int count = std::min(kStretch, lane_count_ - first);
-    const auto begin = to_solve_.begin() + first / kChannels,
-               end = to_solve_.begin() + (first + count - 1) / kChannels + 1;
+    const auto begin = to_solve_.begin() + first / pixel_lanes_,
+               end = to_solve_.begin() + (first + count - 1) / pixel_lanes_ + 1;
     if (std::find(begin, end, true) == end) continue;
     tile_.load(stack_, y, first, count, noise_);
     if (noise_.gain > 0.0 || !unit_peaks_) tile_.need_weights();
     blocks_.resize(static_cast<size_t>(tile_.block_count()));
     for (int block = 0; block < tile_.block_count(); ++block) {
       blocks_[static_cast<size_t>(block)].first_lane = first + block * kBlockLanes;
+      blocks_[static_cast<size_t>(block)].phase = phase_of(first + block * kBlockLanes, y);
       prepare_block(y, block);
     }
     for (size_t t = 0; t < textures_.size(); ++t) fit_usual(t);
@@ -233,7 +245,7 @@ void StackSolver::prepare_block(int y, int block_index) {
   for (int lane = 0; lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
     const int row_lane = block.first_lane + lane;
     const auto l = static_cast<size_t>(lane);
-    if (!to_solve_[static_cast<size_t>(row_lane / kChannels)]) continue;
+    if (!to_solve_[static_cast<size_t>(row_lane / pixel_lanes_)]) continue;
     block.lanes |= 1u << lane;
     dark[l] = surroundings_.black(y, row_lane);
     sd[l] = noise_sd_[static_cast<size_t>(row_lane)];
@@ -252,7 +264,7 @@ void StackSolver::prepare_block(int y, int block_index) {
     if (!block.clipped[lane]) sd[lane] = 0.0f;
   }
   tile_.replace_zeros(block_index, sd);
-  const float* inverse_peak = inverse_peak_[block.first_lane % kChannels].data();
+  const float* inverse_peak = inverse_peak_[block.phase].data();
   float* samples = tile_.samples(block_index, 0);
   if (tile_.weighted()) weigh(block_index, inverse_peak);
   for (size_t i = 0; i < tile_.sample_count(); ++i, samples += kBlockLanes, inverse_peak += kBlockLanes) {
@@ -381,7 +393,7 @@ void StackSolver::load_samples(size_t t, int block_index, int lane) {
   samples_.floor_answer.assign(size, 0.0f);
   const bool bounded = (block.saturated >> lane & 1u) != 0;
   samples_.at_least.assign(bounded ? size : 0, 0.0f);
-  const float* const inverse_peak = inverse_peak_[block.first_lane % kChannels].data() + lane;
+  const float* const inverse_peak = inverse_peak_[block.phase].data() + lane;
   for (size_t k = 0; k < texture.sweeps.size(); ++k) {
     const size_t s = texture.sweeps[k];
     const auto first = static_cast<size_t>(texture.samples.sweeps[k].first);
@@ -517,8 +529,10 @@ void StackSolver::hold_against_white(size_t t, double noise_sd, Settled& settled
 bool StackSolver::neighbours_have_more(size_t t, size_t lane) const {
   const std::vector<Settled>& all = settled_[t];
   double rest = 0.0, variance = 0.0, light = 0.0;
+  // Along the row, a mosaic has each of its colours at every other site.
+  const int step = stack_.mosaic ? 2 : kChannels;
   for (int away = -kNeighbours; away <= kNeighbours; ++away) {
-    const auto at = static_cast<std::ptrdiff_t>(lane) + away * kChannels;
+    const auto at = static_cast<std::ptrdiff_t>(lane) + away * step;
     if (at < 0 || at >= std::ssize(all) || !all[static_cast<size_t>(at)].white_known) continue;
     const Settled& own = all[static_cast<size_t>(at)];
     rest += own.rest;
@@ -604,7 +618,8 @@ std::optional<JointFit> StackSolver::with_broad_light(size_t t, int block, int l
 
 void StackSolver::store(int block_index, int lane, int y, Matte& matte) const {
   const Block& block = blocks_[static_cast<size_t>(block_index)];
-  const int row_lane = block.first_lane + lane, x = row_lane / kChannels, channel = row_lane % kChannels;
+  const int row_lane = block.first_lane + lane, x = row_lane / pixel_lanes_;
+  const int channel = channel_in(block.phase, lane);
   const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(row_lane)]);
   std::uint8_t flags = matte.flags(x, y);
   if ((block.saturated >> lane & 1u) != 0) flags |= kFlagSaturated;

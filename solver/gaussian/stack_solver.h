@@ -58,6 +58,7 @@ class StackSolver {
   // A block of the current tile.
   struct Block {
     int first_lane = 0;                       // of the row
+    int phase = 0;                            // which channels its lanes are of
     unsigned lanes = 0;                       // those to solve, a bit each
     unsigned saturated = 0;                   // those with a saturated sample
     std::array<bool, kBlockLanes> clipped{};  // noise made samples darker than black
@@ -65,6 +66,10 @@ class StackSolver {
     std::vector<std::array<Peaks, kBlockLanes>> peaks;  // [sweep][lane]
   };
 
+  // A block's lanes begin with any channel; on a mosaic, where blocks begin at even columns, they depend on
+  // the row.
+  int phase_of(int first_lane, int y) const;
+  int channel_in(int phase, int lane) const;
   void estimate_row_noise(int y);
   // noise_sd_ by pixel.
   std::vector<double> read_noise() const;
@@ -103,7 +108,8 @@ class StackSolver {
   const FrameStack& stack_;
   const StackLayout& layout_;
   const int max_modes_;
-  const int lane_count_;  // of a row
+  const int pixel_lanes_;  // of a pixel: its channels, or the one that a mosaic's photosite measured
+  const int lane_count_;   // of a row
   Surroundings surroundings_;
   const bool noise_known_;
   const bool coarse_;  // second differences of the samples contain more than noise
@@ -119,8 +125,7 @@ class StackSolver {
   std::vector<bool> to_solve_;    // by pixel
   // Of the current tile.
   bool unit_peaks_ = true;
-  std::vector<float>
-      inverse_peak_[kChannels];  // by the first lane's channel: [sample][lane], 0 for a dark one
+  std::vector<float> inverse_peak_[kChannels];  // by phase: [sample][lane], 0 for a dark one
   std::vector<Block> blocks_;
   PeakFinder finder_;
   std::vector<std::vector<std::optional<JointFit>>> usual_;  // [texture][lane of the tile]

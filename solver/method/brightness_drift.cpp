@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "core/base/status.h"
+#include "core/frame/mosaic.h"
 #include "core/pattern/stimulus_kind.h"
 #include "core/radiometry/frame_light.h"
 #include "solver/method/exposure_changes.h"
@@ -95,7 +96,7 @@ double weighted_median(std::vector<RowSums> rows) {
 class Measurement {
  public:
   Measurement(const v1::CaptureManifest& manifest, FrameLight light, const RowReader& read)
-      : manifest_(manifest), light_(std::move(light)), read_(read) {
+      : manifest_(manifest), light_(std::move(light)), read_(read), mosaic_(mosaic_of(manifest.camera())) {
     const bool calibrated = manifest.has_camera_calibration();
     const double read_sd = calibrated ? manifest.camera_calibration().read_sd() : manifest.camera().read_sd();
     read_sd_ = read_sd > 0.0 ? read_sd : kUsualNoise;
@@ -108,14 +109,14 @@ class Measurement {
     std::vector<int> frames;
     for (const White& white : whites) frames.insert(frames.end(), {white.white, white.black});
     const auto reference_index = static_cast<size_t>(&reference - whites.data());
-    const int height = manifest_.camera().height_px(), width = manifest_.camera().width_px();
+    const int height = manifest_.camera().height_px();
     std::vector<std::vector<RowSums>> sums(whites.size());
     const int rows = std::min(kRows, height);
     for (int k = 0; k < rows; ++k) {
-      GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples,
-                          read_((2 * k + 1) * height / (2 * rows), frames));
+      const int y = (2 * k + 1) * height / (2 * rows);
+      GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples, read_(y, frames));
       for (size_t w = 0; w < whites.size(); ++w)
-        sums[w].push_back(row_sums(samples, width, w, whites[w], reference_index, reference));
+        sums[w].push_back(row_sums(samples, y, w, whites[w], reference_index, reference));
     }
     std::vector<Point> points;
     for (size_t w = 0; w < whites.size(); ++w) {
@@ -135,14 +136,14 @@ class Measurement {
   }
 
  private:
-  RowSums row_sums(const std::vector<std::uint16_t>& samples, int width, size_t w, const White& white,
-                   size_t r, const White& reference) const {
+  RowSums row_sums(const std::vector<std::uint16_t>& samples, int y, size_t w, const White& white, size_t r,
+                   const White& reference) const {
     RowSums sums;
-    const auto row = static_cast<size_t>(width) * 3;
+    const size_t row = shape_of(manifest_.camera()).row_samples();
     for (size_t at = 0; at < row; ++at) {
       const auto sample = [&](size_t frame) { return samples[frame * row + at]; };
       const auto light = [&](size_t frame) {
-        return static_cast<double>(light_.light(sample(frame), static_cast<int>(at % 3)));
+        return static_cast<double>(light_.light(sample(frame), row_channel(mosaic_, at, y)));
       };
       if (light_.saturated(sample(2 * w)) || light_.saturated(sample(2 * r))) continue;
       const double lit = light(2 * w), first_lit = light(2 * r);
@@ -159,6 +160,7 @@ class Measurement {
   const v1::CaptureManifest& manifest_;
   const FrameLight light_;
   const RowReader& read_;
+  const std::optional<Mosaic> mosaic_;
   double read_sd_ = 0.0, gain_ = 0.0;
 };
 

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "core/base/status.h"
+#include "core/frame/mosaic.h"
 #include "core/radiometry/frame_light.h"
 #include "solver/method/exposure_merge.h"
 
@@ -39,21 +40,24 @@ absl::StatusOr<std::vector<std::array<float, 3>>> measure_exposure_changes(
   const auto count = static_cast<size_t>(manifest.frames_size());
   if (count < 2 * kOdd || exposure_is_known(manifest)) return std::vector<std::array<float, 3>>();
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
+  const std::optional<Mosaic> mosaic = mosaic_of(manifest.camera());
   std::vector<int> frames(count);
   std::iota(frames.begin(), frames.end(), 0);
   const int height = manifest.camera().height_px(), rows = std::min(kStillRows, height);
   std::vector<std::array<std::vector<float>, 3>> ratios(count);  // of still samples
   std::vector<float> values(count), sorted;
   for (int k = 0; k < rows; ++k) {
-    GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples,
-                        read((2 * k + 1) * height / (2 * rows), frames));
+    const int middle = (2 * k + 1) * height / (2 * rows);
+    // Rows of both kinds that a mosaic has.
+    const int y = mosaic ? std::min(middle / 2 * 2 + k % 2, height - 1) : middle;
+    GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples, read(y, frames));
     const size_t row = samples.size() / count;
     for (size_t at = 0; at < row; ++at) {
       bool saturated = false;
       for (size_t f = 0; f < count; ++f) {
         const std::uint16_t code = samples[f * row + at];
         saturated = saturated || light.saturated(code);
-        values[f] = light.light(code, static_cast<int>(at % 3));
+        values[f] = light.light(code, row_channel(mosaic, at, y));
       }
       sorted = values;
       const float usual = median(sorted);
@@ -61,7 +65,8 @@ absl::StatusOr<std::vector<std::array<float, 3>>> measure_exposure_changes(
       const auto odd = static_cast<size_t>(std::ranges::count_if(
           values, [&](float value) { return std::abs(value - usual) > kStill * usual; }));
       if (odd * kOdd > count) continue;
-      for (size_t f = 0; f < count; ++f) ratios[f][at % 3].push_back(values[f] / usual);
+      const auto channel = static_cast<size_t>(row_channel(mosaic, at, y));
+      for (size_t f = 0; f < count; ++f) ratios[f][channel].push_back(values[f] / usual);
     }
   }
   for (const std::vector<float>& own : ratios.front()) {

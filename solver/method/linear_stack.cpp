@@ -105,13 +105,13 @@ FrameStack LinearStack::of(FrameStack stack) const {
     std::vector<std::uint16_t>& to = owned->frames[i];
     to.resize(samples.size());
     for (size_t at = 0; at < samples.size(); ++at) {
-      const int channel = static_cast<int>(at % kChannels);
+      const int channel = stack.channel_at(at);
       float light = light_.light(samples[at], channel);
       if (drifted) {
         const float below = light_.light(stack.rows[dark->second][at], channel);
-        light = below + (light - below) / brightness[at % kChannels];
+        light = below + (light - below) / brightness[static_cast<size_t>(channel)];
       }
-      if (exposed) light /= brightness[at % kChannels];
+      if (exposed) light /= brightness[static_cast<size_t>(channel)];
       to[at] = light_.saturated(samples[at]) ? std::uint16_t{65535} : code_of(light);
     }
   }
@@ -121,7 +121,7 @@ FrameStack LinearStack::of(FrameStack stack) const {
 }
 
 v1::CaptureManifest LinearStack::manifest_of_light(v1::CaptureManifest manifest) const {
-  if (light_.is_identity()) return manifest;
+  if (!manifest.has_camera_calibration()) return manifest;
   v1::Camera& camera = *manifest.mutable_camera();
   camera.set_read_sd(manifest.camera_calibration().read_sd());
   camera.set_gain(manifest.camera_calibration().shot_gain());

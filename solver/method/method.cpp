@@ -14,7 +14,8 @@ absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> arch
                    .first_row = 0,
                    .row_count = height,
                    .rows = {},
-                   .owner = archive};
+                   .owner = archive,
+                   .mosaic = mosaic_of(manifest.camera())};
   for (int i = 0; i < manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, height));
   const auto read_row = [&](int row, const std::vector<int>& frames) {
     std::vector<std::uint16_t> samples;
@@ -30,7 +31,8 @@ absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> arch
 
 absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& manifest,
                         const std::vector<int>& needed) {
-  const size_t samples = static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.width_px) * 3;
+  const auto pixels = static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.width_px);
+  const size_t samples = pixels * static_cast<size_t>(shape_of(manifest.camera()).channels);
   for (const int frame : needed) {
     const auto at = static_cast<size_t>(frame);
     const size_t found = at < stack.rows.size() ? stack.rows[at].size() : 0;

@@ -8,10 +8,12 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "core/frame/mosaic.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte.h"
 #include "glasswing/v1/archive.pb.h"
@@ -23,13 +25,32 @@ struct StageMaps;  // solver/background/stage_maps.h
 // Samples from this code on are saturated: 0.9995 of full scale.
 inline constexpr std::uint16_t kSaturatedCode = 65502;
 
+// Channels [first, last) of a pixel, to be looped over.
+struct ChannelRange {
+  int first = 0, last = kChannels;
+
+  int size() const { return last - first; }
+  struct Iterator {
+    int channel;
+    int operator*() const { return channel; }
+    Iterator& operator++() {
+      ++channel;
+      return *this;
+    }
+    bool operator==(const Iterator&) const = default;
+  };
+  Iterator begin() const { return {first}; }
+  Iterator end() const { return {last}; }
+};
+
 // Some rows of the frames that a method needs. `owner` keeps the samples alive: buffers received from a node,
 // or mapped files.
 struct FrameStack {
   int width_px = 0;
   int first_row = 0;
   int row_count = 0;
-  // By index in manifest.frames: r, g, b for each pixel of the rows. Empty for frames that are not needed.
+  // By index in manifest.frames: r, g, b for each pixel of the rows, or what a mosaic's photosites measured.
+  // Empty for frames that are not needed.
   std::vector<std::span<const std::uint16_t>> rows;
   std::shared_ptr<const void> owner;
   // Radiance = (sample - zero) * unit.
@@ -39,12 +60,26 @@ struct FrameStack {
   std::vector<std::array<float, 3>> brightness = {};
   // Of the whole session. Null: not measured.
   std::shared_ptr<const StageMaps> stage_maps = nullptr;
-  int column_step = 1;  // the stack's columns are every so-manyth of the picture's
+  int column_step = 1;  // the stack's columns are every so-manyth of the picture's; odd
+  std::optional<Mosaic> mosaic = std::nullopt;  // of the camera
 
-  // Index into `rows` of a frame.
+  int samples_per_pixel() const { return mosaic ? 1 : kChannels; }
+  // What was measured of a pixel.
+  ChannelRange channels(int x, int y) const {
+    if (!mosaic) return {};
+    const int own = mosaic->channel(x * column_step, first_row + y);
+    return {.first = own, .last = own + 1};
+  }
+  // Index into `rows` of a frame, of a channel that was measured.
   size_t sample_index(int x, int y, int channel) const {
-    return (static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x)) * 3 +
-           static_cast<size_t>(channel);
+    const size_t pixel = static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x);
+    return mosaic ? pixel : pixel * kChannels + static_cast<size_t>(channel);
+  }
+  // The channel of a sample, by index into `rows`.
+  int channel_at(size_t index) const {
+    if (!mosaic) return static_cast<int>(index % kChannels);
+    const auto width = static_cast<size_t>(width_px);
+    return channels(static_cast<int>(index % width), static_cast<int>(index / width)).first;
   }
   float radiance(std::uint16_t sample) const { return (static_cast<float>(sample) - zero) * unit; }
   // Radiance; x counts from the left, y from first_row.
@@ -56,7 +91,8 @@ struct FrameStack {
 // All rows of all frames, with the brightness drift of the monitors. The stack owns the mappings.
 absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> archive);
 
-// INVALID_ARGUMENT names a needed frame whose sample count differs from that of the stack's rows.
+// INVALID_ARGUMENT names a needed frame whose sample count differs from that of the stack's rows, or from the
+// camera's channels.
 absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& manifest,
                         const std::vector<int>& needed);
 
@@ -84,6 +120,8 @@ class PreparedMethod {
 class Method {
  public:
   virtual ~Method() = default;
+  // Whether prepared methods solve stacks of a mosaic: each photosite for its own channel.
+  virtual bool solves_mosaics() const { return false; }
   // `manifest` carries the noise of light (LinearStack::manifest_of_light); the result keeps no reference to
   // it. FAILED_PRECONDITION says what the archive lacks.
   virtual absl::StatusOr<std::unique_ptr<PreparedMethod>> prepare(

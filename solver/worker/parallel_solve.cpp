@@ -1,5 +1,7 @@
 #include "solver/worker/parallel_solve.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <optional>
@@ -7,6 +9,7 @@
 
 #include "core/base/status.h"
 #include "solver/background/stage_maps.h"
+#include "solver/mosaic/mosaic_matte.h"
 
 namespace glasswing {
 namespace {
@@ -15,7 +18,7 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
   FrameStack band = stack;
   band.first_row = stack.first_row + first;
   band.row_count = count;
-  const size_t row = static_cast<size_t>(stack.width_px) * 3;
+  const size_t row = static_cast<size_t>(stack.width_px) * static_cast<size_t>(stack.samples_per_pixel());
   band.rows.assign(stack.rows.size(), {});
   for (const int frame : needed) {
     const auto at = static_cast<size_t>(frame);
@@ -51,6 +54,12 @@ absl::StatusOr<PreparedSolve> PreparedSolve::create(const Method& method,
                                                     const v1::CaptureManifest& manifest) {
   GW_ASSIGN_OR_RETURN(LinearStack linear, LinearStack::create(manifest));
   GW_ASSIGN_OR_RETURN(Shading shading, Shading::create(manifest));
+  if (!manifest.camera().mosaic().empty() && !method.solves_mosaics()) {
+    return absl::FailedPreconditionError(fmt::format(
+        "the frames are a mosaic ({}), one channel a photosite; of the methods of stills only gaussian "
+        "solves those",
+        manifest.camera().mosaic()));
+  }
   v1::CaptureManifest of_light = linear.manifest_of_light(manifest);
   GW_ASSIGN_OR_RETURN(std::unique_ptr<PreparedMethod> prepared, method.prepare(of_light));
   return PreparedSolve(std::move(of_light), std::move(linear), std::move(shading), std::move(prepared));
@@ -66,9 +75,10 @@ absl::Status PreparedSolve::map_stage(const RowReader& read,
                      .row_count = 1,
                      .rows = {},
                      .owner = owner,
-                     .brightness = brightness};
+                     .brightness = brightness,
+                     .mosaic = mosaic_of(manifest_.camera())};
     stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
-    const size_t count = static_cast<size_t>(stack.width_px) * kChannels;
+    const size_t count = shape_of(manifest_.camera()).row_samples();
     for (size_t i = 0; i < frames.size(); ++i)
       stack.rows[static_cast<size_t>(frames[i])] = std::span(*owner).subspan(i * count, count);
     return linear_.of(std::move(stack));
@@ -76,6 +86,10 @@ absl::Status PreparedSolve::map_stage(const RowReader& read,
   GW_ASSIGN_OR_RETURN(StageMaps maps, measure_stage_maps(manifest_, frames_needed(), read_light));
   stage_maps_ = std::make_shared<const StageMaps>(std::move(maps));
   return absl::OkStatus();
+}
+
+int PreparedSolve::margin_rows() const {
+  return manifest_.camera().mosaic().empty() ? 0 : kMosaicReach;
 }
 
 absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int thread_count,
@@ -122,6 +136,10 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
   }
   for (const auto& band : bands) whole.put(**band);
   remove_fall_off(shading_, whole);
+  if (stack.mosaic) {
+    whole.metadata.set_mosaic(manifest_.camera().mosaic());
+    fill_channels(whole, *stack.mosaic, thread_count);
+  }
   return whole;
 }
 
@@ -131,7 +149,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
   GW_ASSIGN_OR_RETURN(PreparedSolve prepared, PreparedSolve::create(method, manifest));
   if (stack.row_count == manifest.camera().height_px()) {
     const auto read = [&](int row, const std::vector<int>& frames) {
-      const size_t count = static_cast<size_t>(stack.width_px) * kChannels;
+      const size_t count = shape_of(manifest.camera()).row_samples();
       std::vector<std::uint16_t> samples;
       for (const int frame : frames) {
         const auto own =

@@ -27,7 +27,12 @@ class PreparedSolve {
   // reads rows as they are stored; `brightness` is FrameStack's. Errors are those of `read`.
   absl::Status map_stage(const RowReader& read, const std::vector<std::array<float, 3>>& brightness);
 
-  // The matte of all rows of the stack. `thread_count` 0: one for each core. `stop` is checked between bands
+  // How many rows of the stack on either side of those that are wanted a matte needs, where the picture has
+  // them: of a mosaic, whose missing channels are filled in from pixels around (solver/mosaic).
+  int margin_rows() const;
+
+  // The matte of all rows of the stack, of which margin_rows() at either end are right at the picture's edge
+  // only. `thread_count` 0: one for each core. `stop` is checked between bands
   // and gives CANCELLED. If bands fail, the error of the first one. `progress` receives the share of rows
   // that are solved, after each band and from any thread.
   absl::StatusOr<Matte> solve_in_bands(const FrameStack& stack, int thread_count = 0,

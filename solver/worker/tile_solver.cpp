@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <future>
@@ -12,6 +13,7 @@
 #include "core/service/message_limits.h"
 #include "solver/method/brightness_drift.h"
 #include "solver/methods.h"
+#include "solver/mosaic/mosaic_matte.h"
 #include "solver/worker/solver_metrics.h"
 #include "solver/worker/video_solve.h"
 
@@ -80,7 +82,8 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
 }
 
 // A survey solves one column in so many: methods solve each pixel by itself, so the time scales with columns.
-constexpr int kSurveyColumnStep = 4, kMinSurveyColumns = 64;
+// Odd, so that the columns have all colours of a mosaic.
+constexpr int kSurveyColumnStep = 5, kMinSurveyColumns = 64;
 
 FrameStack some_columns(const FrameStack& row) {
   const int width = row.width_px;
@@ -89,13 +92,15 @@ FrameStack some_columns(const FrameStack& row) {
   const int count = width / kSurveyColumnStep;
   some.width_px = count;
   some.column_step = kSurveyColumnStep;
+  const auto pixel_samples = static_cast<size_t>(row.samples_per_pixel());
   const auto samples = std::make_shared<std::vector<std::uint16_t>>();
-  samples->reserve(row.rows.size() * static_cast<size_t>(count) * kChannels);
+  samples->reserve(row.rows.size() * static_cast<size_t>(count) * pixel_samples);
   for (std::span<const std::uint16_t>& frame : some.rows) {
     if (frame.empty()) continue;
     const size_t first = samples->size();
     for (int x = 0; x < count; ++x) {
-      const auto pixel = frame.subspan(static_cast<size_t>(x * kSurveyColumnStep) * kChannels, kChannels);
+      const auto pixel =
+          frame.subspan(static_cast<size_t>(x * kSurveyColumnStep) * pixel_samples, pixel_samples);
       samples->insert(samples->end(), pixel.begin(), pixel.end());
     }
     frame = std::span(*samples).subspan(first);  // stays valid: enough was reserved
@@ -132,7 +137,8 @@ absl::StatusOr<ReadStack> SolveSource::stack(int first_row, int row_count) const
            .row_count = row_count,
            .rows = {},
            .owner = nullptr,
-           .brightness = brightness_};
+           .brightness = brightness_,
+           .mosaic = mosaic_of(manifest_.camera())};
   const std::vector<int>& needed = prepared_->frames_needed();
   GW_ASSIGN_OR_RETURN(read.rows, archive_.rows(manifest_, needed, first_row, row_count));
   stack.owner = read.rows.owner;
@@ -147,7 +153,11 @@ absl::StatusOr<TileInHand> TileInHand::read(const v1::ClaimTileResponse& tile,
   in_hand.tile_ = tile;
   in_hand.source_ = std::move(source);
   if (in_hand.source_->prepared() == nullptr) return in_hand;
-  GW_ASSIGN_OR_RETURN(in_hand.read_, in_hand.source_->stack(tile.first_row(), tile.row_count()));
+  const int margin = in_hand.source_->prepared()->margin_rows();
+  const int first = std::max(tile.first_row() - margin, 0);
+  const int end = std::min(tile.first_row() + tile.row_count() + margin,
+                           in_hand.source_->manifest().camera().height_px());
+  GW_ASSIGN_OR_RETURN(in_hand.read_, in_hand.source_->stack(first, end - first));
   return in_hand;
 }
 
@@ -155,8 +165,9 @@ absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token s
   const BusyTime busy;
   const PreparedSolve* prepared = source_->prepared();
   if (prepared == nullptr) return solve_frames(tile_, *source_, thread_count, std::move(stop));
-  GW_ASSIGN_OR_RETURN(const Matte matte,
-                      prepared->solve_in_bands(read_.stack, thread_count, std::move(stop)));
+  GW_ASSIGN_OR_RETURN(Matte matte, prepared->solve_in_bands(read_.stack, thread_count, std::move(stop)));
+  if (matte.height_px() != tile_.row_count())
+    matte = rows_of(matte, tile_.first_row() - read_.stack.first_row, tile_.row_count());
   GW_RETURN_IF_ERROR(read_.rows.intact());
   GW_RETURN_IF_ERROR(check_matte(matte));
   SolvedTile solved;

@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "core/base/status.h"
+#include "core/frame/mosaic.h"
 #include "solver/method/linear_stack.h"
 #include "solver/ramp/video_layout.h"
 
@@ -62,8 +63,14 @@ class ReadAhead final : public VideoSource {
       const auto number = number_.find(frame);
       return number == number_.end() ? read.status() : in_frame(number->second, read.status());
     }
-    const auto codes = std::make_shared<const std::vector<std::uint16_t>>(*std::move(read));
     const int width = manifest_.camera().width_px(), height = manifest_.camera().height_px();
+    if (const std::optional<Mosaic> mosaic = mosaic_of(manifest_.camera()); mosaic && read.ok()) {
+      // A video's colours tell places, so each pixel needs all of them.
+      Image16 stored(width, height, 1);
+      stored.samples = *std::move(read);
+      read = interpolated(stored, mosaic).samples;
+    }
+    const auto codes = std::make_shared<const std::vector<std::uint16_t>>(*std::move(read));
     const FrameStack stack =
         linear_.of({.width_px = width, .row_count = height, .rows = {*codes}, .owner = codes});
     return VideoFrame{.view = {.width_px = width,

@@ -25,7 +25,7 @@ Image16 degraded(const RadianceImage& light, const Degradation& degradation, uns
   std::mt19937 random(degradation.seed * 100003 + frame);
   std::normal_distribution<double> normal;  // a width of 0 would be undefined
   const double levels = std::exp2(degradation.bits) - 1.0;
-  Image16 image(light.width_px, light.height_px);
+  Image16 image(light.width_px, light.height_px, light.channels);
   for (size_t i = 0; i < light.samples.size(); ++i) {
     const double noisy = static_cast<double>(light.samples[i]) +
                          (degradation.noise_sd > 0.0 ? degradation.noise_sd * normal(random) : 0.0);
@@ -93,7 +93,9 @@ Photograph RenderedScene::photograph(const std::string& name) const {
 const Image16& RenderedScene::recorded(int frame) const {
   const auto known = recorded_.find(frame);
   if (known != recorded_.end()) return known->second;
-  return recorded_[frame] = read_frame_file(directory_ / manifest_.frames(frame).file()).value();
+  return recorded_[frame] =
+             read_frame_file(directory_ / manifest_.frames(frame).file(), shape_of(manifest_.camera()))
+                 .value();
 }
 
 // With several monitors the camera looks at the first.
@@ -123,7 +125,8 @@ RadianceImage RenderedScene::seen_straight(const v1::Stimulus& stimulus) const {
 
 RadianceImage RenderedScene::made(const v1::Frame& frame, const std::vector<Part>& parts) const {
   if (parts.empty()) return seen_straight(frame.stimulus());
-  RadianceImage light(manifest_.camera().width_px(), manifest_.camera().height_px());
+  const FrameShape shape = shape_of(manifest_.camera());
+  RadianceImage light(shape.width_px, shape.height_px, shape.channels);
   std::vector<double> sum(light.samples.size());
   for (const Part& part : parts) {
     const std::vector<std::uint16_t>& samples = recorded(part.frame).samples;
@@ -139,7 +142,8 @@ absl::StatusOr<FrameStack> RenderedScene::stack(const Method& method, const Synt
                    .first_row = 0,
                    .row_count = manifest_.camera().height_px(),
                    .rows = {},
-                   .owner = nullptr};
+                   .owner = nullptr,
+                   .mosaic = mosaic_of(manifest_.camera())};
   stack.rows.resize(static_cast<size_t>(capture.manifest.frames_size()));
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<PreparedMethod> prepared, method.prepare(capture.manifest));
   const std::vector<int>& needed = prepared->frames_needed();
@@ -156,9 +160,22 @@ absl::StatusOr<FrameStack> RenderedScene::stack(const Method& method, const Synt
 }
 
 double RenderedScene::psnr(const RadianceImage& composite, const RadianceImage& seen) const {
+  return psnr(composite, seen, std::nullopt);
+}
+
+double RenderedScene::native_psnr(const RadianceImage& composite, const RadianceImage& seen) const {
+  return psnr(composite, seen, mosaic_of(manifest_.camera()));
+}
+
+double RenderedScene::psnr(const RadianceImage& composite, const RadianceImage& seen,
+                           const std::optional<Mosaic>& sites) const {
   double sum = 0.0, count = 0.0;
+  const size_t row = seen.samples.size() / static_cast<size_t>(seen.height_px);
   for (size_t i = 0; i < seen.samples.size(); ++i) {
     if (mask_.samples[i] <= 32767) continue;
+    if (sites &&
+        sites->channel(static_cast<int>(i % row / 3), static_cast<int>(i / row)) != static_cast<int>(i % 3))
+      continue;
     const double clipped = std::clamp(static_cast<double>(composite.samples[i]), 0.0, 1.0);
     const double difference = clipped - static_cast<double>(seen.samples[i]);
     sum += difference * difference;

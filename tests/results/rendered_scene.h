@@ -5,10 +5,12 @@
 #include <array>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/frame/image.h"
+#include "core/frame/mosaic.h"
 #include "solver/gaussian/synthesized_capture.h"
 #include "solver/method/method.h"
 
@@ -43,9 +45,13 @@ class RenderedScene {
                                    const Degradation& degradation = {}) const;
   // dB, linear light of full scale 1, over pixels that the object covers by more than half.
   double psnr(const RadianceImage& composite, const RadianceImage& seen) const;
+  // The same over what the photosites of a mosaic measure.
+  double native_psnr(const RadianceImage& composite, const RadianceImage& seen) const;
   const Image16& mask() const { return mask_; }
 
  private:
+  double psnr(const RadianceImage& composite, const RadianceImage& seen,
+              const std::optional<Mosaic>& sites) const;
   // A recorded frame, decoded once.
   const Image16& recorded(int frame) const;
   RadianceImage made(const v1::Frame& frame, const std::vector<Part>& parts) const;

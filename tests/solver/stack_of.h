@@ -14,7 +14,8 @@ inline FrameStack stack_of(const v1::CaptureManifest& manifest, const std::vecto
                    .first_row = 0,
                    .row_count = manifest.camera().height_px(),
                    .rows = {},
-                   .owner = nullptr};
+                   .owner = nullptr,
+                   .mosaic = mosaic_of(manifest.camera())};
   for (const Image16& frame : frames) stack.rows.push_back(frame.samples);
   return stack;
 }

@@ -75,6 +75,16 @@ TEST(ParallelSolve, EveryRowIsSolvedOnce) {
   }
 }
 
+TEST(ParallelSolve, AMosaicIsRefusedByMethodsThatDoNotSolveIt) {
+  v1::CaptureManifest manifest;
+  manifest.mutable_camera()->set_width_px(kWidth_px);
+  manifest.mutable_camera()->set_mosaic("GRBG");
+  manifest.add_frames();
+  const absl::Status status = PreparedSolve::create(Copying(), manifest).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("mosaic (GRBG)"), std::string::npos) << status;
+}
+
 TEST(ParallelSolve, StopsWhenAsked) {
   v1::CaptureManifest manifest;
   manifest.mutable_camera()->set_width_px(kWidth_px);
