@@ -98,6 +98,9 @@ void add_sensor_options(CLI::App& app, CameraOptions& camera) {
   app.add_option("--bits", camera.sim.sensor.bits, "sim: bits a sample")
       ->check(CLI::Range(8, 16))
       ->capture_default_str();
+  app.add_option("--mosaic", camera.sim.mosaic,
+                 "sim: the sensor's colours, each photosite having one; frames are of one channel then")
+      ->check(CLI::IsMember({"RGGB", "GRBG", "GBRG", "BGGR"}));
 }
 
 void add_fault_options(CLI::App& app, CameraOptions& camera) {

@@ -9,6 +9,7 @@
 #include <condition_variable>
 
 #include "core/base/status.h"
+#include "core/frame/mosaic.h"
 
 namespace glasswing {
 namespace {
@@ -20,6 +21,7 @@ constexpr nanoseconds kMaxLightDelay = std::chrono::milliseconds(300);  // later
 
 absl::StatusOr<std::unique_ptr<SimCamera>> SimCamera::create(const SimCameraOptions& options,
                                                              const EmissionTimeline& timeline) {
+  if (!options.mosaic.empty()) GW_RETURN_IF_ERROR(Mosaic::parse(options.mosaic).status());
   // Fails with a list of the scenes if this one is unknown.
   const std::vector<SceneMonitor> one{{.name = "back", .size = {.width_px = 4, .height_px = 4}}};
   GW_RETURN_IF_ERROR(build_transport(options.scene, true, one, 4, 4).status());
@@ -40,6 +42,7 @@ v1::GetCameraResponse SimCamera::describe() const {
   camera.set_width_px(options_.width_px);
   camera.set_height_px(options_.height_px);
   camera.set_bits(options_.sensor.bits);
+  camera.set_mosaic(options_.mosaic);
   // With a nonlinear response only a calibration can find the noise parameters, as for a real camera.
   const bool linear = options_.sensor.curve == SensorCurve() && options_.sensor.black_level == 0.0;
   camera.set_response(linear ? "linear" : "unknown");
@@ -138,7 +141,10 @@ absl::StatusOr<Image16> SimCamera::expose_frame(const Exposed& exposed, double e
   const Automatics& automatics = options_.automatics;
   if (automatics.gain || automatics.white_balance)
     GW_RETURN_IF_ERROR(apply_automatics(exposed, exposure_ms, radiance));
-  return expose(radiance, exposure_ms, options_.sensor, exposed.sequence);
+  Image16 image = expose(radiance, exposure_ms, options_.sensor, exposed.sequence);
+  if (options_.mosaic.empty()) return image;
+  GW_ASSIGN_OR_RETURN(const Mosaic mosaic, Mosaic::parse(options_.mosaic));
+  return sampled(image, mosaic);
 }
 
 nanoseconds SimCamera::end_of(const ExposureWindow& window) const {

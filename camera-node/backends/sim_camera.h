@@ -28,6 +28,7 @@ struct SimCameraOptions {
   int height_px = 96;
   double frame_rate_hz = 200.0;
   double blur_sigma_px = 0.0;  // lens blur
+  std::string mosaic;          // as v1::Camera.mosaic; empty: pixels have all colours
   SensorModel sensor;
   Automatics automatics = {};  // not reported: exposure and gain are reported as requested
   NodeClock clock = {};        // of the time stamps

@@ -108,10 +108,9 @@ TEST_P(CameraContract, APictureStaysAsItIs) {
   camera_->stop();
   for (size_t i = 0; i < frames.size(); ++i) {
     const Image16 picture = frames[i].image().value();
-    EXPECT_EQ(picture.width_px, info_.camera().width_px());
-    EXPECT_EQ(picture.height_px, info_.camera().height_px());
+    EXPECT_EQ(shape_of(picture), shape_of(info_.camera()));
     EXPECT_EQ(picture.samples.size(),
-              static_cast<size_t>(picture.width_px) * 3 * static_cast<size_t>(picture.height_px));
+              shape_of(picture).row_samples() * static_cast<size_t>(picture.height_px));
     EXPECT_TRUE(picture.samples == frames[i].image()->samples) << i;
     if (i % 2 == 0) {
       EXPECT_TRUE(picture.samples == pictures[i / 2].samples) << i;

@@ -57,6 +57,37 @@ TEST(SimCamera, CallsOnlyALinearResponseLinear) {
   }
 }
 
+TEST(SimCamera, AMosaicIsWhatItsPhotositesSeeOfTheSamePicture) {
+  SimCameraOptions options;
+  options.mosaic = "GBRG";
+  options.sensor.read_sd = options.sensor.gain = 0.0;
+  const auto first_frame = [&](const std::string& mosaic) {
+    options.mosaic = mosaic;
+    static EmissionTimeline* const still = [] {
+      auto* made = new EmissionTimeline;
+      made->add_monitor({.name = "back", .width_px = 8, .height_px = 6});
+      auto picture = std::make_shared<Image16>(8, 6);
+      for (size_t i = 0; i < picture->samples.size(); ++i)
+        picture->samples[i] = static_cast<std::uint16_t>(i * 7919);
+      made->add_picture("back",
+                        {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
+      made->set_horizon("back", monotonic_now() + std::chrono::hours(1));
+      return made;
+    }();
+    const auto camera = SimCamera::create(options, *still).value();
+    EXPECT_EQ(camera->describe().camera().mosaic(), mosaic);
+    EXPECT_TRUE(camera->start(4.0).ok());
+    std::optional<CapturedFrame> frame;
+    while (!frame) frame = camera->next(milliseconds(500));
+    return frame->image().value();
+  };
+  const Image16 whole = first_frame(""), raw = first_frame("GBRG");
+  EXPECT_EQ(raw.channels, 1);
+  EXPECT_EQ(raw.samples, sampled(whole, Mosaic::parse("GBRG").value()).samples);
+  options.mosaic = "RGBG";
+  EXPECT_TRUE(absl::IsInvalidArgument(SimCamera::create(options, changing_light()).status()));
+}
+
 TEST(SimCamera, SeesAMovingSceneWhereItIsByTheCamerasClock) {
   constexpr int kSide_px = 24;
   EmissionTimeline timeline;
