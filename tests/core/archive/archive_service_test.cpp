@@ -168,11 +168,11 @@ TEST_F(ArchiveService, ToldWhereItLiesASecondReaderFindsTheSameDirectory) {
   const std::shared_ptr<LocalArchive> local = LocalArchive::open(place);
   ASSERT_NE(local, nullptr);
   EXPECT_EQ(LocalArchive::open(place), local) << "one is enough";
-  const auto mapped = local->map(MadeArchive::file(2), MadeArchive::kWidth, MadeArchive::kHeight);
+  const auto mapped = local->map(MadeArchive::file(2), {MadeArchive::kWidth, MadeArchive::kHeight});
   ASSERT_TRUE(mapped.ok()) << mapped.status();
   EXPECT_EQ((*mapped)->bytes(), bytes_of(node_->archive() / MadeArchive::file(2)));
-  EXPECT_FALSE(local->map(MadeArchive::file(2), MadeArchive::kWidth, MadeArchive::kHeight + 1).ok());
-  EXPECT_FALSE(local->map(MadeArchive::file(2), MadeArchive::kHeight, MadeArchive::kWidth).ok());
+  EXPECT_FALSE(local->map(MadeArchive::file(2), {MadeArchive::kWidth, MadeArchive::kHeight + 1}).ok());
+  EXPECT_FALSE(local->map(MadeArchive::file(2), {MadeArchive::kHeight, MadeArchive::kWidth}).ok());
 
   for (int other = 0; other < 4; ++other) {
     v1::LocateArchiveResponse elsewhere = place;
