@@ -91,8 +91,7 @@ struct FrameStack {
 // All rows of all frames, with the brightness drift of the monitors. The stack owns the mappings.
 absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> archive);
 
-// INVALID_ARGUMENT names a needed frame whose sample count differs from that of the stack's rows, or from the
-// camera's channels.
+// INVALID_ARGUMENT names a needed frame whose sample count is not that of the stack's rows.
 absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& manifest,
                         const std::vector<int>& needed);
 
@@ -120,7 +119,8 @@ class PreparedMethod {
 class Method {
  public:
   virtual ~Method() = default;
-  // Whether prepared methods solve stacks of a mosaic: each photosite for its own channel.
+  // Whether prepared methods solve stacks of a mosaic: each photosite for its own channel. If not, they get
+  // its frames interpolated.
   virtual bool solves_mosaics() const { return false; }
   // `manifest` carries the noise of light (LinearStack::manifest_of_light); the result keeps no reference to
   // it. FAILED_PRECONDITION says what the archive lacks.

@@ -9,6 +9,7 @@
 
 #include "core/base/status.h"
 #include "solver/background/stage_maps.h"
+#include "solver/mosaic/interpolated_stack.h"
 #include "solver/mosaic/mosaic_matte.h"
 
 namespace glasswing {
@@ -54,33 +55,47 @@ absl::StatusOr<PreparedSolve> PreparedSolve::create(const Method& method,
                                                     const v1::CaptureManifest& manifest) {
   GW_ASSIGN_OR_RETURN(LinearStack linear, LinearStack::create(manifest));
   GW_ASSIGN_OR_RETURN(Shading shading, Shading::create(manifest));
-  if (!manifest.camera().mosaic().empty() && !method.solves_mosaics()) {
-    return absl::FailedPreconditionError(fmt::format(
-        "the frames are a mosaic ({}), one channel a photosite; of the methods of stills only gaussian "
-        "solves those",
-        manifest.camera().mosaic()));
-  }
+  const std::optional<Mosaic> mosaic = mosaic_of(manifest.camera());
+  const bool interpolates = mosaic && !method.solves_mosaics();
   v1::CaptureManifest of_light = linear.manifest_of_light(manifest);
+  if (interpolates) of_light.mutable_camera()->clear_mosaic();
   GW_ASSIGN_OR_RETURN(std::unique_ptr<PreparedMethod> prepared, method.prepare(of_light));
-  return PreparedSolve(std::move(of_light), std::move(linear), std::move(shading), std::move(prepared));
+  PreparedSolve solve(std::move(of_light), std::move(linear), std::move(shading), std::move(prepared));
+  if (interpolates) solve.interpolated_ = mosaic;
+  return solve;
 }
 
 absl::Status PreparedSolve::map_stage(const RowReader& read,
                                       const std::vector<std::array<float, 3>>& brightness) {
   const auto read_light = [&](int row, const std::vector<int>& frames) -> absl::StatusOr<FrameStack> {
-    GW_ASSIGN_OR_RETURN(std::vector<std::uint16_t> samples, read(row, frames));
-    const auto owner = std::make_shared<const std::vector<std::uint16_t>>(std::move(samples));
+    const int first = interpolated_ ? std::max(row - kInterpolationReach, 0) : row;
+    const int end =
+        interpolated_ ? std::min(row + kInterpolationReach + 1, manifest_.camera().height_px()) : row + 1;
     FrameStack stack{.width_px = manifest_.camera().width_px(),
-                     .first_row = row,
-                     .row_count = 1,
+                     .first_row = first,
+                     .row_count = end - first,
                      .rows = {},
-                     .owner = owner,
+                     .owner = nullptr,
                      .brightness = brightness,
-                     .mosaic = mosaic_of(manifest_.camera())};
+                     .mosaic = interpolated_ ? interpolated_ : mosaic_of(manifest_.camera())};
     stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
-    const size_t count = shape_of(manifest_.camera()).row_samples();
-    for (size_t i = 0; i < frames.size(); ++i)
-      stack.rows[static_cast<size_t>(frames[i])] = std::span(*owner).subspan(i * count, count);
+    const auto count = static_cast<size_t>(stack.width_px) * static_cast<size_t>(stack.samples_per_pixel());
+    const size_t frame_samples = count * static_cast<size_t>(stack.row_count);
+    const auto owner = std::make_shared<std::vector<std::uint16_t>>(frames.size() * frame_samples);
+    for (int y = 0; y < stack.row_count; ++y) {
+      GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples, read(first + y, frames));
+      for (size_t i = 0; i < frames.size(); ++i) {
+        std::copy_n(
+            samples.begin() + static_cast<std::ptrdiff_t>(i * count), count,
+            owner->begin() + static_cast<std::ptrdiff_t>(i * frame_samples + static_cast<size_t>(y) * count));
+      }
+    }
+    for (size_t i = 0; i < frames.size(); ++i) {
+      stack.rows[static_cast<size_t>(frames[i])] =
+          std::span<const std::uint16_t>(*owner).subspan(i * frame_samples, frame_samples);
+    }
+    stack.owner = owner;
+    if (interpolated_) stack = interpolated_rows(stack, frames, row - first, 1);
     return linear_.of(std::move(stack));
   };
   GW_ASSIGN_OR_RETURN(StageMaps maps, measure_stage_maps(manifest_, frames_needed(), read_light));
@@ -89,6 +104,7 @@ absl::Status PreparedSolve::map_stage(const RowReader& read,
 }
 
 int PreparedSolve::margin_rows() const {
+  if (interpolated_) return kInterpolationReach;
   return manifest_.camera().mosaic().empty() ? 0 : kMosaicReach;
 }
 
@@ -109,7 +125,8 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
       const int first = band * band_rows;
       auto& solved = bands[static_cast<size_t>(band)];
       const int count = std::min(band_rows, stack.row_count - first);
-      FrameStack rows = rows_of(stack, needed, first, count);
+      FrameStack rows = interpolated_ ? interpolated_rows(stack, needed, first, count)
+                                      : rows_of(stack, needed, first, count);
       rows.stage_maps = stage_maps_;
       solved = method_->solve(linear_.of(std::move(rows)));
       if (!solved->ok()) failed = true;
@@ -126,7 +143,11 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
     if (band && !band->ok()) return band->status();
   }
   if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
-  if (band_count == 0) return method_->solve(linear_.of(stack));
+  if (band_count == 0) {
+    FrameStack none = stack;
+    if (interpolated_) none.mosaic.reset();
+    return method_->solve(linear_.of(std::move(none)));
+  }
   const Matte& first = **bands.front();
   Matte whole(first.x0_px(), first.y0_px(), first.width_px(), stack.row_count, first.modes_per_channel());
   whole.metadata = first.metadata;
@@ -136,7 +157,11 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
   }
   for (const auto& band : bands) whole.put(**band);
   remove_fall_off(shading_, whole);
-  if (stack.mosaic) {
+  if (interpolated_) {
+    whole.metadata.add_warnings(
+        "the sensor measures one colour at each pixel, and the others were interpolated before solving, "
+        "which mixes neighbours' light; method gaussian solves what was measured");
+  } else if (stack.mosaic) {
     whole.metadata.set_mosaic(manifest_.camera().mosaic());
     fill_channels(whole, *stack.mosaic, thread_count);
   }

@@ -28,13 +28,13 @@ class PreparedSolve {
   absl::Status map_stage(const RowReader& read, const std::vector<std::array<float, 3>>& brightness);
 
   // How many rows of the stack on either side of those that are wanted a matte needs, where the picture has
-  // them: of a mosaic, whose missing channels are filled in from pixels around (solver/mosaic).
+  // them: of a mosaic, whose missing channels come from pixels around (solver/mosaic).
   int margin_rows() const;
 
   // The matte of all rows of the stack, of which margin_rows() at either end are right at the picture's edge
-  // only. `thread_count` 0: one for each core. `stop` is checked between bands
-  // and gives CANCELLED. If bands fail, the error of the first one. `progress` receives the share of rows
-  // that are solved, after each band and from any thread.
+  // only. `thread_count` 0: one for each core. `stop` is checked between bands and gives CANCELLED. If bands
+  // fail, the error of the first one. `progress` receives the share of rows that are solved, after each band
+  // and from any thread.
   absl::StatusOr<Matte> solve_in_bands(const FrameStack& stack, int thread_count = 0,
                                        std::stop_token stop = {},
                                        const std::function<void(double)>& progress = nullptr) const;
@@ -52,6 +52,7 @@ class PreparedSolve {
   Shading shading_;
   std::unique_ptr<PreparedMethod> method_;
   std::shared_ptr<const StageMaps> stage_maps_;
+  std::optional<Mosaic> interpolated_;  // of frames whose colours the method wants at every pixel
 };
 
 // Prepares and solves one stack, on smooth maps of its empty stage if it has all rows of the picture.

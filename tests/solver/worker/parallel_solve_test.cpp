@@ -75,14 +75,42 @@ TEST(ParallelSolve, EveryRowIsSolvedOnce) {
   }
 }
 
-TEST(ParallelSolve, AMosaicIsRefusedByMethodsThatDoNotSolveIt) {
+// A picture whose channels are linear in x and y comes back from its mosaic as it was, but for what lies at
+// the picture's edge, whichever rows are solved by which thread and on whichever row the stack begins.
+TEST(ParallelSolve, MethodsThatDoNotSolveMosaicsGetThemInterpolated) {
+  constexpr int kHeight_px = 24, kWide_px = 9;
   v1::CaptureManifest manifest;
-  manifest.mutable_camera()->set_width_px(kWidth_px);
+  manifest.mutable_camera()->set_width_px(kWide_px);
+  manifest.mutable_camera()->set_height_px(kHeight_px);
   manifest.mutable_camera()->set_mosaic("GRBG");
-  manifest.add_frames();
-  const absl::Status status = PreparedSolve::create(Copying(), manifest).status();
-  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
-  EXPECT_NE(std::string(status.message()).find("mosaic (GRBG)"), std::string::npos) << status;
+  manifest.add_frames()->mutable_stimulus()->set_kind("solid");
+  const Mosaic mosaic = Mosaic::parse("GRBG").value();
+  const auto light = [](int x, int y, int c) {
+    return static_cast<std::uint16_t>(2000 * c + 100 * x + (50 + 10 * c) * y);
+  };
+  std::vector<std::uint16_t> sites;
+  for (int y = 0; y < kHeight_px; ++y) {
+    for (int x = 0; x < kWide_px; ++x) sites.push_back(light(x, y, mosaic.channel(x, y)));
+  }
+  for (const int first : {0, 1, 6}) {
+    const int count = kHeight_px - 2 * first;
+    const FrameStack stack{.width_px = kWide_px,
+                           .first_row = first,
+                           .row_count = count,
+                           .rows = {std::span(sites).subspan(static_cast<size_t>(first * kWide_px),
+                                                             static_cast<size_t>(count * kWide_px))},
+                           .owner = nullptr,
+                           .mosaic = mosaic};
+    const Matte matte = solve_in_bands(Copying(), manifest, stack, 2).value();
+    for (int y = 1; y + 1 < count; ++y) {
+      for (int x = 1; x + 1 < kWide_px; ++x)
+        EXPECT_NEAR(matte.foreground(x, y)[0], static_cast<float>(light(x, first + y, 0)) / 65535.0f, 1e-6)
+            << x << " " << y;
+    }
+    EXPECT_TRUE(matte.metadata.mosaic().empty());
+    ASSERT_EQ(matte.metadata.warnings_size(), 1);
+    EXPECT_NE(matte.metadata.warnings(0).find("interpolated"), std::string::npos);
+  }
 }
 
 TEST(ParallelSolve, StopsWhenAsked) {
