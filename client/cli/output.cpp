@@ -128,6 +128,12 @@ std::string tiles_text(const v1::Session& session) {
   return fmt::format("{} of {} tiles", session.tiles_done(), session.tile_count());
 }
 
+absl::Status cannot_write(const std::string& output) {
+  return absl::UnavailableError(
+      fmt::format("cannot write {}; its directory must be there and writable, with room on the disk",
+                  output == "-" ? "standard output" : output));
+}
+
 std::string waiting_text(const v1::Session& session) {
   const v1::Waiting& waiting = session.waiting();
   if (!session.has_waiting()) return "";

@@ -1,6 +1,7 @@
-// Writes answers to standard output.
+// Writes answers to standard output, and says why a file was not written.
 #pragma once
 
+#include <absl/status/status.h>
 #include <google/protobuf/message.h>
 
 #include <cstdint>
@@ -38,9 +39,8 @@ std::string unsolved_text(std::int64_t pixels);
 // Progress of the solve: "3 of 40 tiles".
 std::string tiles_text(const v1::Session& session);
 
-// What the session waits for, in the server's words: "no solver is running, since 2026-01-31T12:00:00Z; start
-// one:
-// ...". Empty: for nothing.
+// What the session waits for, in the server's words: "no solver is running, since 2026-01-31T12:00:00Z;
+// start one: ...". Empty: for nothing.
 std::string waiting_text(const v1::Session& session);
 
 // One line: "session vase is captured: 311 steps (2 retaken) in 10.4 s, 1260 frames taken".
@@ -55,6 +55,9 @@ int frames_to_solve(const v1::Session& session);  // of a video: the captured on
 
 // Formats ascending numbers: "3, 17 to 20".
 std::string ranges_text(const google::protobuf::RepeatedField<std::int32_t>& numbers);
+
+// UNAVAILABLE. `output` is a path, or "-" for standard output.
+absl::Status cannot_write(const std::string& output);
 
 // "9.2 s", "3 min 20 s"
 std::string seconds_text(double seconds);

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <utility>
 
+#include "client/cli/monitor_argument.h"
 #include "client/layouts/layout_guess.h"
 #include "core/base/status.h"
 
@@ -14,7 +15,7 @@ namespace {
 constexpr const char* kAuto = "auto";
 
 absl::StatusOr<v1::Monitor> only_monitor(const PhotographOptions& options) {
-  if (options.monitors.size() == 1) return monitor_of(options.monitors.front());
+  if (options.monitors.size() == 1) return parse_monitor_argument(options.monitors.front());
   return absl::InvalidArgumentError(fmt::format(
       "--monitor is given {} times; --layout needs it once, as 1920x1080: photographs do not show how "
       "many pixels a monitor has",

@@ -7,16 +7,15 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <sstream>
 #include <string_view>
 
+#include "client/cli/monitor_argument.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
-#include "core/frame/archive.h"
 #include "core/pattern/pattern.h"
 #include "core/pattern/stimulus_kind.h"
 
@@ -148,7 +147,7 @@ class Reader {
     if (!columns_.empty())
       return bad(fmt::format("#{} comes after the header row; it must come before", key));
     if (key == "monitor") {
-      GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, monitor_of(value));
+      GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, parse_monitor_argument(value));
       if (options_.monitors.empty()) *list_.manifest.add_monitors() = monitor;
     } else if (key == "response") {
       if (!options_.response) list_.response = value;
@@ -207,7 +206,7 @@ class Reader {
     }
     columns_ = cells;
     for (const std::string& text : options_.monitors) {
-      GW_ASSIGN_OR_RETURN(*list_.manifest.add_monitors(), monitor_of(text));
+      GW_ASSIGN_OR_RETURN(*list_.manifest.add_monitors(), parse_monitor_argument(text));
     }
     if (list_.manifest.monitors().empty())
       return bad("no monitor is named before the header row; add #monitor back:1920x1080, or --monitor");
@@ -260,29 +259,6 @@ class Reader {
 };
 
 }  // namespace
-
-absl::StatusOr<v1::Monitor> monitor_of(const std::string& text) {
-  char name[65] = "monitor";
-  int width = 0, height = 0, read = 0;
-  const bool named = std::sscanf(text.c_str(), "%64[^:]:%dx%d%n", name, &width, &height, &read) == 3;
-  if (!named) std::snprintf(name, sizeof name, "monitor");
-  const bool parsed = (named || std::sscanf(text.c_str(), "%dx%d%n", &width, &height, &read) == 2) &&
-                      static_cast<size_t>(read) == text.size();
-  const auto good = [](int side) { return side >= 1 && side <= kMaxSide_px; };
-  if (!parsed || !good(width) || !good(height)) {
-    return bad(
-        fmt::format("monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, or WIDTHxHEIGHT, "
-                    "each side 1 to {} "
-                    "px",
-                    text, kMaxSide_px));
-  }
-  v1::Monitor monitor;
-  monitor.set_name(name);
-  monitor.set_width_px(width);
-  monitor.set_height_px(height);
-  monitor.set_response("linear");
-  return monitor;
-}
 
 std::string PhotographList::place(int frame) const {
   if (lines.empty()) return path.string();

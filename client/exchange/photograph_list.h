@@ -32,10 +32,6 @@ struct PhotographList {
   std::string place(int frame) const;
 };
 
-// Parses "NAME:WIDTHxHEIGHT", or "WIDTHxHEIGHT" of a monitor that is called "monitor". INVALID_ARGUMENT: it
-// is not of that form.
-absl::StatusOr<v1::Monitor> monitor_of(const std::string& text);
-
 // INVALID_ARGUMENT names the file, the line, the wrong value and what would be accepted. NOT_FOUND: no such
 // file.
 absl::StatusOr<PhotographList> read_photograph_list(const std::filesystem::path& path,

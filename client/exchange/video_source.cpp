@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "client/cli/interrupt.h"
+#include "client/cli/monitor_argument.h"
 #include "client/cli/progress.h"
 #include "client/exchange/frame_source.h"
 #include "client/pictures/video_file.h"
@@ -27,7 +28,7 @@ absl::StatusOr<v1::CaptureManifest> header_of(const VideoOptions& options) {
         "--monitor is given {} times; a video needs it once, as back:1920x1080", monitors.size()));
   v1::CaptureManifest manifest;
   manifest.set_format_version(1);
-  GW_ASSIGN_OR_RETURN(*manifest.add_monitors(), monitor_of(monitors.front()));
+  GW_ASSIGN_OR_RETURN(*manifest.add_monitors(), parse_monitor_argument(monitors.front()));
   return manifest;
 }
 

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "client/cli/output.h"
 #include "client/live/live_window.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
@@ -23,12 +24,6 @@ struct Close {
   }
 };
 using File = std::unique_ptr<std::FILE, Close>;
-
-absl::Status cannot_write(const std::string& output) {
-  return absl::UnavailableError(
-      fmt::format("cannot write {}; its directory must be there and writable, with room on the disk",
-                  output == "-" ? "standard output" : output));
-}
 
 // https://wiki.multimedia.cx/index.php/YUV4MPEG2, with the colours of ITU-R BT.601, range 16 to 235.
 class VideoStream final : public LiveOutput {

@@ -21,6 +21,7 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/pattern/plan.h"
+#include "core/radiometry/tone_curve.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 
 namespace glasswing {
@@ -29,7 +30,6 @@ namespace {
 constexpr std::chrono::minutes kFitTimeout(10);
 constexpr double kLongestMs = 16.0;      // longest exposure of the ladder, unless the plan has a longer one
 constexpr double kUnknownWhiteMs = 5.0;  // white_ms of an uncalibrated camera
-constexpr int kMaxCurveBits = 12;        // codes of more bits have no curve (core/radiometry/tone_curve)
 
 constexpr const char* kCameraGuide =
     "Measuring which light the camera's codes stand for. Nothing on the stage, the room dark or its light "

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "client/cli/output.h"
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
@@ -94,8 +95,7 @@ absl::Status replace_file(const fs::path& path, const std::string& bytes) {
   std::error_code error;
   if (out) fs::rename(temporary, path, error);
   if (out && !error) return absl::OkStatus();
-  return absl::UnavailableError(fmt::format(
-      "cannot write {}; its directory must be there and writable, with room on the disk", path.string()));
+  return cannot_write(path.string());
 }
 
 void print_line(const v1::PreviewResponse& shown, const PreviewArguments& arguments, bool json) {

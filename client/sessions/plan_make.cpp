@@ -28,7 +28,7 @@ absl::Status make(const Client& client, const PlanMakeArguments& arguments) {
     absl::StatusOr<RigView> view = read_rig_view(client, "");
     if (!view.ok()) {
       return absl::Status(view.status().code(),
-                          fmt::format("{}; or name the monitors: --monitor back=1920x1080",
+                          fmt::format("{}; or name the monitors: --monitor back:1920x1080",
                                       std::string(view.status().message())));
     }
     rig.monitors = std::move(view->monitors);
@@ -44,11 +44,7 @@ absl::Status make(const Client& client, const PlanMakeArguments& arguments) {
   std::ofstream out(arguments.output, std::ios::binary);
   out << text;
   out.close();
-  if (!out) {
-    return absl::UnavailableError(
-        fmt::format("cannot write {}; its directory must be there and writable, with room on the disk",
-                    arguments.output));
-  }
+  if (!out) return cannot_write(arguments.output);
   std::cerr << fmt::format("{}: {} images with the object; what it costs: glasswing plan estimate {}\n",
                            arguments.output, images_of(plan, rig), arguments.output);
   return absl::OkStatus();
@@ -66,7 +62,7 @@ void add_plan_make_command(CLI::App& plan, Client& client) {
       "Examples:\n"
       "  glasswing plan make --for-rig -o vase.txtpb\n"
       "  glasswing plan make --for-rig --quality best --images 800 -o vase.txtpb\n"
-      "  glasswing plan make --monitor back=1920x1080 --quality draft");
+      "  glasswing plan make --monitor back:1920x1080 --quality draft");
   auto arguments = std::make_shared<PlanMakeArguments>();
   add_rig_limits_options(command, arguments->rig);
   std::vector<std::string> names;

@@ -2,37 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
-
+#include "client/cli/monitor_argument.h"
 #include "client/cli/rig_view.h"
-#include "core/base/name.h"
 #include "core/base/status.h"
 
 namespace glasswing {
-namespace {
-
-constexpr int kMaxSide_px = 16384;  // as of a plan's monitors
-
-}  // namespace
-
-absl::StatusOr<v1::Monitor> parse_monitor(const std::string& text) {
-  char name[65] = "";
-  int width_px = 0, height_px = 0, read = 0;
-  const auto is_side = [](int side_px) { return side_px >= 1 && side_px <= kMaxSide_px; };
-  if (std::sscanf(text.c_str(), "%64[^=]=%dx%d%n", name, &width_px, &height_px, &read) != 3 ||
-      static_cast<size_t>(read) != text.size() || !is_side(width_px) || !is_side(height_px) ||
-      !check_name("monitor", name).ok()) {
-    return absl::InvalidArgumentError(
-        fmt::format("--monitor is \"{}\"; it must be NAME=WxH, with sides of 1 to {} px: back=1920x1080",
-                    text, kMaxSide_px));
-  }
-  v1::Monitor monitor;
-  monitor.set_name(name);
-  monitor.set_width_px(width_px);
-  monitor.set_height_px(height_px);
-  return monitor;
-}
-
 absl::StatusOr<RigLimits> read_rig_limits(const Client& client, const RigLimitsArguments& arguments,
                                           const std::string& camera) {
   RigLimits limits;
@@ -47,7 +21,11 @@ absl::StatusOr<RigLimits> read_rig_limits(const Client& client, const RigLimitsA
   }
   if (!arguments.monitors.empty()) limits.monitors.clear();
   for (const std::string& text : arguments.monitors) {
-    GW_ASSIGN_OR_RETURN(v1::Monitor monitor, parse_monitor(text));
+    if (text.find(':') == std::string::npos) {
+      return absl::InvalidArgumentError(
+          fmt::format("--monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080", text));
+    }
+    GW_ASSIGN_OR_RETURN(v1::Monitor monitor, parse_monitor_argument(text));
     limits.monitors.push_back(std::move(monitor));
   }
   return limits;
@@ -56,7 +34,7 @@ absl::StatusOr<RigLimits> read_rig_limits(const Client& client, const RigLimitsA
 void add_rig_limits_options(CLI::App& command, RigLimitsArguments& arguments) {
   command.add_flag("--for-rig", arguments.for_rig, "for the monitors and the camera of the server's rig");
   command.add_option("--monitor", arguments.monitors, "for a monitor of this size, in px; may be repeated")
-      ->type_name("NAME=WxH")
+      ->type_name("NAME:WxH")
       ->allow_extra_args(false);
   command
       .add_option("--blur", arguments.blur_px,

@@ -14,15 +14,12 @@ namespace glasswing {
 
 struct RigLimitsArguments {
   bool for_rig = false;
-  std::vector<std::string> monitors;  // NAME=WxH
+  std::vector<std::string> monitors;  // NAME:WIDTHxHEIGHT
   double blur_px = 0.0;
 };
 
 // Adds --for-rig, --monitor and --blur.
 void add_rig_limits_options(CLI::App& command, RigLimitsArguments& arguments);
-
-// "back=1920x1080". INVALID_ARGUMENT says what would be accepted.
-absl::StatusOr<v1::Monitor> parse_monitor(const std::string& text);
 
 // With --for-rig the server's monitors and `camera` (empty: any); those of --monitor replace the server's.
 absl::StatusOr<RigLimits> read_rig_limits(const Client& client, const RigLimitsArguments& arguments,

@@ -1,9 +1,10 @@
 #include "core/base/time.h"
 
+#include <absl/time/clock.h>
+#include <absl/time/time.h>
+
 #include <cerrno>
 #include <ctime>
-
-#include "core/base/utc.h"
 
 namespace glasswing {
 
@@ -22,6 +23,10 @@ void sleep_until_monotonic(nanoseconds deadline) {
 
 std::string utc_now_rfc3339() {
   return utc_rfc3339_ago(nanoseconds(0));
+}
+
+std::string utc_rfc3339_ago(nanoseconds ago) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", absl::Now() - absl::FromChrono(ago), absl::UTCTimeZone());
 }
 
 }  // namespace glasswing

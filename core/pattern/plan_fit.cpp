@@ -194,8 +194,7 @@ void add_camera_misfits(const v1::Plan& plan, const RigLimits& rig, std::vector<
     if (needed <= still_ms) continue;
     out.push_back(
         fmt::format("an exposure of {:g} ms needs {:.4g} ms with the camera's readout and frame time; a "
-                    "picture stands still for "
-                    "{:.4g} ms: set hold_refreshes to {:.0f}, or expose shorter",
+                    "picture stands still for {:.4g} ms: set hold_refreshes to {:.0f}, or expose shorter",
                     exposure_ms, needed, still_ms, std::ceil(needed * refresh_hz / 1e3)));
   }
 }
@@ -214,7 +213,7 @@ int images_of(const v1::Plan& plan, const RigLimits& rig) {
 absl::StatusOr<v1::Plan> make_plan(const PlanWish& wish, const RigLimits& rig) {
   if (rig.monitors.empty())
     return absl::InvalidArgumentError(
-        "there is no monitor to make a plan for; name one: --monitor back=1920x1080");
+        "there is no monitor to make a plan for; name one: --monitor back:1920x1080");
   const double scale = std::sqrt(longest_side(rig) / kUsualSide_px);
   const double sigma_px = kUsualSigma_px * scale * (wish.quality == PlanQuality::kBest ? 0.5 : 1.0);
   v1::Plan plan;
@@ -239,8 +238,7 @@ std::vector<std::string> misfits(const v1::Plan& plan, const RigLimits& rig) {
   if (sigma_px > 0.0 && sigma_px < rig.blur_px) {
     out.push_back(
         fmt::format("stripes of sigma_px {:g} are narrower than the blur of camera and monitor, {:.3g} px: "
-                    "they cost steps and show "
-                    "no finer detail; sigma_px: {:g} suffices",
+                    "they cost steps and show no finer detail; sigma_px: {:g} suffices",
                     sigma_px, rig.blur_px, rounded(rig.blur_px + 0.25)));
   }
   add_camera_misfits(plan, rig, out);

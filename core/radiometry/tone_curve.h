@@ -28,9 +28,13 @@
 
 namespace glasswing {
 
+// Of a monitor that has tone curves; more bits are taken for light as they are.
+inline constexpr int kMaxCurveBits = 12;
+
 class ToneCurve {
  public:
-  // Radiances of all 2^bits codes, 8 to 12 bits. INVALID_ARGUMENT if it falls, or does not go from 0 to 1.
+  // Radiances of all 2^bits codes, 8 to kMaxCurveBits bits. INVALID_ARGUMENT if it falls, or does not go from
+  // 0 to 1.
   static absl::StatusOr<ToneCurve> create(std::vector<double> radiances);
   // A power law; exponent > 0.
   static ToneCurve power(double exponent, int bits);

@@ -5,12 +5,12 @@
 #include <algorithm>
 
 #include "core/base/status.h"
+#include "core/radiometry/tone_curve.h"
 
 namespace glasswing {
 namespace {
 
 constexpr int kFormatVersion = 1;
-constexpr int kMaxBits = 12;  // of a tone curve
 constexpr std::array<const char*, 3> kPrimaries = {"red", "green", "blue"};
 
 absl::StatusOr<Dither> dither_of(const v1::DisplayCalibration& calibration, const ScreenInfo& screen) {
@@ -22,11 +22,11 @@ absl::StatusOr<Dither> dither_of(const v1::DisplayCalibration& calibration, cons
     return bad(
         fmt::format("has format_version {}; it must be {}", calibration.format_version(), kFormatVersion));
   }
-  if (screen.bits > kMaxBits) {
+  if (screen.bits > kMaxCurveBits) {
     return bad(
         fmt::format("cannot be used: the monitor's codes have {} bits; they must have 8 to {} "
                     "(glasswing-display --bits)",
-                    screen.bits, kMaxBits));
+                    screen.bits, kMaxCurveBits));
   }
   const MonitorSize size = pattern_size_of(screen);
   if (calibration.bits() != screen.bits || calibration.width_px() != size.width_px ||

@@ -165,8 +165,8 @@ void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> 
     const nanoseconds now = monotonic_now();
     if (lost_at == nanoseconds(0) || session.proven_count() > proven_before || no_room) lost_at = now;
     if (now - lost_at > kNodeGrace) break;
-    const std::string reason = fmt::format("waiting{}: {}", no_room ? " for room" : "", outcome.reason);
-    if (!session.reason().starts_with("waiting")) spdlog::warn("{} session={}", reason, session.name());
+    const std::string reason = fmt::format("{}: {}", no_room ? kWaitsForRoom : kWaitsForNode, outcome.reason);
+    if (!session.reason().starts_with(kWaitsForNode)) spdlog::warn("{} session={}", reason, session.name());
     session.set_reason(reason);
     sessions_.edit().show(session);
     if (!pause(stop, std::chrono::seconds(1))) {

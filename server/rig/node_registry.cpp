@@ -14,7 +14,7 @@
 #include "core/base/descriptor.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
-#include "core/base/utc.h"
+#include "core/base/time.h"
 
 namespace glasswing {
 namespace {

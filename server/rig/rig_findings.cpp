@@ -8,6 +8,7 @@
 
 #include "core/pattern/describe_step.h"
 #include "core/pattern/id_patch.h"
+#include "core/radiometry/tone_curve.h"
 
 namespace glasswing {
 namespace {
@@ -23,7 +24,6 @@ constexpr double kWellProven = 0.9, kHardlyProven = 0.3;
 constexpr double kManyRetaken = 0.05;
 constexpr double kRateOff = 0.05;  // of the camera's declared rate
 constexpr nanoseconds kSyncAgrees = microseconds(300);
-constexpr int kMaxCurveBits = 12;  // codes of more bits have no curve (core/radiometry/tone_curve)
 
 double ms(nanoseconds time) {
   return 1e-6 * static_cast<double>(time.count());

@@ -26,20 +26,20 @@ struct OwnReason {
   std::string_view begin, what, advice;
 };
 constexpr OwnReason kOwnReasons[] = {
-    {"waiting for room on the server's disk: ", "the server's disk is full: ",
-     "free space there; the solve then goes on by itself"},
-    {"waiting for the job store: ", "the job store does not answer: ",
-     "start it; the solve then goes on by itself"},
-    {"waiting for room: ", "the camera node's disk is full: ",
-     "free space there; the capture then goes on by itself"},
-    {"waiting: ", "", "start it again; after half a minute the capture pauses, and loses nothing"},
+    {kWaitsForServerRoom,
+     "the server's disk is full: ", "free space there; the solve then goes on by itself"},
+    {kWaitsForStore, "the job store does not answer: ", "start it; the solve then goes on by itself"},
+    {kWaitsForRoom,
+     "the camera node's disk is full: ", "free space there; the capture then goes on by itself"},
+    {kWaitsForNode, "", "start it again; after half a minute the capture pauses, and loses nothing"},
 };
 
 std::optional<v1::Waiting> own_waiting(const v1::Session& session) {
   for (const OwnReason& own : kOwnReasons) {
-    if (!session.reason().starts_with(own.begin)) continue;
-    return waiting(std::string(own.what) + session.reason().substr(own.begin.size()),
-                   session.waiting().since(), std::string(own.advice));
+    const std::string begin = fmt::format("{}: ", own.begin);
+    if (!session.reason().starts_with(begin)) continue;
+    return waiting(std::string(own.what) + session.reason().substr(begin.size()), session.waiting().since(),
+                   std::string(own.advice));
   }
   return std::nullopt;
 }

@@ -12,11 +12,17 @@
 #include <absl/status/status.h>
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "glasswing/v1/session.pb.h"
 
 namespace glasswing {
+
+// How the reason of a running capture or solve begins while it waits: "waiting for room: " and why.
+inline constexpr std::string_view kWaitsForNode = "waiting", kWaitsForRoom = "waiting for room",
+                                  kWaitsForServerRoom = "waiting for room on the server's disk",
+                                  kWaitsForStore = "waiting for the job store";
 
 // "paused"
 std::string state_of(const v1::Session& session);

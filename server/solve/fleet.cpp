@@ -5,7 +5,7 @@
 #include <set>
 
 #include "core/base/name.h"
-#include "core/base/utc.h"
+#include "core/base/time.h"
 #include "server/metrics/server_metrics.h"
 
 namespace glasswing {

@@ -73,14 +73,11 @@ absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileL
 
 namespace {
 
-constexpr std::string_view kForRoom = "waiting for room on the server's disk",
-                           kForStore = "waiting for the job store";
-
 void wait_for(std::string_view what, SessionStore::Edit& edit, v1::Session session, const absl::Status& why) {
   if (session.state() != v1::SESSION_STATE_SOLVING) return;
   const std::string reason = fmt::format("{}: {}", what, std::string(why.message()));
   if (session.reason() == reason) return;
-  if (!session.reason().starts_with("waiting")) spdlog::warn("{} session={}", reason, session.name());
+  if (!session.reason().starts_with(kWaitsForNode)) spdlog::warn("{} session={}", reason, session.name());
   session.set_reason(reason);
   edit.show(session);
 }
@@ -88,15 +85,15 @@ void wait_for(std::string_view what, SessionStore::Edit& edit, v1::Session sessi
 }  // namespace
 
 void wait_for_room(SessionStore::Edit& edit, v1::Session session, const absl::Status& full) {
-  wait_for(kForRoom, edit, std::move(session), full);
+  wait_for(kWaitsForServerRoom, edit, std::move(session), full);
 }
 
 void wait_for_store(SessionStore::Edit& edit, v1::Session session, const absl::Status& away) {
-  wait_for(kForStore, edit, std::move(session), away);
+  wait_for(kWaitsForStore, edit, std::move(session), away);
 }
 
 bool waits_for_store(const v1::Session& session) {
-  return session.reason().starts_with(kForStore);
+  return session.reason().starts_with(kWaitsForStore);
 }
 
 }  // namespace glasswing

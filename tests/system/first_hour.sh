@@ -1,6 +1,6 @@
 #!/bin/bash
-# A first hour with a rig: the commands of README's "A session, step by step" as they stand there, then mistakes that
-# people make, each with what must be printed. No mistake changes what the rig holds.
+# A first hour with a rig: the commands of README's "A session, step by step" as they stand there, then common
+# mistakes, each with the message that must be printed. No mistake changes what the rig holds.
 source "$(dirname "$0")/rig.sh"
 export PATH=$bin:$PATH
 trap '"$root/deploy/local-rig" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
@@ -56,7 +56,7 @@ glasswing plan make --for-rig --quality draft -o draft.txtpb 2>printed
 says "images with the object"
 glasswing plan check draft.txtpb --for-rig 2>printed
 [[ ! -s printed ]] || fail "a plan that was made for the rig does not fit it: $(cat printed)"
-glasswing plan check deploy/plans/crystal.txtpb --monitor back=1920x1080 2>printed
+glasswing plan check deploy/plans/crystal.txtpb --monitor back:1920x1080 2>printed
 says "the finest bars are 16 px wide"
 
 plans=$root/deploy/plans
@@ -77,7 +77,7 @@ mistake 1 'the CA is vase.png; it must be a certificate in PEM' nodes --ca vase.
 mistake 1 'it must be white, gray, bars, lines, ramp or black' pattern purple
 mistake 1 'names the texture "left"; this matte has: back' composite vase.exr --background left=vase.png -o left.png
 mistake 1 'session "vase" is done; it cannot be paused' pause vase
-mistake 1 '--monitor is "back"; it must be NAME=WxH' plan make --monitor back
+mistake 1 '--monitor is "back"; it must be NAME:WIDTHxHEIGHT' plan make --monitor back
 glasswing capture "$plans/quick.txtpb" --session running >/dev/null
 mistake 1 'session running is capturing; wait for it, or cancel it first' delete running --yes
 mistake 1 'session "running" is capturing; ' fetch running -o running.exr

@@ -337,10 +337,13 @@ class Rig:
         return Session(self._connection, SessionInfo.from_message(message))
 
     def _camera_address(self, camera: str) -> str:
-        for node in self.nodes():
-            if node.kind is NodeKind.CAMERA and node.up and camera in ("", node.name):
-                return node.address
-        raise Unavailable(f'camera node "{camera}" is not up' if camera else "no camera node is up; start glasswing-camera")
+        cameras = [node for node in self.nodes() if node.kind is NodeKind.CAMERA and node.up and camera in ("", node.name)]
+        if not cameras:
+            raise Unavailable(f'camera node "{camera}" is not up' if camera else "no camera node is up; start glasswing-camera")
+        if len(cameras) > 1:
+            names = ", ".join(node.name for node in cameras)
+            raise Refused(f"the rig has several cameras, {names}; name one by camera=")
+        return cameras[0].address
 
     def _wait_until_freed(self, reason: str) -> None:
         """Waits until the server has noticed the end of the call, so that the next call finds the rig free."""

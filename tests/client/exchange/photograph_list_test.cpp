@@ -104,9 +104,7 @@ TEST_F(PhotographLists, ComplaintsNameLineValueAndWhatIsAccepted) {
            {"#monitor back:0x9\n", ":1: monitor is \"back:0x9\"; it must be NAME:WIDTHxHEIGHT"},
            {"#monitor back:9x16385\n",
             ":1: monitor is \"back:9x16385\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, or "
-            "WIDTHxHEIGHT, each side 1 "
-            "to "
-            "16384 px"},
+            "WIDTHxHEIGHT, each side 1 to 16384 px"},
            {"#scene gl\xe4ser\n", ":1: it is not UTF-8"},
            {"#exposure 3\n",
             ":1: there is no \"#exposure\"; it must be #monitor, #response, #black or #scene"},

@@ -36,6 +36,7 @@ class Server(
 
     def __init__(self) -> None:
         self.asked: list[object] = []
+        self.two_cameras = False
         self.pattern_ended = threading.Event()
         self.server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
         node_service_pb2_grpc.add_NodeServiceServicer_to_server(self, self.server)
@@ -48,7 +49,7 @@ class Server(
     def ListNodes(self, request, context):
         answer = node_service_pb2.ListNodesResponse()
         camera = answer.nodes.add(kind=node_service_pb2.NODE_KIND_CAMERA, name="camera-1", address=self.address, up=True)
-        answer.nodes.add(kind=camera.kind, name="camera-2", address="127.0.0.1:1", up=False)
+        answer.nodes.add(kind=camera.kind, name="camera-2", address="127.0.0.1:1", up=self.two_cameras)
         return answer
 
     def CheckRig(self, request, context):
@@ -118,6 +119,9 @@ class InstrumentsTest(unittest.TestCase):
         self.assertEqual((self.server.asked[0].max_fps, self.server.asked[0].max_width_px), (5.0, 640))
         with self.assertRaisesRegex(glasswing.Unavailable, 'camera node "camera-2" is not up'):
             next(self.rig.preview(camera="camera-2"))
+        self.server.two_cameras = True
+        with self.assertRaisesRegex(glasswing.Refused, "several cameras, camera-1, camera-2"):
+            next(self.rig.preview())
 
     def test_the_servers_advice_is_not_lost(self) -> None:
         with self.assertRaises(glasswing.Unavailable) as caught:

@@ -1,4 +1,4 @@
-// What keeps each kind of work from going on, and in which words it is told.
+// What each kind of work waits for, and the words that say so.
 #include "server/services/waits.h"
 
 #include <gmock/gmock.h>

@@ -1,0 +1,34 @@
+#include "client/cli/monitor_argument.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "core/base/name.h"
+#include "core/frame/archive.h"
+
+namespace glasswing {
+
+absl::StatusOr<v1::Monitor> parse_monitor_argument(const std::string& text) {
+  const size_t colon = text.find(':');
+  const std::string name = colon == std::string::npos ? "monitor" : text.substr(0, colon);
+  const std::string size = colon == std::string::npos ? text : text.substr(colon + 1);
+  int width_px = 0, height_px = 0, read = 0;
+  const auto good = [](int side_px) { return side_px >= 1 && side_px <= kMaxSide_px; };
+  if (std::sscanf(size.c_str(), "%dx%d%n", &width_px, &height_px, &read) != 2 ||
+      static_cast<size_t>(read) != size.size() || !good(width_px) || !good(height_px) ||
+      !check_name("monitor", name).ok()) {
+    return absl::InvalidArgumentError(
+        fmt::format("monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, or WIDTHxHEIGHT, "
+                    "each side 1 to {} px",
+                    text, kMaxSide_px));
+  }
+  v1::Monitor monitor;
+  monitor.set_name(name);
+  monitor.set_width_px(width_px);
+  monitor.set_height_px(height_px);
+  monitor.set_response("linear");
+  return monitor;
+}
+
+}  // namespace glasswing
