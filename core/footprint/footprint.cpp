@@ -29,9 +29,9 @@ Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, 
   return {.weight = static_cast<float>(footprint.weight),
           .x_px = static_cast<float>(footprint.x_px),
           .y_px = static_cast<float>(footprint.y_px),
-          .xx_px2 = static_cast<float>(footprint.xx_px2),
+          .xx_px2 = static_cast<float>(std::max(footprint.xx_px2, 0.0)),  // rounding may fall below no width
           .xy_px2 = static_cast<float>(footprint.xy_px2),
-          .yy_px2 = static_cast<float>(footprint.yy_px2),
+          .yy_px2 = static_cast<float>(std::max(footprint.yy_px2, 0.0)),
           .texture = texture,
           .weight_sd = known(weight_sd),
           .centre_sd_px = known(centre_sd_px)};
