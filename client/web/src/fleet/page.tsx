@@ -5,6 +5,7 @@ import type {
 } from "../gen/glasswing/v1/fleet_service_pb";
 import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
+import { Message } from "../parts/message";
 import { State } from "../parts/state";
 import { countText, secondsText } from "../parts/words";
 import "./fleet.css";
@@ -90,7 +91,7 @@ function Solvers({ solvers }: { solvers: readonly FleetSolverJson[] }) {
               </span>
             </td>
             <td data-label="Problem" class={solver.refused ? "caution-text" : ""}>
-              {solver.refused || solver.lastError || "–"}
+              <Message text={solver.refused || solver.lastError || "–"} />
             </td>
           </tr>
         ))}

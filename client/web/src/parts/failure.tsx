@@ -1,8 +1,11 @@
+import { Message } from "./message";
+import { errorText } from "./words";
+
 /** An error's message. */
 export function Failure({ error }: { error: unknown }) {
   return (
     <p class="failure" role="alert">
-      {error instanceof Error ? error.message : String(error)}
+      <Message text={errorText(error)} />
     </p>
   );
 }

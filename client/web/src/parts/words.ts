@@ -1,4 +1,6 @@
-// Formats quantities for people.
+// Formats quantities and errors for people.
+
+export const errorText = (error: unknown): string => (error instanceof Error ? error.message : String(error));
 
 export function bytesText(bytes: number): string {
   const units = ["B", "kB", "MB", "GB", "TB"];

@@ -67,7 +67,7 @@ export function Calibrations() {
     ...(known.sync?.monitors ?? []).map(syncRow),
   ];
   return (
-    <section class="card">
+    <section id="calibrations" class="card">
       <h2>Calibrations</h2>
       {error !== undefined && <Failure error={error} />}
       {rows?.length === 0 && (

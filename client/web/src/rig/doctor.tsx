@@ -2,6 +2,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import { mayOperate, stream } from "../api";
 import type { CheckRigResponseJson, FindingJson } from "../gen/glasswing/v1/rig_service_pb";
 import { Failure } from "../parts/failure";
+import { Message } from "../parts/message";
 import { State } from "../parts/state";
 import { useAction } from "../parts/use_action";
 
@@ -43,7 +44,7 @@ export function Doctor() {
     setDone(true);
   };
   return (
-    <section class="card doctor">
+    <section id="check" class="card doctor">
       <div class="row">
         <h2>Check the rig</h2>
         <button onClick={() => void act(check)} disabled={busy}>
@@ -64,7 +65,11 @@ export function Doctor() {
             <b>{subject}</b>
             <span>
               {text}
-              {advice && <span class="advice">{advice}</span>}
+              {advice && (
+                <span class="advice">
+                  <Message text={advice} />
+                </span>
+              )}
             </span>
           </li>
         ))}

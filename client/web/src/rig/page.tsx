@@ -1,6 +1,9 @@
+import { useEffect } from "preact/hooks";
 import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
+import type { PageProps } from "../pages";
 import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
+import { Message } from "../parts/message";
 import { timeText } from "../parts/words";
 import { Calibrations } from "./calibrations";
 import { ClockCharts, keepClocks } from "./clocks";
@@ -26,7 +29,9 @@ function Holder({ holder }: { holder: ListNodesResponseJson["holder"] }) {
   );
 }
 
-export default function Page() {
+/** `path`: the section to show: "check" or "calibrations". */
+export default function Page({ path: [section = ""] }: PageProps) {
+  useEffect(() => document.getElementById(section)?.scrollIntoView(), [section]);
   const { value, live, error } = useFeed(nodesWithHistory, []);
   const nodes = value?.nodes ?? [];
   const cameras = nodes.filter(({ kind }) => kind === "NODE_KIND_CAMERA").map(({ name = "" }) => name);
@@ -39,7 +44,7 @@ export default function Page() {
       {!live && <FeedFailure error={error} />}
       {value?.problems?.map((problem) => (
         <p key={problem} class="caution-text">
-          {problem}
+          <Message text={problem} />
         </p>
       ))}
       <Preview cameras={cameras} />

@@ -2,6 +2,7 @@ import { useState } from "preact/hooks";
 import { call, mayOperate } from "../api";
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import type { DeleteSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
+import { Confirm } from "../parts/confirm";
 import { Dialog } from "../parts/dialog";
 import { Failure } from "../parts/failure";
 import { useAction } from "../parts/use_action";
@@ -44,26 +45,6 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
           </button>
         </div>
       </form>
-    </Dialog>
-  );
-}
-
-function DeleteDialog({ name, close }: { name: string; close: () => void }) {
-  const { busy, error, act } = useAction();
-  const remove = async (): Promise<void> => {
-    const done = await act(() => call<DeleteSessionResponseJson>("SessionService/DeleteSession", { name }));
-    if (done) location.hash = "#/session";
-  };
-  return (
-    <Dialog title={`Delete ${name}?`} close={close}>
-      <p>Its frames and its mattes are removed for good.</p>
-      {error !== undefined && <Failure error={error} />}
-      <div class="row ends">
-        <button onClick={close}>Keep it</button>
-        <button class="danger" disabled={busy} onClick={() => void remove()}>
-          Delete
-        </button>
-      </div>
     </Dialog>
   );
 }
@@ -111,7 +92,17 @@ export function Controls({ session }: { session: SessionJson }) {
       {error !== undefined && <Failure error={error} />}
       {asked === "solve" && <SolveDialog session={session} close={() => setAsked(undefined)} />}
       {asked === "retry" && <RetryDialog name={name} close={() => setAsked(undefined)} />}
-      {asked === "remove" && <DeleteDialog name={name} close={() => setAsked(undefined)} />}
+      {asked === "remove" && (
+        <Confirm
+          title={`Delete ${name}?`}
+          action="Delete"
+          run={() => call<DeleteSessionResponseJson>("SessionService/DeleteSession", { name })}
+          done={() => (location.hash = "#/session")}
+          close={() => setAsked(undefined)}
+        >
+          <p>Its frames and mattes are removed for good.</p>
+        </Confirm>
+      )}
     </div>
   );
 }

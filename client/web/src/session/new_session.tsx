@@ -5,6 +5,7 @@ import type {
   EstimateSessionResponseJson,
 } from "../gen/glasswing/v1/session_service_pb";
 import { Failure } from "../parts/failure";
+import { Message } from "../parts/message";
 import { useAction } from "../parts/use_action";
 import { bytesText, countText, secondsText, timeText } from "../parts/words";
 import { missingPhotos, withPhotos } from "./photos";
@@ -81,7 +82,7 @@ function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
       )}
       {warnings.map((warning) => (
         <p key={warning} class="caution-text">
-          {warning}
+          <Message text={warning} />
         </p>
       ))}
     </>

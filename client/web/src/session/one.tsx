@@ -3,6 +3,7 @@ import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import type { WatchSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { FeedFailure } from "../parts/silence";
 import { useFeed, watched } from "../parts/feed";
+import { Message } from "../parts/message";
 import { State } from "../parts/state";
 import { plainName, timeText } from "../parts/words";
 import { Annotations } from "./annotations";
@@ -57,15 +58,19 @@ function Session({ session }: { session: SessionJson }) {
       <section class="card">
         {session.waiting && (
           <p class="caution-text" role="status">
-            {waitingText(session.waiting)}
+            <Message text={waitingText(session.waiting)} />
           </p>
         )}
         {session.reason && !(session.waiting && isUnderWay(session)) && (
           <p class={kindOf(session) === "bad" ? "failure" : "caution-text"} role="status">
-            {session.reason}
+            <Message text={session.reason} />
           </p>
         )}
-        {session.warning && <p class="caution-text">{session.warning}</p>}
+        {session.warning && (
+          <p class="caution-text">
+            <Message text={session.warning} />
+          </p>
+        )}
         <Progress session={session} timeline={timeline} archive={archive} />
         <Controls session={session} />
       </section>

@@ -253,12 +253,12 @@ async function survive_restart(page, rig) {
   told("and shows what is so after its return within", `${Date.now() - back} ms`);
   assert.equal(await page.locator(".session.stale").count(), 0);
   assert.equal(await proven_on(page), proven_by_cli(rig.session("second")));
-  await page.getByRole("button", { name: "Resume" }).click();
+  await page.getByRole("button", { name: "Resume second" }).click(); // in the reason
   await page.getByLabel("Follow the newest").waitFor();
   await page.getByRole("button", { name: "Pause" }).click();
   await until_state(page, "paused");
   assert.equal(rig.session("second").state, "SESSION_STATE_PAUSED");
-  await page.getByRole("button", { name: "Resume" }).click();
+  await page.getByRole("button", { name: "Resume", exact: true }).click();
   await until_state(page, "captured");
   assert.equal(await proven_on(page), proven_by_cli(rig.session("second")));
   assert.ok(await page.evaluate(() => window.not_loaded_again), "the page was loaded again");
