@@ -200,15 +200,17 @@ void Console::add_routes(const std::filesystem::path& files) {
   routes.set_mount_point(
       "/assets", (files / "assets").string(),
       {{"Cache-Control", "public, max-age=31536000, immutable"}});  // names include checksums
-  if (!routes.set_mount_point("/", files.string(), {{"Cache-Control", "no-cache"}})) {
-    routes.Get("/", [files](const Request&, Response& response) {
-      response.set_content(
-          fmt::format("The console's page is not in {}: build it with Node.js (deploy/build), "
-                      "or give its directory by --files.\n",
-                      files.string()),
-          "text/plain");
-    });
-  }
+  routes.set_mount_point("/", files.string(), {{"Cache-Control", "no-cache"}});
+  // Reached only while the folder has no page.
+  routes.Get("/", [files](const Request&, Response& response) {
+    response.status = 404;
+    response.set_content(
+        fmt::format("The console's page is not here: {} {}. Build it with Node.js (deploy/build), or name its "
+                    "folder by --files and start the console again.\n",
+                    files.string(),
+                    std::filesystem::is_directory(files) ? "has no index.html" : "is not a folder"),
+        "text/plain");
+  });
   routes.set_exception_handler([](const Request& request, Response& response, std::exception_ptr) {
     spdlog::error("console failed path={}", request.path);
     refuse(response, absl::InternalError("the console could not answer"));

@@ -150,6 +150,19 @@ json body_of(const httplib::Result& result) {
   return json::parse(result->body);
 }
 
+TEST_F(ConsoleTest, AFolderWithoutThePageSaysSoUntilItHasIt) {
+  start();
+  const std::filesystem::path page = scratch_ / "page/index.html";
+  std::filesystem::remove(page);
+  const auto empty = client().Get("/");
+  ASSERT_TRUE(empty);
+  EXPECT_EQ(empty->status, 404);
+  EXPECT_NE(empty->body.find((scratch_ / "page").string() + " has no index.html"), std::string::npos)
+      << empty->body;
+  ASSERT_TRUE(write_file_durably(page, "<!doctype html>").ok());
+  EXPECT_EQ(client().Get("/")->status, 200);
+}
+
 TEST_F(ConsoleTest, NobodyIsAnsweredButThePageBeforeLoggingIn) {
   start();
   httplib::Client stranger = client();
