@@ -9,6 +9,8 @@ export interface Me {
 
 /** The logged-in user; null: nobody; undefined: not known yet. */
 export const me = signal<Me | null | undefined>(undefined);
+/** Why the user was logged out, unless by choice. */
+export const loggedOutBy = signal<Error | undefined>(undefined);
 /** Since when the server does not answer; null: it does. */
 export const silentSince = signal<Date | null>(null);
 /** Viewers see no controls that the server would refuse. */
@@ -34,11 +36,15 @@ const kHeaders = { "Content-Type": "application/json", "X-Glasswing": "console" 
 
 async function refusal(response: Response): Promise<ApiError> {
   const said = (await response.json().catch(() => ({}))) as { code?: string; message?: string };
-  if (response.status === 401) me.value = null;
-  return new ApiError(
+  const error = new ApiError(
     said.code ?? "UNKNOWN",
     said.message ?? `the server answered ${response.status} ${response.statusText}`,
   );
+  if (response.status === 401) {
+    if (me.value) loggedOutBy.value = error;
+    me.value = null;
+  }
+  return error;
 }
 
 const isTimeout = (reason: unknown): boolean =>
@@ -161,6 +167,7 @@ export async function login(token: string): Promise<void> {
     headers: kHeaders,
     body: JSON.stringify({ token }),
   });
+  loggedOutBy.value = undefined;
   me.value = (await response.json()) as Me;
 }
 
@@ -169,9 +176,17 @@ export async function logout(): Promise<void> {
   me.value = null;
 }
 
-/** The token of a login link, "#token=...". */
-export function tokenIn(hash: string): string | undefined {
-  return /^#token=(.+)$/.exec(hash)?.[1];
+/** The token of a login link, "...#token=...", which may be empty; undefined: this is no such link. */
+export function tokenIn(link: string): string | undefined {
+  return /#token=(.*)$/.exec(link)?.[1];
+}
+
+function decoded(token: string): string {
+  try {
+    return decodeURIComponent(token);
+  } catch {
+    return "";
+  }
 }
 
 /**
@@ -182,8 +197,14 @@ export async function begin(): Promise<void> {
   const token = tokenIn(location.hash);
   if (token !== undefined) {
     const forget = (): void => history.replaceState(null, '', `${location.pathname}#/`);
-    return login(decodeURIComponent(token)).then(forget, (error: unknown) => {
-      if (!(error instanceof ApiError && error.code === 'UNAVAILABLE')) forget();
+    const logIn = async (): Promise<void> => {
+      const whole = decoded(token);
+      if (whole !== "") return login(whole);
+      me.value = null;
+      throw new Error("this link is incomplete: it must end with #token= and a token; copy all of it");
+    };
+    return logIn().then(forget, (error: unknown) => {
+      if (!(error instanceof ApiError && error.code === "UNAVAILABLE")) forget();
       throw error;
     });
   }

@@ -8,9 +8,17 @@ import { Failure } from "./parts/failure";
 import { Silence } from "./parts/silence";
 import { nextTheme, theme } from "./theme";
 
+function decoded(part: string): string {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part; // no page has such a name, and the page says so
+  }
+}
+
 function pathOf(hash: string): string[] {
   if (tokenIn(hash) !== undefined) return [];
-  return hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
+  return hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decoded);
 }
 
 const route = signal(pathOf(location.hash));
@@ -23,12 +31,13 @@ function useLogin(): unknown {
   const [error, setError] = useState<unknown>();
   useEffect(() => {
     const look = (): void => {
+      const byLink = tokenIn(location.hash) !== undefined;
       setError(undefined);
       begin().catch((reason: unknown) => {
         if (reason instanceof ApiError && reason.code === "UNAVAILABLE")
           return void setTimeout(look, kAskAgain_ms);
         me.value = null;
-        if (!(reason instanceof ApiError && reason.code === "UNAUTHENTICATED")) setError(reason);
+        if (byLink || !(reason instanceof ApiError && reason.code === "UNAUTHENTICATED")) setError(reason);
       });
     };
     const lookAgain = (): void => void (tokenIn(location.hash) !== undefined && look());
@@ -101,7 +110,7 @@ export function App() {
         ) : page ? (
           <Lazy page={page} path={path} />
         ) : (
-          <Failure error={new Error(`there is no page "${name}"`)} />
+          <Failure error={new Error(`there is no page "${name}"; the links above lead to all pages`)} />
         )}
       </main>
     </>

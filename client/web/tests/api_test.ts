@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { events } from "../src/api";
+import { events, tokenIn } from "../src/api";
 
 const kText =
   ': alive\n\ndata: {"step":1}\n\ndata: {"what":"größer"}\n\nevent: end\ndata: {"code":"OK","message":""}\n\n';
@@ -24,4 +24,11 @@ test("events are whole, wherever the stream is cut", async () => {
       { kind: "end", data: '{"code":"OK","message":""}' },
     ]);
   }
+});
+
+test("a link's token is all that follows #token=", () => {
+  expect(tokenIn("http://127.0.0.1:7480/#token=5f3a")).toBe("5f3a");
+  expect(tokenIn("#token=")).toBe("");
+  expect(tokenIn("#/session/token=5f3a")).toBeUndefined();
+  expect(tokenIn("5f3a")).toBeUndefined();
 });

@@ -1,5 +1,5 @@
 import { useState } from "preact/hooks";
-import { login } from "../api";
+import { loggedOutBy, login, tokenIn } from "../api";
 import { Failure } from "../parts/failure";
 
 /** `before`: why the login could not be checked. */
@@ -7,22 +7,23 @@ export function Login({ before }: { before: unknown }) {
   const [error, setError] = useState<unknown>();
   const submit = (event: SubmitEvent) => {
     event.preventDefault();
-    const token = new FormData(event.currentTarget as HTMLFormElement).get("token");
+    const given = String(new FormData(event.currentTarget as HTMLFormElement).get("token")).trim();
     setError(undefined);
-    login(String(token).trim()).catch(setError);
+    login(tokenIn(given) ?? given).catch(setError);
   };
+  const why = error ?? before ?? loggedOutBy.value;
   return (
     <form class="card login" onSubmit={submit}>
       <h1>Glasswing</h1>
       <label>
-        Token
+        Token, or a link with one
         <input name="token" type="password" required autocomplete="current-password" autofocus />
       </label>
       <button class="primary">Log in</button>
       <p class="note">
-        On the rig's server, <code>glasswing console token</code> makes one.
+        On the rig's server, <code>glasswing console token</code> prints a link that logs you in.
       </p>
-      {(error ?? before) !== undefined && <Failure error={error ?? before} />}
+      {why !== undefined && <Failure error={why} />}
     </form>
   );
 }
