@@ -1,12 +1,10 @@
 import { useEffect, useMemo, useState } from "preact/hooks";
-import { call } from "../api";
 import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
-import type { GetManifestResponseJson } from "../gen/glasswing/v1/archive_service_pb";
-import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { loadMatte, matteUrl } from "../light/load";
 import { kChannels, type MatteData } from "../light/matte";
 import type { PageProps } from "../pages";
+import { manifestOf } from "../parts/archive";
 import { Failure } from "../parts/failure";
 import { FrameSlider } from "../parts/frame_slider";
 import { SessionChoice } from "../parts/session_choice";
@@ -15,19 +13,6 @@ import { PanelView, type Place } from "./panel_view";
 import { kChannelNames, panelsOf } from "./panels";
 import { Pixel } from "./pixel";
 import "./matte.css";
-
-async function manifestOf({ name, archiveAddress }: SessionJson): Promise<CaptureManifestJson> {
-  const { nodes = [] } = await call<ListNodesResponseJson>("NodeService/ListNodes");
-  const node = nodes.find(({ address }) => address === archiveAddress);
-  if (!node?.name)
-    throw new Error(`the node at ${archiveAddress ?? "no address"}, which holds the frames, is away`);
-  const { manifest = {} } = await call<GetManifestResponseJson>(
-    "ArchiveService/GetManifest",
-    { session: name },
-    { node: node.name },
-  );
-  return manifest;
-}
 
 function Viewer({ session }: { session: SessionJson }) {
   const name = session.name ?? "";

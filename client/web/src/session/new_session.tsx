@@ -9,14 +9,8 @@ import { Message } from "../parts/message";
 import { useAction } from "../parts/use_action";
 import { bytesText, countText, secondsText, timeText } from "../parts/words";
 import { missingPhotos, withPhotos } from "./photos";
+import { bestPlan, fitText, kFirstPlan, kPlanNames, planText, useFits } from "./ready_plans";
 import { usePlan } from "./use_plan";
-
-const kPlans = import.meta.glob<string>("../../../../deploy/plans/*.txtpb", {
-  query: "?raw",
-  import: "default",
-});
-const kPlanNames = Object.keys(kPlans).map((path) => path.replace(/^.*\/(.*)\.txtpb$/, "$1"));
-const kFirst = "quick";
 
 function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
   const {
@@ -90,23 +84,24 @@ function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
 }
 
 export function NewSession() {
-  const [ready, setReady] = useState(kFirst);
+  const [chosen, setChosen] = useState<string>(); // a ready plan; empty: the user's own; undefined: no choice yet
   const [text, setText] = useState("");
   const [name, setName] = useState("");
+  const [note, setNote] = useState("");
+  const [tags, setTags] = useState("");
   const [photos, setPhotos] = useState<File[]>([]);
   const requestId = useRef(crypto.randomUUID()); // the same for every attempt, so that a lost answer creates no second session
   const { plan, estimate, error } = usePlan(text, name);
   const start = useAction();
-  useEffect(() => {
-    const path = Object.keys(kPlans).find((each) => each.endsWith(`/${ready}.txtpb`));
-    if (path) void kPlans[path]!().then(setText);
-  }, [ready]);
+  const fits = useFits();
+  const ready = chosen ?? bestPlan(fits) ?? kFirstPlan;
+  useEffect(() => void (ready && planText(ready).then(setText)), [ready]);
   if (!mayOperate.value) return <p>Only operators can start sessions; you are logged in as a viewer.</p>;
 
   const missing = plan ? missingPhotos(plan, photos) : [];
   const open = async (file: File | undefined): Promise<void> => {
     if (!file) return;
-    setReady("");
+    setChosen("");
     setText(await file.text());
   };
   const create = async (event: Event): Promise<void> => {
@@ -118,6 +113,9 @@ export function NewSession() {
         name,
         plan: full,
       });
+      const addTags = tags.split(/\s+/).filter(Boolean);
+      if (note || addTags.length > 0)
+        await call("SessionService/AnnotateSession", { name: session?.name, note, addTags });
       location.hash = `#/session/${encodeURIComponent(session?.name ?? "")}`;
     });
   };
@@ -132,10 +130,12 @@ export function NewSession() {
         <div class="row">
           <label>
             Plan
-            <select value={ready} onChange={(event) => setReady(event.currentTarget.value)}>
+            <select value={ready} onChange={(event) => setChosen(event.currentTarget.value)}>
               {ready === "" && <option value="">your own</option>}
               {kPlanNames.map((each) => (
-                <option key={each}>{each}</option>
+                <option key={each} value={each}>
+                  {fitText(fits, each)}
+                </option>
               ))}
             </select>
           </label>
@@ -159,13 +159,38 @@ export function NewSession() {
             />
           </label>
         </div>
+        <div class="row">
+          <label class="grows">
+            Note
+            <input
+              type="text"
+              maxLength={1000}
+              value={note}
+              onInput={(event) => setNote(event.currentTarget.value)}
+            />
+          </label>
+          <label class="grows">
+            Tags
+            <input
+              type="text"
+              pattern="\s*([A-Za-z0-9._\-]{1,64}(\s+|$))*"
+              title="Words of letters, digits, dots, dashes and underscores, with spaces between"
+              placeholder="with spaces between"
+              value={tags}
+              onInput={(event) => setTags(event.currentTarget.value)}
+            />
+          </label>
+        </div>
         <textarea
           class="plan"
           aria-label="The plan's text"
           spellcheck={false}
           rows={18}
           value={text}
-          onInput={(event) => setText(event.currentTarget.value)}
+          onInput={(event) => {
+            setChosen(ready); // so that nothing replaces it
+            setText(event.currentTarget.value);
+          }}
         />
         {plan?.photos && plan.photos.length > 0 && (
           <div class="row">

@@ -133,6 +133,8 @@ async function capture_and_solve(page, rig) {
   await look(page, "#/session/+new", "textarea");
   await page.getByRole("combobox", { name: /^Plan/ }).selectOption("quick");
   await page.getByLabel("Name").fill("first");
+  await page.getByLabel("Note", { exact: true }).fill("seen from the front");
+  await page.getByLabel("Tags").fill("vases glass");
   // The plan is edited by hand: it gets a photo, which is uploaded first.
   const text = page.getByLabel("The plan's text");
   await page.waitForFunction((area) => area.value.includes("sweeps"), await text.elementHandle());
@@ -148,6 +150,8 @@ async function capture_and_solve(page, rig) {
   assert.equal(await proven_on(page), proven_by_cli(rig.session("first")));
   await page.locator(".timeline").waitFor();
   await page.locator(".scrubber img").waitFor();
+  const { note, tags } = rig.session("first");
+  assert.deepEqual([note, tags], ["seen from the front", ["glass", "vases"]]);
   told("captured, by the page and by glasswing", await proven_on(page));
 
   const steps = rig
@@ -216,10 +220,18 @@ async function annotate_and_delete(page, rig) {
   await page.getByRole("button", { name: "Remove the tag trial" }).waitFor();
   const { note, tags } = rig.session("seen");
   assert.deepEqual([note, tags], ["only to look at", ["trial"]]);
-  await page.getByRole("button", { name: "Delete…" }).click();
-  await page.getByRole("dialog").getByRole("button", { name: "Delete" }).click();
-  await page.waitForURL(/#\/session$/);
+  await look(page, "#/session", "table");
+  await page.locator(".thumbnail img").nth(1).waitFor();
+  await page.getByRole("button", { name: "trial" }).click();
+  await page.waitForFunction(() => document.querySelectorAll("tbody tr").length === 1);
+  await page.getByLabel("Select seen").check();
+  await page.getByRole("button", { name: "Delete 1 session…" }).click();
+  await page.getByRole("dialog").getByRole("button", { name: "Delete 1 session" }).click();
+  await page.getByText("No session matches.").waitFor();
   assert.throws(() => rig.session("seen"));
+  assert.equal(rig.session("first").state, "SESSION_STATE_DONE");
+  await page.getByRole("button", { name: "trial ×" }).click();
+  await page.getByRole("link", { name: "first" }).waitFor();
   told("noted, tagged and deleted, by both", "seen");
 }
 
@@ -373,6 +385,13 @@ async function check_viewer(browser, rig) {
   await context.close();
 }
 
+async function check_bad_link(browser, rig) {
+  const page = await (await browser.newContext()).newPage();
+  await page.goto(`${rig.url}#token=0000`);
+  await page.getByRole("alert").filter({ hasText: "that is no token of this server" }).waitFor();
+  await page.context().close();
+}
+
 const rig = await start_rig();
 const browser = await open_browser();
 try {
@@ -391,6 +410,7 @@ try {
   assert.deepEqual(errors, []);
   await context.close();
   await check_viewer(browser, rig);
+  await check_bad_link(browser, rig);
   await measure_first_visits(browser, link);
 } finally {
   await browser.close();
