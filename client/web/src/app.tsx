@@ -48,13 +48,16 @@ function useLogin(): unknown {
   return error;
 }
 
+// The name by which the browser found the rig's console; rigs have no other.
+const kRig = location.host;
+
 function Lazy({ page, path }: { page: PageEntry; path: string[] }) {
   const [loaded, setLoaded] = useState<{ name: string; Page: ComponentType<PageProps> }>();
   const [error, setError] = useState<unknown>();
   useEffect(() => {
     setError(undefined);
     page.load().then((module) => setLoaded({ name: page.name, Page: module.default }), setError);
-    document.title = `${page.title} · Glasswing`;
+    document.title = `${page.title} · ${kRig} · Glasswing`;
   }, [page]);
   if (error) return <Failure error={error} />;
   return loaded?.name === page.name ? <loaded.Page path={path} /> : null;
@@ -70,6 +73,9 @@ function Navigation({ now }: { now: string }) {
       >
         Skip to the content
       </a>
+      <b class="rig-name" title="The rig's console">
+        {kRig}
+      </b>
       <nav aria-label="Pages">
         {kPages.map(({ name, title }) => (
           <a key={name} href={`#/${name}`} aria-current={name === now ? "page" : undefined}>

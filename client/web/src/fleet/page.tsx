@@ -122,7 +122,7 @@ function Solve({ solve }: { solve: FleetSolveJson }) {
             <b>{session}</b>
           </a>
         )}
-        <State kind={held ? "caution" : "busy"}>
+        <State kind={held ? "paused" : "busy"}>
           {held ? "held" : tileCount === 0 ? "being surveyed" : "being solved"}
         </State>
         <span class="note">

@@ -1,6 +1,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import type uPlot from "uplot";
 import { colourOf, useDark } from "./colours";
+import { ticksTo, timeStepOf } from "./ticks";
 
 export interface ChartLine {
   label: string;
@@ -24,9 +25,21 @@ function axisOf(grid: boolean): uPlot.Axis {
   return {
     stroke: colourOf("--faint"),
     grid: { show: grid, stroke: colourOf("--line"), width: 1 },
-    ticks: { show: false },
+    ticks: { show: true, stroke: colourOf("--faint"), width: 1, size: 4 },
     font: "12px system-ui",
   };
+}
+
+const kMaxTimes = 5,
+  kMinValueSpace_px = 22;
+
+/** Times at round distances from the newest one. */
+function timesBack(plot: uPlot): number[] {
+  const times = plot.data[0];
+  const [first = 0, last = 0] = [times[0], times.at(-1)];
+  return ticksTo(last - first, timeStepOf(last - first, kMaxTimes))
+    .map((back) => last - back)
+    .reverse();
 }
 
 function agoText(seconds: number): string {
@@ -43,10 +56,11 @@ function optionsOf(props: ChartProps, width: number): uPlot.Options {
     axes: [
       {
         ...axisOf(false),
-        size: 26,
+        size: 28,
+        splits: timesBack,
         values: (plot, times) => times.map((time) => agoText(plot.data[0].at(-1)! - time)),
       },
-      { ...axisOf(true), size: 70, values: (_, values) => values.map(props.text) },
+      { ...axisOf(true), size: 76, space: kMinValueSpace_px, values: (_, values) => values.map(props.text) },
     ],
     scales: {
       y: {

@@ -1,14 +1,13 @@
 import type { SessionActionJson, SessionJson, WaitingJson } from "../gen/glasswing/v1/session_pb";
+import type { StateKind } from "../parts/state";
 import { timeText } from "../parts/words";
-
-export type StateKind = "good" | "caution" | "bad" | "faint" | "busy";
 
 const kKinds: Record<string, StateKind> = {
   SESSION_STATE_CREATED: "busy",
   SESSION_STATE_CAPTURING: "busy",
   SESSION_STATE_SOLVING: "busy",
-  SESSION_STATE_PAUSED: "caution",
-  SESSION_STATE_CAPTURED: "good",
+  SESSION_STATE_PAUSED: "paused",
+  SESSION_STATE_CAPTURED: "kept",
   SESSION_STATE_DONE: "good",
   SESSION_STATE_FAILED: "bad",
   SESSION_STATE_CANCELLED: "faint",

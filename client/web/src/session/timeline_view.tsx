@@ -1,6 +1,6 @@
 import { useEffect, useRef } from "preact/hooks";
 import { colourOf, useDark } from "../parts/colours";
-import { secondsText } from "../parts/words";
+import { stepOf, ticksTo, timeStepOf, timeTickText } from "../parts/ticks";
 import { columnsOf, kRetaken, kStates, type StepState, type Timeline } from "./timeline";
 
 const kTokens: Record<StepState, string> = {
@@ -21,7 +21,37 @@ const kWords: Record<StepState, string> = {
 };
 const kStrip = 22,
   kTicks = 6,
-  kSpace = 8; // CSS px: the strip of steps, its marks for retakes, and the gap to the plot
+  kSpace = 20; // CSS px: the strip of steps, its marks for retakes, and the gap to the plot with the times
+const kMaxTicks = 5,
+  kMinTick_px = 90; // between times
+
+/** Lines at round times and steps, with what they are. */
+function drawGrid(
+  pen: CanvasRenderingContext2D,
+  { stepCount }: Timeline,
+  last_s: number,
+  plot: number,
+  x: (time: number) => number,
+  y: (step: number) => number,
+): void {
+  const scale = devicePixelRatio;
+  const { width } = pen.canvas;
+  const times = ticksTo(last_s, timeStepOf(last_s, Math.min(10, Math.floor(width / scale / kMinTick_px))));
+  const steps = ticksTo(stepCount - 1, stepOf(stepCount, kMaxTicks)).slice(1);
+  pen.fillStyle = colourOf("--line");
+  for (const time of times) pen.fillRect(x(time), 0, scale, plot + 3 * scale);
+  for (const step of steps) pen.fillRect(0, y(step), width, scale);
+  pen.fillStyle = colourOf("--faint");
+  pen.font = `${11 * scale}px system-ui`;
+  pen.textBaseline = "top";
+  for (const time of times) {
+    const text = timeTickText(time);
+    const right = width - pen.measureText(text).width;
+    pen.fillText(text, Math.min(right, x(time)), plot + 4 * scale);
+  }
+  pen.textBaseline = "bottom";
+  for (const step of steps) pen.fillText(`step ${step.toLocaleString("en")}`, 2 * scale, y(step));
+}
 
 /** Each event by time and step, above `plot` px, and the limit of the display as a dashed line. */
 function drawEvents(
@@ -39,7 +69,8 @@ function drawEvents(
   const y = (step: number): number =>
     plot - 3 * scale - (step / Math.max(1, timeline.stepCount - 1)) * (plot - 6 * scale);
 
-  pen.fillStyle = colourOf("--line");
+  drawGrid(pen, timeline, last, plot, x, y);
+  pen.fillStyle = colourOf("--faint");
   pen.fillRect(0, plot, width, scale);
   if (fastest > 0) {
     pen.strokeStyle = colourOf("--faint");
@@ -66,15 +97,6 @@ function drawEvents(
       if (kinds[i] === kind) pen.fillRect(x(seconds[i]!), y(steps[i]!) - side / 2, side, side);
     }
   }
-
-  pen.fillStyle = colourOf("--faint");
-  pen.font = `${11 * scale}px system-ui`;
-  pen.textBaseline = "top";
-  pen.fillText(`step ${timeline.stepCount - 1}`, 0, 0);
-  pen.textAlign = "right";
-  pen.textBaseline = "bottom";
-  pen.fillText(secondsText(last), width, plot - 2 * scale);
-  pen.textAlign = "left";
 }
 
 /** Each step in its place, in the strip at the bottom, with marks for retakes above it. */
