@@ -51,6 +51,12 @@ function Viewer({ session }: { session: SessionJson }) {
       <div class="row">
         <h1>{name}</h1>
         <a href={`#/play/${encodeURIComponent(name)}`}>Play with it</a>
+        <a
+          href={matteUrl(name, frame)}
+          download={frame === undefined ? `${name}.exr` : `${name}-${String(frame).padStart(4, "0")}.exr`}
+        >
+          Download the matte
+        </a>
         <a href="#/matte">Other sessions</a>
         {matte?.modeChannels === 3 && (
           <label>

@@ -1,6 +1,7 @@
 import { useMemo, useState } from "preact/hooks";
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import type { WatchSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
+import { matteUrl } from "../light/load";
 import { FeedFailure } from "../parts/silence";
 import { useFeed, watched } from "../parts/feed";
 import { Message } from "../parts/message";
@@ -32,6 +33,16 @@ function Head({ session }: { session: SessionJson }) {
         {session.startedBy && `, by ${session.startedBy}`}
       </span>
       <span class="spacer" />
+      {session.state === "SESSION_STATE_SOLVING" && !session.frameCount && (session.tilesDone ?? 0) > 0 && (
+        <a href={`${matteUrl(name)}?partial=1`} download={`${name}-partial.exr`}>
+          Download what is solved so far
+        </a>
+      )}
+      {session.matteReady && !session.frameCount && (
+        <a href={matteUrl(name)} download={`${name}.exr`}>
+          Download the matte
+        </a>
+      )}
       {looks && (
         <>
           <a href={`#/matte/${encodeURIComponent(name)}`}>Its matte</a>
