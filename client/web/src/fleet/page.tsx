@@ -28,7 +28,7 @@ function Leases({ solver: { leases = [], up, refused } }: { solver: FleetSolverJ
           <a href={`#/session/${encodeURIComponent(session ?? "")}`}>{session}</a> tile {tile},{" "}
           {secondsText(Number(seconds ?? 0))}
           {attempt > 1 && `, attempt ${attempt}`}
-          {twice && <span class="note"> (another solver has it too)</span>}
+          {twice && <span class="note"> (also being solved elsewhere)</span>}
         </li>
       ))}
     </ul>
@@ -123,7 +123,7 @@ function Solve({ solve }: { solve: FleetSolveJson }) {
           </a>
         )}
         <State kind={held ? "paused" : "busy"}>
-          {held ? "held" : tileCount === 0 ? "being surveyed" : "being solved"}
+          {held ? "stopped" : tileCount === 0 ? "estimating" : "solving"}
         </State>
         <span class="note">
           {solve.method}
@@ -137,13 +137,13 @@ function Solve({ solve }: { solve: FleetSolveJson }) {
       {tileCount > 0 ? (
         <progress value={tilesDone} max={tileCount} aria-label={`Tiles of ${session} that are done`} />
       ) : (
-        <progress aria-label={`${session} is being surveyed`} />
+        <progress aria-label={`${session} is being estimated`} />
       )}
       <span class="note">
-        {tilesLeased} in work
+        {tilesLeased} in progress
         {Number(solve.tilesPerSecond ?? 0) > 0 && `, ${rateText(solve.tilesPerSecond)} a second`}
         {left > 0 && `, ${secondsText(left)} left`}
-        {failures > 0 && `, ${failures} attempts failed`}
+        {failures > 0 && `, ${failures} failed attempts`}
         {quarantined > 0 && `, ${quarantined} tiles given up`}
       </span>
     </li>

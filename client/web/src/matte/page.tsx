@@ -50,7 +50,7 @@ function Viewer({ session }: { session: SessionJson }) {
     <section class="matte">
       <div class="row">
         <h1>{name}</h1>
-        <a href={`#/play/${encodeURIComponent(name)}`}>Play with it</a>
+        <a href={`#/play/${encodeURIComponent(name)}`}>Try backgrounds</a>
         <a
           href={matteUrl(name, frame)}
           download={frame === undefined ? `${name}.exr` : `${name}-${String(frame).padStart(4, "0")}.exr`}
@@ -73,7 +73,7 @@ function Viewer({ session }: { session: SessionJson }) {
         {frame !== undefined && <FrameSlider frames={frames} frame={frame} onChange={setFrame} />}
       </div>
       {error !== undefined && <Failure error={error} />}
-      {progress < 1 && <progress value={progress} aria-label="The matte is being loaded" />}
+      {progress < 1 && <progress value={progress} aria-label="Loading the matte" />}
       {matte?.metadata.warnings?.map((warning) => (
         <p key={warning} class="note">
           {warning}
@@ -89,8 +89,8 @@ function Viewer({ session }: { session: SessionJson }) {
         <Pixel matte={matte} session={name} x={shown.x} y={shown.y} manifest={manifest} />
       ) : (
         <p class="note">
-          Click a pixel, or move the cursor of a panel with the arrow keys and press Enter: its footprints and
-          samples stand here then.
+          Click a pixel, or move the cursor of a panel with the arrow keys and press Enter to see its
+          footprints and samples here.
         </p>
       )}
     </section>

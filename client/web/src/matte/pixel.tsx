@@ -9,7 +9,7 @@ import { sweepsOf, type Sample, type Sweep } from "./stripes";
 import { SweepChart } from "./sweep_chart";
 
 const digits = (value: number, count = 4): string => String(Number(value.toPrecision(count)));
-const orUnknown = (error: number): string => (error > 0 ? digits(error, 2) : "not known");
+const orUnknown = (error: number): string => (error > 0 ? digits(error, 2) : "unknown");
 
 function flagText(flags: number): string {
   const set = kFlagWords.filter(({ flag }) => flag !== 0 && (flags & flag) !== 0).map(({ words }) => words);
@@ -91,7 +91,7 @@ function Sweeps({
   }, [session, x, y, manifest]);
   if (error)
     return error instanceof ApiError && error.code === "NOT_FOUND" ? (
-      <p class="note">The frames are not there any more.</p>
+      <p class="note">The frames no longer exist.</p>
     ) : (
       <Failure error={error} />
     );
@@ -132,7 +132,7 @@ export function Pixel({ matte, session, x, y, manifest }: PixelProps) {
           <FootprintMaps key={monitor.name} matte={matte} pixel={pixel} monitor={monitor} texture={texture} />
         ))}
       </div>
-      <h2>Sweeps: samples, and what the modes foretell</h2>
+      <h2>Sweeps: samples, and the prediction of the modes</h2>
       {manifest ? (
         <Sweeps matte={matte} session={session} x={x} y={y} manifest={manifest} />
       ) : (

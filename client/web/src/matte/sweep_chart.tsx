@@ -64,7 +64,7 @@ export function SweepChart({ matte, pixel, sweep }: { matte: MatteData; pixel: n
                 paths: () => null,
                 points: { show: true, size: 4, fill: kInks[c]! },
               },
-              { label: `${name}, foretold`, stroke: kInks[c]!, width: 1.5, points: { show: false } },
+              { label: `${name}, predicted`, stroke: kInks[c]!, width: 1.5, points: { show: false } },
             ]),
           ],
         },
@@ -89,7 +89,7 @@ export function SweepChart({ matte, pixel, sweep }: { matte: MatteData; pixel: n
         ref={place}
         class="plot"
         role="img"
-        aria-label={`Radiance over the stripe's place: ${sweep.title}`}
+        aria-label={`Radiance over the position of the stripe: ${sweep.title}`}
       />
     </figure>
   );

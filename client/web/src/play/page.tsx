@@ -13,7 +13,7 @@ function Session({ name }: { name: string }) {
 
 export default function Page({ path: [name] }: PageProps) {
   return name === undefined ? (
-    <SessionChoice page="play" title="Play with a matte" />
+    <SessionChoice page="play" title="Try a matte in front of backgrounds" />
   ) : (
     <Session name={name} />
   );

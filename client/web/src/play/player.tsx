@@ -74,15 +74,15 @@ function BackgroundControls({ choice, paintOne, open, keepShape, reset }: Contro
           />
         </label>
       )}
-      <label title="Otherwise it is stretched over the monitor, as in glasswing composite">
+      <label title="Off: stretched over the monitor, as by glasswing composite">
         <input
           type="checkbox"
           checked={choice.keepShape}
           onChange={(event) => keepShape(event.currentTarget.checked)}
         />
-        Keep its shape
+        Keep proportions
       </label>
-      <button onClick={reset}>Put it back</button>
+      <button onClick={reset}>Reset position</button>
     </>
   );
 }
@@ -172,11 +172,11 @@ export function Player({ session, frames }: { session: string; frames: number[] 
     >
       <div class="row">
         <h1>{session}</h1>
-        <a href={`#/matte/${encodeURIComponent(session)}`}>What the matte knows</a>
+        <a href={`#/matte/${encodeURIComponent(session)}`}>View the matte</a>
         <a href="#/play">Other sessions</a>
       </div>
       {error !== undefined && <Failure error={error} />}
-      {progress < 1 && <progress value={progress} aria-label="The matte is being loaded" />}
+      {progress < 1 && <progress value={progress} aria-label="Loading the matte" />}
       <canvas
         ref={canvas}
         class={over ? "stage over" : "stage"}

@@ -28,8 +28,8 @@ function cameraRow({
   warnings = [],
 }: CameraCalibrationJson): Row {
   const white = Number(whiteMs ?? 0);
-  const found = `${linear ? "straight" : "curved"}, ${bits ?? "?"} bits, ${widthPx}×${heightPx}${white > 0 ? `; white is full at ${white.toFixed(1)} ms` : ""}`;
-  return { device: camera, what: "camera", found, measured, warnings };
+  const found = `${linear ? "linear" : "not linear"}, ${bits ?? "?"} bits, ${widthPx}×${heightPx}${white > 0 ? `; white reaches full scale at ${white.toFixed(1)} ms` : ""}`;
+  return { device: camera, what: "camera response", found, measured, warnings };
 }
 
 function displayRow({
@@ -43,7 +43,7 @@ function displayRow({
   const gammas = primaries.map(({ gamma }) => Number(gamma ?? 0).toFixed(2)).join(", ");
   return {
     device: monitor,
-    what: "light of a monitor",
+    what: "monitor response",
     found: `gamma ${gammas}; ${bits ?? "?"} bits; drift ${(100 * Number(drift ?? 0)).toFixed(1)} %`,
     measured,
     warnings,
@@ -52,7 +52,7 @@ function displayRow({
 
 function syncRow({ monitor = "", lagNs, settleNs, errorNs, measured = "" }: MonitorSyncJson): Row {
   const found = `light ${nanosecondsText(Number(lagNs ?? 0))} late, settled after ${nanosecondsText(Number(settleNs ?? 0))} (± ${nanosecondsText(Number(errorNs ?? 0))})`;
-  return { device: monitor, what: "time of a monitor", found, measured, warnings: [] };
+  return { device: monitor, what: "monitor timing", found, measured, warnings: [] };
 }
 
 export function Calibrations() {
@@ -81,7 +81,7 @@ export function Calibrations() {
             <tr>
               <th>Device</th>
               <th>Of</th>
-              <th>What was found</th>
+              <th>Result</th>
               <th>Measured</th>
             </tr>
           </thead>
@@ -92,7 +92,7 @@ export function Calibrations() {
                   <b>{device}</b>
                 </td>
                 <td data-label="Of">{what}</td>
-                <td data-label="Found">
+                <td data-label="Result">
                   {found}
                   {warnings.map((text) => (
                     <span key={text} class="advice">

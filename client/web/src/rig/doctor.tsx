@@ -9,7 +9,7 @@ import { useAction } from "../parts/use_action";
 function FindingState({ level }: { level: FindingJson["level"] }) {
   if (level === "FINDING_LEVEL_PROBLEM") return <State kind="bad">problem</State>;
   if (level === "FINDING_LEVEL_WARNING") return <State kind="caution">warning</State>;
-  return <State kind="good">fine</State>;
+  return <State kind="good">ok</State>;
 }
 
 /** The result in one sentence. */
@@ -20,7 +20,7 @@ export function verdict(findings: FindingJson[]): string {
     return `A capture would fail: ${problems === 1 ? "one problem" : `${problems} problems`}.`;
   if (warnings > 0)
     return `A capture works; ${warnings === 1 ? "one thing" : `${warnings} things`} could be better.`;
-  return "Nothing is wrong.";
+  return "No problems found.";
 }
 
 export function Doctor() {

@@ -44,12 +44,12 @@ export function Nodes({ nodes }: { nodes: NodeJson[] }) {
         <tr>
           <th>Node</th>
           <th>State</th>
-          <th>What it is</th>
+          <th>Description</th>
           <th>Address</th>
           <th>Program</th>
           <th>Disk free</th>
           <th>Clock</th>
-          <th>Warmest</th>
+          <th>Temperature</th>
         </tr>
       </thead>
       <tbody>
@@ -61,7 +61,7 @@ export function Nodes({ nodes }: { nodes: NodeJson[] }) {
             <td data-label="State">
               <State kind={node.up ? "good" : "bad"}>{node.up ? "up" : "away"}</State>
             </td>
-            <td data-label="What it is">{node.detail || "–"}</td>
+            <td data-label="Description">{node.detail || "–"}</td>
             <td data-label="Address" class="digits">
               {node.address || "–"}
             </td>
@@ -74,7 +74,7 @@ export function Nodes({ nodes }: { nodes: NodeJson[] }) {
             <td data-label="Clock" class="digits">
               <Clock node={node} />
             </td>
-            <td data-label="Warmest">
+            <td data-label="Temperature">
               {node.health?.temperatureC === undefined
                 ? "–"
                 : `${Number(node.health.temperatureC).toFixed(0)} °C`}

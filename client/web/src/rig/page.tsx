@@ -24,7 +24,7 @@ function Holder({ holder }: { holder: ListNodesResponseJson["holder"] }) {
   if (!holder) return <span class="note">The rig is free.</span>;
   return (
     <span class="note">
-      Held by <b>{holder.client || "somebody"}</b> since {timeText(holder.since ?? "")}: {holder.what}
+      In use by <b>{holder.client || "somebody"}</b> since {timeText(holder.since ?? "")}: {holder.what}
     </span>
   );
 }

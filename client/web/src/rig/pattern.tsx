@@ -40,7 +40,7 @@ export function Pattern() {
         </label>
         <button onClick={() => (busy ? cancel.current?.abort() : void act(show))}>{busy ? "Stop" : "Show"}</button>
         <span class="note" role="status">
-          {shown ? `${pattern} on ${shown.join(", ")}` : "The rig is held meanwhile."}
+          {shown ? `${pattern} on ${shown.join(", ")}` : "The rig is reserved while a pattern is shown."}
         </span>
       </div>
       {error !== undefined && <Failure error={error} />}

@@ -159,7 +159,7 @@ export function Preview({ cameras }: { cameras: string[] }) {
             <p class="note">
               {node === undefined
                 ? "No camera has registered with the server."
-                : "Start the preview to point and focus the camera. A capture that wants the camera gets it."}
+                : "Start the preview to point and focus the camera. A capture takes precedence."}
             </p>
           )}
         </div>
@@ -224,7 +224,7 @@ export function Preview({ cameras }: { cameras: string[] }) {
                 checked={zebra}
                 onChange={(event) => setZebra(event.currentTarget.checked)}
               />
-              Mark what is clipped
+              Mark clipped areas
             </label>
             <label>
               <input
@@ -232,7 +232,7 @@ export function Preview({ cameras }: { cameras: string[] }) {
                 checked={peaking}
                 onChange={(event) => setPeaking(event.currentTarget.checked)}
               />
-              Mark what is sharp
+              Mark sharp edges
             </label>
           </div>
           {seen && (

@@ -21,9 +21,9 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
   return (
     <Dialog title={`Try ${name} again`} close={close}>
       <form onSubmit={(event) => void retry(event)}>
-        <p>Proven steps and solved tiles are kept; the rest is done again.</p>
+        <p>Proven steps and solved tiles are kept; the rest is repeated.</p>
         <label>
-          Show a step again up to
+          Repeat a step up to
           <input
             class="short"
             type="number"
@@ -38,7 +38,7 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
         {error !== undefined && <Failure error={error} />}
         <div class="row ends">
           <button type="button" onClick={close}>
-            Leave it
+            Cancel
           </button>
           <button class="primary" disabled={busy}>
             Try again
@@ -54,7 +54,7 @@ export function Controls({ session }: { session: SessionJson }) {
   const [asked, setAsked] = useState<"solve" | "retry" | "remove">();
   const { busy, error, act } = useAction();
   if (!mayOperate.value)
-    return <p class="note">You are logged in as a viewer: you may look at everything and change nothing.</p>;
+    return <p class="note">You are logged in as a viewer and cannot change anything.</p>;
   const name = session.name ?? "";
   const change = (method: string) => () => void act(() => call(`SessionService/${method}`, { name }));
   return (

@@ -115,7 +115,7 @@ function Row({ session, search, selected, select }: RowProps) {
       <td data-label="State">
         <span>
           <State kind={kindOf(session)}>{plainName(session.state, "SESSION_STATE_")}</State>
-          {session.waiting && <span class="note clip">waits: {session.waiting.what}</span>}
+          {session.waiting && <span class="note clip">waiting: {session.waiting.what}</span>}
         </span>
       </td>
       <td data-label="Steps" class="digits">

@@ -37,7 +37,7 @@ function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
           <dt>Takes</dt>
           <dd>
             {secondsText(Number(seconds ?? 0))}
-            <span class="note"> nothing shown again</span>
+            <span class="note"> without repeated steps</span>
           </dd>
         </div>
         <div>
@@ -70,7 +70,7 @@ function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
       </dl>
       {holder && (
         <p class="caution-text">
-          The rig is held by {holder.client || "somebody"} since {timeText(holder.since ?? "")}: {holder.what}
+          The rig is in use by {holder.client || "somebody"} since {timeText(holder.since ?? "")}: {holder.what}
           .
         </p>
       )}
@@ -153,7 +153,7 @@ export function NewSession() {
               type="text"
               pattern="[A-Za-z0-9._\-]{1,64}"
               title="Letters, digits, dots, dashes and underscores"
-              placeholder="the server chooses"
+              placeholder="chosen by the server"
               value={name}
               onInput={(event) => setName(event.currentTarget.value)}
             />
@@ -174,8 +174,8 @@ export function NewSession() {
             <input
               type="text"
               pattern="\s*([A-Za-z0-9._\-]{1,64}(\s+|$))*"
-              title="Words of letters, digits, dots, dashes and underscores, with spaces between"
-              placeholder="with spaces between"
+              title="Words of letters, digits, dots, dashes and underscores, separated by spaces"
+              placeholder="separated by spaces"
               value={tags}
               onInput={(event) => setTags(event.currentTarget.value)}
             />
@@ -195,7 +195,7 @@ export function NewSession() {
         {plan?.photos && plan.photos.length > 0 && (
           <div class="row">
             <label class="button">
-              Pick its pictures…
+              Choose its pictures…
               <input
                 type="file"
                 accept="image/*"
@@ -205,19 +205,19 @@ export function NewSession() {
             </label>
             <span class={missing.length > 0 ? "caution-text" : "note"}>
               {missing.length > 0
-                ? `Still to pick: ${missing.join(", ")}`
-                : "All of its pictures are picked."}
+                ? `Missing: ${missing.join(", ")}`
+                : "All pictures are chosen."}
             </span>
           </div>
         )}
       </section>
       <section class="card" aria-live="polite">
-        <h2>What it costs</h2>
+        <h2>Estimate</h2>
         {error !== undefined && <Failure error={error} />}
         {estimate ? (
           <Estimate estimate={estimate} />
         ) : (
-          error === undefined && <p class="note">Looking at the rig…</p>
+          error === undefined && <p class="note">Checking the rig…</p>
         )}
         {start.error !== undefined && <Failure error={start.error} />}
         <button class="primary" disabled={start.busy || !estimate || missing.length > 0}>

@@ -45,8 +45,8 @@ function Head({ session }: { session: SessionJson }) {
       )}
       {looks && (
         <>
-          <a href={`#/matte/${encodeURIComponent(name)}`}>Its matte</a>
-          <a href={`#/play/${encodeURIComponent(name)}`}>Play with it</a>
+          <a href={`#/matte/${encodeURIComponent(name)}`}>View the matte</a>
+          <a href={`#/play/${encodeURIComponent(name)}`}>Try backgrounds</a>
         </>
       )}
       <a href="#/session">All sessions</a>

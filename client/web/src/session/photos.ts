@@ -20,7 +20,7 @@ export function missingPhotos(plan: PlanJson, files: readonly { name: string }[]
 
 async function upload(file: File, width: number, height: number): Promise<string> {
   const picture = await createImageBitmap(file).catch(() => {
-    throw new Error(`${file.name} is no picture that this browser can read; PNG, JPEG and WebP are`);
+    throw new Error(`${file.name} cannot be read by this browser; PNG, JPEG and WebP can`);
   });
   const pen = new OffscreenCanvas(width, height).getContext("2d")!;
   pen.imageSmoothingQuality = "high";
@@ -47,7 +47,7 @@ export async function withPhotos(
   const photos: PhotoJson[] = [];
   for (const photo of plan.photos) {
     const file = files.find(({ name }) => name === baseOf(photo.file ?? ""));
-    if (!file) throw new Error(`the picture ${photo.file ?? ""} was not picked`);
+    if (!file) throw new Error(`the picture ${photo.file ?? ""} was not chosen`);
     photos.push({
       name: photoName(photo),
       file: await upload(file, monitor.widthPx ?? 0, monitor.heightPx ?? 0),

@@ -42,7 +42,7 @@ function diskFact(session: SessionJson, { freeBytes }: ArchiveView): Fact | unde
   const needed = provenCount > 0 ? (kept / provenCount) * (stepCount - provenCount) : 0;
   const more = [
     kept > 0 && `${bytesText(kept)} kept`,
-    needed > 0 && isCapturing(session) && `${bytesText(needed)} still to come`,
+    needed > 0 && isCapturing(session) && `${bytesText(needed)} more needed`,
   ]
     .filter(Boolean)
     .join(", ");
@@ -67,10 +67,10 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
     {
       name: "Proven",
       text: `${provenCount.toLocaleString("en")} of ${stepCount.toLocaleString("en")}`,
-      more: `${patchProvenCount.toLocaleString("en")} by the id patch too`,
+      more: `${patchProvenCount.toLocaleString("en")} also by the id patch`,
     },
     {
-      name: "Shown again",
+      name: "Repeated",
       text: retakenCount.toLocaleString("en"),
       ...(refusedCount > 0 && { more: `${refusedCount} frames showed another id` }),
     },
@@ -86,8 +86,8 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
       name: "Object",
       text: `${pixels.toLocaleString("en")} pixels`,
       more:
-        `${flagged.toLocaleString("en")} not to be trusted` +
-        (unsolved > 0 ? `, ${unsolved.toLocaleString("en")} of the picture not solved` : ""),
+        `${flagged.toLocaleString("en")} flagged as unreliable` +
+        (unsolved > 0 ? `, ${unsolved.toLocaleString("en")} pixels of the picture not solved` : ""),
     },
     Number(session.solveSeconds ?? 0) > 0 && {
       name: "Solved in",
@@ -115,12 +115,12 @@ export function Progress({
           {progress.count > 0 ? (
             <progress value={progress.done} max={progress.count} aria-label={`${progress.what} done`} />
           ) : (
-            <progress aria-label="under way" />
+            <progress aria-label="in progress" />
           )}
           <span class="digits">
             {progress.count > 0
               ? `${progress.done.toLocaleString("en")} of ${progress.count.toLocaleString("en")} ${progress.what}`
-              : "surveying the frames"}
+              : "estimating the work"}
           </span>
         </div>
       )}

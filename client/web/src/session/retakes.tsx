@@ -35,18 +35,18 @@ export function Retakes({
       )}
       {timeline && timeline.retaken > 0 && (
         <>
-          <h2>Shown again: {countText(timeline.retaken, "time")}</h2>
+          <h2>Steps shown again: {countText(timeline.retaken, "time")}</h2>
           <ul class="reasons">
             {[...timeline.reasons]
               .sort((a, b) => b[1] - a[1])
               .map(([why, count]) => (
                 <li key={why}>
-                  <b class="digits">{count.toLocaleString("en")}</b> {why || "no reason was given"}
+                  <b class="digits">{count.toLocaleString("en")}</b> {why || "no reason given"}
                 </li>
               ))}
           </ul>
           <details>
-            <summary>The last {Math.min(timeline.retaken, timeline.retakes.length)}</summary>
+            <summary>Show the last {Math.min(timeline.retaken, timeline.retakes.length)}</summary>
             <ul class="steps">
               {timeline.retakes.map(({ step, seconds, why }, i) => (
                 <li key={i}>

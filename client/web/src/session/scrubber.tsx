@@ -6,7 +6,7 @@ import { proofWords, shownWords } from "./stimulus_words";
 
 /** The id as displayed beside the pattern: lowest bit at the left; the upper cell is lit for a 1, the lower one for a 0. */
 function PatchId({ id }: { id: number | undefined }) {
-  if (id === undefined) return <>none was lit</>;
+  if (id === undefined) return <>none shown</>;
   return (
     <>
       <span class="digits">{id}</span>
@@ -24,7 +24,7 @@ function Facts({ frame, session }: { frame: FrameJson; session: string }) {
     <dl class="facts">
       <div>
         <dt>Step</dt>
-        <dd>{(frame.step ?? 0) < 0 ? "of no plan" : (frame.step ?? 0)}</dd>
+        <dd>{(frame.step ?? 0) < 0 ? "not of the plan" : (frame.step ?? 0)}</dd>
       </div>
       <div>
         <dt>Shown</dt>
@@ -83,7 +83,7 @@ export function Scrubber({ session, frames, at, choose, following, follow }: Pro
     <section class="card scrubber">
       <div class="row">
         <h2>Frames</h2>
-        <span class="note">{frames.length.toLocaleString("en")} are kept</span>
+        <span class="note">{frames.length.toLocaleString("en")} kept</span>
         {following !== undefined && (
           <label>
             <input

@@ -78,7 +78,7 @@ export function SolveDialog({ session, close }: { session: SessionJson; close: (
         <label>
           Method
           <select value={method} onChange={(event) => setMethod(event.currentTarget.value)}>
-            <option value="">the plan's ({session.plan?.method || "by its frames"})</option>
+            <option value="">the plan's ({session.plan?.method || "chosen by its frames"})</option>
             {methods.map(({ name }) => (
               <option key={name} value={name}>
                 {name}
@@ -95,12 +95,12 @@ export function SolveDialog({ session, close }: { session: SessionJson; close: (
           />
         ))}
         {session.matteReady && (
-          <p class="note">The present matte can be fetched until the new one is done.</p>
+          <p class="note">The current matte stays available until the new one is done.</p>
         )}
         {error !== undefined && <Failure error={error} />}
         <div class="row ends">
           <button type="button" onClick={close}>
-            Not now
+            Cancel
           </button>
           <button class="primary" disabled={busy}>
             Solve

@@ -30,7 +30,7 @@ export function isUnderWay(session: SessionJson): boolean {
 
 /** The server's words for what a session waits for. */
 export function waitingText({ what = "", since, advice }: WaitingJson): string {
-  return `Waits: ${what}${since ? `, since ${timeText(since)}` : ""}; ${advice}`;
+  return `Waiting: ${what}${since ? `, since ${timeText(since)}` : ""}; ${advice}`;
 }
 
 /** True if the server would accept this call for the session as it is now. */

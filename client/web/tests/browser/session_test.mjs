@@ -140,7 +140,7 @@ async function capture_and_solve(page, rig) {
   await page.waitForFunction((area) => area.value.includes("sweeps"), await text.elementHandle());
   await text.fill(`${await text.inputValue()}\nphotos { file: "checks.png" }\n`);
   const picked = { name: "checks.png", mimeType: "image/png", buffer: png(64, 48, checks(8)) };
-  await page.getByLabel("Pick its pictures…").setInputFiles(picked);
+  await page.getByLabel("Choose its pictures…").setInputFiles(picked);
   const start = page.locator("button.primary:enabled", { hasText: "Start" });
   await start.waitFor();
   await photograph(page, "new-session");
@@ -181,7 +181,7 @@ async function capture_and_solve(page, rig) {
 }
 
 async function open_matte(page) {
-  await page.getByRole("link", { name: "Its matte" }).click();
+  await page.getByRole("link", { name: "View the matte" }).click();
   await page.locator(".panels").waitFor();
   await photograph(page, "matte");
   assert.equal(await page.getByRole("alert").count(), 0);
@@ -195,7 +195,7 @@ async function read_rig_view(page, rig) {
   await look(page, "#/rig", ".nodes tbody tr");
   await page.getByRole("button", { name: "Start" }).click();
   await page.locator(".preview .state.good").waitFor();
-  await page.getByLabel("Mark what is sharp").check();
+  await page.getByLabel("Mark sharp edges").check();
   await page.getByRole("button", { name: "Check", exact: true }).click();
   await page.locator(".doctor b[role=status]").waitFor();
   await page.locator(".clocks .u-over").first().waitFor();

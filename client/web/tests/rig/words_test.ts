@@ -26,7 +26,7 @@ it("takes what most nodes run for the usual program", () => {
 });
 
 it("sums findings up by the worst", () => {
-  expect(verdict([{ level: "FINDING_LEVEL_OK" }])).toBe("Nothing is wrong.");
+  expect(verdict([{ level: "FINDING_LEVEL_OK" }])).toBe("No problems found.");
   expect(verdict([{ level: "FINDING_LEVEL_WARNING" }, { level: "FINDING_LEVEL_OK" }])).toContain(
     "one thing could be better",
   );

@@ -16,7 +16,7 @@ describe("waitingText", () => {
     const since = new Date();
     since.setHours(12, 5, 0, 0);
     const waiting = { what: "no solver is running", since: since.toISOString(), advice: "start one" };
-    expect(waitingText(waiting)).toMatch(/^Waits: no solver is running, since .*05.*; start one$/);
-    expect(waitingText({ ...waiting, since: "" })).toBe("Waits: no solver is running; start one");
+    expect(waitingText(waiting)).toMatch(/^Waiting: no solver is running, since .*05.*; start one$/);
+    expect(waitingText({ ...waiting, since: "" })).toBe("Waiting: no solver is running; start one");
   });
 });
