@@ -33,7 +33,6 @@ const kPlaces: Record<string, Place> = {
   sessions: { label: "Sessions", hash: "#/session" },
   nodes: { label: "Rig", hash: "#/rig" },
   doctor: { label: "Check the rig", hash: "#/rig/check" },
-  hold: { label: "Hold the rig", hash: "#/rig/hold" },
   fleet: { label: "Fleet", hash: "#/fleet" },
 };
 
@@ -91,7 +90,7 @@ const kForms: [RegExp, (...words: string[]) => Offer][] = [
     (monitor) => calibrations(monitor ? `Calibrate ${monitor}` : "Calibrate the monitors"),
   ],
   [/^calibrate(?: list)?/, () => calibrations("Calibrations")],
-  [/^(sessions|nodes|doctor|hold|fleet)(?: --state damaged| release NAME)?/, (page) => ({ place: kPlaces[page!]! })],
+  [/^(sessions|nodes|doctor|fleet)(?: --state damaged| release NAME)?/, (page) => ({ place: kPlaces[page!]! })],
 ];
 
 function commandAt(text: string): Part {
