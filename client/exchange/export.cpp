@@ -22,24 +22,32 @@ namespace {
 
 namespace fs = std::filesystem;
 
-absl::StatusOr<std::string> read_verified(const Peer<v1::ArchiveService>& archive, const std::string& session,
-                                          const v1::Frame& frame) {
+// Reads a frame's file from the node into `path`; durable when it returns.
+absl::Status copy_frame(const Peer<v1::ArchiveService>& archive, const std::string& session,
+                        const v1::Frame& frame, const fs::path& path) {
+  GW_ASSIGN_OR_RETURN(FileWriter file, FileWriter::create(path));
   grpc::ClientContext context;
   set_deadline(context, kLongCallTimeout);
   v1::ReadFileRequest request;
   request.set_session(session);
   request.set_file(frame.file());
   const auto reader = archive.stub->ReadFile(&context, request);
-  std::string bytes;
-  for (v1::ReadFileResponse response; reader->Read(&response);) bytes += response.chunk();
+  RunningChecksum checksum;
+  absl::Status written;
+  for (v1::ReadFileResponse response; written.ok() && reader->Read(&response);) {
+    checksum.add(response.chunk());
+    written = file.add(response.chunk());
+  }
+  if (!written.ok()) context.TryCancel();
   const grpc::Status status = reader->Finish();
+  GW_RETURN_IF_ERROR(written);
   if (!status.ok()) return status_from(status, archive.title);
-  if (checksum_of(bytes) != frame.checksum()) {
+  if (checksum.text() != frame.checksum()) {
     return absl::DataLossError(
         fmt::format("{} came damaged from the {}: its checksum is {}, the manifest says {}", frame.file(),
-                    archive.title, checksum_of(bytes), frame.checksum()));
+                    archive.title, checksum.text(), frame.checksum()));
   }
-  return bytes;
+  return file.flush();
 }
 
 absl::Status write_frame(const Peer<v1::ArchiveService>& archive, const std::string& session,
@@ -50,8 +58,7 @@ absl::Status write_frame(const Peer<v1::ArchiveService>& archive, const std::str
     return absl::DataLossError(
         fmt::format("the {} names a frame \"{}\"; it must lie in frames/", archive.title, frame.file()));
   }
-  GW_ASSIGN_OR_RETURN(const std::string bytes, read_verified(archive, session, frame));
-  return write_file_flushed(directory / file, bytes);
+  return copy_frame(archive, session, frame, directory / file);
 }
 
 // Several frames at a time, since each waits for the network and then for the disk.

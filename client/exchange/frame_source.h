@@ -8,6 +8,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/exchange/photograph_list.h"
@@ -17,11 +18,17 @@
 
 namespace glasswing {
 
+// Takes a file's next bytes.
+using TakeBytes = std::function<absl::Status(std::string_view)>;
+
 struct FrameSource {
   v1::CaptureManifest manifest;
   // Reads the frame of this index in the manifest. DATA_LOSS: it is damaged; INVALID_ARGUMENT: it does not
   // have the camera's size. Both name its file.
   std::function<absl::StatusOr<Image16>(int)> read;
+  // Set where every frame's file has the format and name of our own archives: hands the file over as it is,
+  // in pieces. DATA_LOSS, after the last piece: its checksum is not the manifest's.
+  std::function<absl::Status(int, const TakeBytes&)> pass_on = nullptr;
   bool was_read = false;                   // every frame was read and checked when the source was made
   std::vector<std::string> warnings = {};  // for people
 };

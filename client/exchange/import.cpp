@@ -27,7 +27,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Those that are passed on are verified on their way.
 absl::Status verify(const FrameSource& source) {
+  if (source.was_read || source.pass_on) return absl::OkStatus();
   Progress progress("checking");
   const int count = source.manifest.frames_size();
   for (int i = 0; i < count; ++i) {
@@ -38,25 +40,75 @@ absl::Status verify(const FrameSource& source) {
   return absl::OkStatus();
 }
 
-absl::Status put_frame(const Peer<v1::ArchiveService>& archive, const std::string& session,
-                       const v1::Frame& frame, const std::string& tiff) {
-  grpc::ClientContext context;
-  set_deadline(context, kLongCallTimeout);
-  v1::PutFrameResponse stored;
-  const auto writer = archive.stub->PutFrame(&context, &stored);
-  v1::PutFrameRequest request;
-  request.set_session(session);
-  *request.mutable_frame() = frame;
-  bool open = writer->Write(request);
-  for (size_t at = 0; open && at < tiff.size(); at += kChunkBytes) {
-    v1::PutFrameRequest part;
-    part.set_chunk(tiff.substr(at, kChunkBytes));
-    open = writer->Write(part);  // once false, Finish() has the reason
+// Hands over the bytes of a frame's file.
+using Bytes = std::function<absl::Status(const TakeBytes&)>;
+
+// Sends frames in batches: one call each, whose frames are durable once it is answered.
+class FrameSender {
+ public:
+  FrameSender(const Peer<v1::ArchiveService>& archive, std::string session)
+      : archive_(archive), session_(std::move(session)) {}
+  ~FrameSender() {
+    if (call_ == nullptr) return;
+    call_->context.TryCancel();
+    (void)call_->writer->Finish();
   }
-  writer->WritesDone();
-  const grpc::Status status = writer->Finish();
-  return status.ok() ? absl::OkStatus() : status_from(status, archive.title);
-}
+  FrameSender(const FrameSender&) = delete;
+  FrameSender& operator=(const FrameSender&) = delete;
+
+  absl::Status add(const v1::Frame& frame, const Bytes& bytes) {
+    constexpr std::int64_t kBatchBytes = 64 << 20;
+    constexpr int kBatchFrames = 1000;
+    if (call_ != nullptr &&
+        (call_->frames == kBatchFrames || call_->size_bytes + frame.size_bytes() > kBatchBytes))
+      GW_RETURN_IF_ERROR(finish());
+    if (call_ == nullptr) call_ = std::make_unique<Call>(*archive_.stub);
+    call_->frames += 1;
+    call_->size_bytes += frame.size_bytes();
+    message_.Clear();
+    message_.set_session(session_);
+    *message_.mutable_frame() = frame;
+    GW_RETURN_IF_ERROR(send());
+    message_.Clear();
+    return bytes([&](std::string_view piece) {
+      for (; !piece.empty(); piece.remove_prefix(std::min(kChunkBytes, piece.size()))) {
+        message_.set_chunk(piece.data(), std::min(kChunkBytes, piece.size()));
+        GW_RETURN_IF_ERROR(send());
+      }
+      return absl::OkStatus();
+    });
+  }
+  absl::Status finish() {
+    if (call_ == nullptr) return absl::OkStatus();
+    call_->writer->WritesDone();
+    const grpc::Status status = std::exchange(call_, nullptr)->writer->Finish();
+    return status.ok() ? absl::OkStatus() : status_from(status, archive_.title);
+  }
+
+ private:
+  struct Call {
+    explicit Call(v1::ArchiveService::Stub& stub) {
+      set_deadline(context, std::chrono::minutes(5));
+      writer = stub.PutFrame(&context, &stored);
+    }
+    grpc::ClientContext context;
+    v1::PutFrameResponse stored;
+    std::unique_ptr<grpc::ClientWriter<v1::PutFrameRequest>> writer;
+    int frames = 0;
+    std::int64_t size_bytes = 0;
+  };
+
+  absl::Status send() {
+    if (call_->writer->Write(message_)) return absl::OkStatus();
+    GW_RETURN_IF_ERROR(finish());  // has the reason
+    return absl::InternalError(fmt::format("the {} ended the call early", archive_.title));
+  }
+
+  const Peer<v1::ArchiveService>& archive_;
+  const std::string session_;
+  std::unique_ptr<Call> call_;  // null between batches
+  v1::PutFrameRequest message_;
+};
 
 // Frames are stored as TIFF. False for foreign archives, whose frames are renamed by their index.
 bool has_own_names(const v1::CaptureManifest& manifest) {
@@ -66,7 +118,7 @@ bool has_own_names(const v1::CaptureManifest& manifest) {
 }
 
 // Stores a frame: its record, and the bytes of its file.
-using Store = std::function<absl::Status(const v1::Frame&, const std::string& tiff)>;
+using Store = std::function<absl::Status(const v1::Frame&, const Bytes&)>;
 
 // `broken_off`: the error after Ctrl-C, which says what is left.
 absl::Status store_frames(const FrameSource& source, const std::string& broken_off, const Store& store) {
@@ -76,12 +128,17 @@ absl::Status store_frames(const FrameSource& source, const std::string& broken_o
   for (int i = 0; i < count; ++i) {
     if (interrupted()) return absl::CancelledError(broken_off);
     v1::Frame frame = source.manifest.frames(i);
-    GW_ASSIGN_OR_RETURN(const Image16 image, source.read(i));
-    const std::string tiff = encode_tiff(image);
-    if (!own_names) frame.set_file(fmt::format("frames/{:06d}.tif", i));
-    frame.set_checksum(checksum_of(tiff));
-    frame.set_size_bytes(static_cast<std::int64_t>(tiff.size()));
-    GW_RETURN_IF_ERROR(store(frame, tiff));
+    if (source.pass_on) {
+      frame.set_size_bytes(static_cast<std::int64_t>(tiff_size_bytes(shape_of(source.manifest.camera()))));
+      GW_RETURN_IF_ERROR(store(frame, [&](const TakeBytes& take) { return source.pass_on(i, take); }));
+    } else {
+      GW_ASSIGN_OR_RETURN(const Image16 image, source.read(i));
+      const std::string tiff = encode_tiff(image);
+      if (!own_names) frame.set_file(fmt::format("frames/{:06d}.tif", i));
+      frame.set_checksum(checksum_of(tiff));
+      frame.set_size_bytes(static_cast<std::int64_t>(tiff.size()));
+      GW_RETURN_IF_ERROR(store(frame, [&](const TakeBytes& take) { return take(tiff); }));
+    }
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
   progress.done(fmt::format("{} frames", count));
@@ -136,7 +193,7 @@ absl::StatusOr<FrameSource> source_of(const ImportArguments& arguments) {
 }
 
 absl::Status send(const Client& client, const FrameSource& source, const std::string& camera) {
-  if (!source.was_read) GW_RETURN_IF_ERROR(verify(source));
+  GW_RETURN_IF_ERROR(verify(source));
   const std::string& name = source.manifest.session();
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   v1::BeginImportRequest begin;
@@ -150,9 +207,11 @@ absl::Status send(const Client& client, const FrameSource& source, const std::st
   const Peer<v1::ArchiveService> archive("camera node at " + address, address);
   const std::string broken_off =
       fmt::format("session {} is incomplete; repeat the command to complete it", name);
-  GW_RETURN_IF_ERROR(store_frames(source, broken_off, [&](const v1::Frame& frame, const std::string& tiff) {
-    return put_frame(archive, name, frame, tiff);
+  FrameSender sender(archive, name);
+  GW_RETURN_IF_ERROR(store_frames(source, broken_off, [&](const v1::Frame& frame, const Bytes& bytes) {
+    return sender.add(frame, bytes);
   }));
+  GW_RETURN_IF_ERROR(sender.finish());
   v1::FinishImportRequest finish;
   finish.set_name(name);
   GW_ASSIGN_OR_RETURN(const v1::FinishImportResponse finished,
@@ -163,14 +222,20 @@ absl::Status send(const Client& client, const FrameSource& source, const std::st
 
 absl::Status write(const Client& client, const FrameSource& source, const std::string& directory) {
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<PartialDirectory> partial, PartialDirectory::create(directory));
-  if (!source.was_read) GW_RETURN_IF_ERROR(verify(source));
+  GW_RETURN_IF_ERROR(verify(source));
   v1::CaptureManifest manifest = source.manifest;
   manifest.clear_frames();
   const std::string broken_off = "the import was broken off; nothing of it stays";
-  GW_RETURN_IF_ERROR(store_frames(source, broken_off, [&](const v1::Frame& frame, const std::string& tiff) {
+  FlushQueue flushing;
+  const Store store = [&](const v1::Frame& frame, const Bytes& bytes) -> absl::Status {
     *manifest.add_frames() = frame;
-    return write_file_flushed(partial->path() / frame.file(), tiff);
-  }));
+    GW_ASSIGN_OR_RETURN(FileWriter file, FileWriter::create(partial->path() / frame.file()));
+    GW_RETURN_IF_ERROR(bytes([&](std::string_view piece) { return file.add(piece); }));
+    flushing.add(std::move(file));
+    return absl::OkStatus();
+  };
+  GW_RETURN_IF_ERROR(store_frames(source, broken_off, store));
+  GW_RETURN_IF_ERROR(flushing.wait());
   GW_RETURN_IF_ERROR(partial->keep(manifest));
   if (client.json) {
     const nlohmann::ordered_json written = {
@@ -231,7 +296,9 @@ void add_import_command(CLI::App& app, Client& client) {
   CLI::App& command =
       *app.add_subcommand("import", "Import an archive, photographs or a video as a session.");
   command.footer(
-      "Every frame is checked before the first is sent. An interrupted import can be repeated.\n\n"
+      "Every frame is checked before the first is sent; frames of an archive by their headers and sizes, "
+      "and\n"
+      "their checksums while they are sent. An interrupted import can be repeated.\n\n"
       "A layout says what the photographs of a folder show, by their order. Monitors are not seen in them: "
       "--layout needs\n"
       "--monitor. A list has one photograph per line with what the monitor showed: tab-separated values with "

@@ -4,54 +4,29 @@
 
 #include "core/archive/archive_location.h"
 #include "core/archive/archive_metrics.h"
+#include "core/archive/arriving_frames.h"
 #include "core/archive/copy_archive.h"
 #include "core/archive/row_chunks.h"
-#include "core/base/checksum.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
 
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxFrameBytes = size_t{2} << 30;
 constexpr size_t kNamesOfAMessage = 1000;
 
 absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& reader) {
-  v1::PutFrameRequest first;
-  if (!reader.Read(&first) || !first.has_frame()) {
+  v1::PutFrameRequest message;
+  if (!reader.Read(&message) || !message.has_frame()) {
     return absl::InvalidArgumentError("the first message must name the session and the frame");
   }
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store.find(first.session()));
-  std::string bytes = first.chunk();
-  v1::PutFrameRequest more;
-  while (reader.Read(&more)) {
-    bytes += more.chunk();
-    if (bytes.size() > kMaxFrameBytes) return absl::InvalidArgumentError("the frame is larger than 2 GiB");
-  }
-  const v1::Frame& frame = first.frame();
-  if (!is_stored_name(frame.file())) {
-    return absl::InvalidArgumentError(fmt::format("file is \"{}\"; it must be frames/NAME", frame.file()));
-  }
-  if (frame.checksum() != checksum_of(bytes)) {
-    return absl::InvalidArgumentError(fmt::format("{} arrived with checksum {}; {} was announced",
-                                                  frame.file(), checksum_of(bytes), frame.checksum()));
-  }
-  absl::StatusOr<Image16> image = decode_tiff(bytes);
-  if (!image.ok())
-    return absl::InvalidArgumentError(
-        fmt::format("{}: {}", frame.file(), std::string(image.status().message())));
-  const v1::CaptureManifest manifest = archive->manifest();
-  for (const v1::Frame& known : manifest.frames()) {
-    // Resuming an interrupted import with different frames must not mix the two sets.
-    if (known.file() == frame.file() && known.checksum() != frame.checksum()) {
-      return absl::AlreadyExistsError(
-          fmt::format("session \"{}\" holds another {} already; import under another name",
-                      manifest.session(), frame.file()));
-    }
-  }
-  GW_RETURN_IF_ERROR(check_shape(frame.file(), shape_of(*image), shape_of(manifest.camera())));
-  GW_RETURN_IF_ERROR(store.room().check(static_cast<std::int64_t>(bytes.size())));
-  return archive->add({{.record = frame, .image = *std::move(image)}}).status();
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store.find(message.session()));
+  ArrivingFrames frames(archive, store.room());
+  do {
+    if (message.has_frame()) GW_RETURN_IF_ERROR(frames.begin(message.frame()));
+    GW_RETURN_IF_ERROR(frames.add(message.chunk()));
+  } while (reader.Read(&message));
+  return frames.finish();
 }
 
 // Answers one ReadRows call, then deletes itself.
@@ -129,14 +104,17 @@ grpc::Status ArchiveServiceImpl::ReadFile(grpc::ServerContext*, const v1::ReadFi
                                           grpc::ServerWriter<v1::ReadFileResponse>* writer) {
   const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
   if (!archive.ok()) return to_grpc(archive.status());
-  const absl::StatusOr<std::string> bytes = (*archive)->read_frame_bytes(request->file());
-  if (!bytes.ok()) return to_grpc(bytes.status());
-  for (size_t at = 0; at < bytes->size(); at += kChunkBytes) {
-    v1::ReadFileResponse response;
-    response.set_chunk(bytes->substr(at, kChunkBytes));
+  const absl::StatusOr<std::shared_ptr<const MappedFile>> mapped = (*archive)->map(request->file());
+  if (!mapped.ok()) return to_grpc(mapped.status());
+  const std::string_view bytes = (*mapped)->bytes();
+  v1::ReadFileResponse response;
+  for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
+    response.set_chunk(bytes.data() + at, std::min(kChunkBytes, bytes.size() - at));
     if (!writer->Write(response)) break;
   }
-  return grpc::Status::OK;
+  if ((*mapped)->intact()) return grpc::Status::OK;
+  return to_grpc(absl::DataLossError(
+      fmt::format("{} is truncated", ((*archive)->directory() / request->file()).string())));
 }
 
 grpc::Status ArchiveServiceImpl::PutFrame(grpc::ServerContext*,

@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <utility>
 
-#include "core/base/descriptor.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -58,24 +57,34 @@ absl::Status write_flushed(const std::filesystem::path& path, std::string_view b
 
 }  // namespace
 
-absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
-  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+absl::StatusOr<FileReader> FileReader::open(const std::filesystem::path& path) {
+  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!file.is_open()) return error_of(errno, "cannot open", path);
   struct stat info {};
   if (::fstat(file.get(), &info) != 0) return error_of(errno, "cannot read", path);
   if (S_ISFIFO(info.st_mode))
     return absl::InvalidArgumentError(fmt::format("{} is a FIFO; it must be a regular file", path.string()));
   if (S_ISDIR(info.st_mode)) return error_of(EISDIR, "cannot read", path);
-  std::string bytes(static_cast<size_t>(info.st_size), '\0');
+  return FileReader(std::move(file), static_cast<size_t>(info.st_size), path);
+}
+
+absl::StatusOr<size_t> FileReader::read(std::span<char> buffer) {
   size_t filled = 0;
-  while (filled < bytes.size()) {
-    const ssize_t got = ::read(file.get(), bytes.data() + filled, bytes.size() - filled);
+  while (filled < buffer.size()) {
+    const ssize_t got = ::read(file_.get(), buffer.data() + filled, buffer.size() - filled);
     if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return error_of(errno, "cannot read", path);
+    if (got < 0) return error_of(errno, "cannot read", path_);
     if (got == 0) break;
     filled += static_cast<size_t>(got);
   }
-  bytes.resize(filled);
+  return filled;
+}
+
+absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
+  GW_ASSIGN_OR_RETURN(FileReader file, FileReader::open(path));
+  std::string bytes(file.size_bytes(), '\0');
+  GW_ASSIGN_OR_RETURN(const size_t got, file.read(bytes));
+  bytes.resize(got);
   return bytes;
 }
 
@@ -141,6 +150,22 @@ absl::Status FileWriter::add(std::string_view bytes) {
 
 absl::Status FileWriter::flush() {
   return write_and_flush(fd_, "", path_);
+}
+
+void FlushQueue::add(FileWriter file) {
+  if (flushing_.size() == kMaxFiles) wait_for_oldest();
+  flushing_.push_back(
+      std::async(std::launch::async, [writer = std::move(file)]() mutable { return writer.flush(); }));
+}
+
+absl::Status FlushQueue::wait() {
+  while (!flushing_.empty()) wait_for_oldest();
+  return status_;
+}
+
+void FlushQueue::wait_for_oldest() {
+  status_.Update(flushing_.front().get());
+  flushing_.pop_front();
 }
 
 absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes) {

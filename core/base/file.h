@@ -5,9 +5,15 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <deque>
 #include <filesystem>
+#include <future>
+#include <span>
 #include <string>
 #include <string_view>
+#include <utility>
+
+#include "core/base/descriptor.h"
 
 namespace glasswing {
 
@@ -34,6 +40,23 @@ absl::Status rename_file(const std::filesystem::path& from, const std::filesyste
 // Flushes a file that other code wrote, then renames it; durable when it returns OK.
 absl::Status place_file_durably(const std::filesystem::path& from, const std::filesystem::path& to);
 
+// A file read in pieces.
+class FileReader {
+ public:
+  // Errors as read_file().
+  static absl::StatusOr<FileReader> open(const std::filesystem::path& path);
+  // Fills the buffer; fewer bytes only at the file's end, then 0.
+  absl::StatusOr<size_t> read(std::span<char> buffer);
+  size_t size_bytes() const { return size_bytes_; }  // when it was opened
+
+ private:
+  FileReader(Descriptor file, size_t size_bytes, std::filesystem::path path)
+      : file_(std::move(file)), size_bytes_(size_bytes), path_(std::move(path)) {}
+  Descriptor file_;
+  size_t size_bytes_;
+  std::filesystem::path path_;
+};
+
 // A file written in pieces. Bytes not yet flushed may be lost.
 class FileWriter {
  public:
@@ -52,6 +75,22 @@ class FileWriter {
   FileWriter(int fd, std::filesystem::path path) : fd_(fd), path_(std::move(path)) {}
   int fd_ = -1;
   std::filesystem::path path_;
+};
+
+// Flushes and closes files on threads of its own, several at a time, while its user writes the next ones.
+class FlushQueue {
+ public:
+  ~FlushQueue() { (void)wait(); }
+  // Waits if kMaxFiles are being flushed.
+  void add(FileWriter file);
+  // Waits for all. The first error, which names its file.
+  absl::Status wait();
+
+ private:
+  static constexpr size_t kMaxFiles = 8;
+  void wait_for_oldest();
+  std::deque<std::future<absl::Status>> flushing_;
+  absl::Status status_;
 };
 
 // Appends and flushes; durable when it returns OK, including the name of a new file. On failure the file

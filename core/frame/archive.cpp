@@ -58,7 +58,22 @@ Archive::Archive(fs::path directory, v1::CaptureManifest manifest)
       shape_(shape_of(manifest.camera())),
       manifest_(std::move(manifest)),
       sealed_(is_sealed(directory_)) {
-  for (int i = 0; i < manifest_.frames_size(); ++i) index_of_file_[manifest_.frames(i).file()] = i;
+  for (int i = 0; i < manifest_.frames_size(); ++i) note_place(i);
+}
+
+void Archive::note_place(int index) {
+  const v1::Frame& frame = manifest_.frames(index);
+  index_of_file_[frame.file()] = index;
+  if (frame.step() >= 0) index_of_step_.try_emplace(frame.step(), index);
+}
+
+const v1::Frame* Archive::stored_as(const v1::Frame& record) const {
+  if (const auto step = index_of_step_.find(record.step()); step != index_of_step_.end())
+    return &manifest_.frames(step->second);
+  const auto file = index_of_file_.find(record.file());
+  if (file == index_of_file_.end()) return nullptr;
+  const v1::Frame& known = manifest_.frames(file->second);
+  return same_frame(known, record) ? &known : nullptr;
 }
 
 absl::StatusOr<std::unique_ptr<Archive>> Archive::create(const fs::path& directory,
@@ -129,8 +144,7 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
     if (record.file().empty()) record.set_file(fmt::format("frames/{:06d}.tif", record.step()));
     const auto is_same = [&](const v1::Frame& other) { return same_frame(other, record); };
     const auto has_file = [&](const v1::Frame& other) { return other.file() == record.file(); };
-    if (const auto known = std::ranges::find_if(manifest_.frames(), is_same);
-        known != manifest_.frames().end()) {
+    if (const v1::Frame* known = stored_as(record)) {
       stored.push_back(*known);
       continue;
     }
@@ -155,6 +169,49 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
   return stored;
 }
 
+absl::StatusOr<bool> Archive::is_new_locked(const v1::Frame& record) const {
+  GW_RETURN_IF_ERROR(check_new_frame(record));
+  const auto file = index_of_file_.find(record.file());
+  // Resuming an interrupted import with different frames must not mix the two sets.
+  if (file != index_of_file_.end() && manifest_.frames(file->second).checksum() != record.checksum()) {
+    return absl::AlreadyExistsError(
+        fmt::format("session \"{}\" holds another {} already; import under another name", manifest_.session(),
+                    record.file()));
+  }
+  if (stored_as(record) != nullptr) return false;
+  GW_RETURN_IF_ERROR(check_open());
+  if (file == index_of_file_.end()) return true;
+  return absl::AlreadyExistsError(fmt::format("{} holds another {}", directory_.string(), record.file()));
+}
+
+absl::StatusOr<bool> Archive::is_new(const v1::Frame& record) const {
+  const std::lock_guard lock(mutex_);
+  return is_new_locked(record);
+}
+
+absl::Status Archive::add_arrived(const std::vector<ArrivedFrame>& frames) {
+  const std::lock_guard lock(mutex_);
+  std::vector<v1::Frame> fresh;
+  std::vector<const ArrivedFrame*> moved;
+  for (const ArrivedFrame& frame : frames) {
+    GW_ASSIGN_OR_RETURN(const bool is_new, is_new_locked(frame.record));
+    if (!is_new) continue;
+    const auto known = std::ranges::find_if(fresh, [&](const v1::Frame& other) {
+      return same_frame(other, frame.record) || other.file() == frame.record.file();
+    });
+    if (known == fresh.end()) {
+      fresh.push_back(frame.record);
+      moved.push_back(&frame);
+    } else if (known->checksum() != frame.record.checksum() || known->file() != frame.record.file()) {
+      return absl::AlreadyExistsError(
+          fmt::format("the call brings {} and another frame of its step or file", frame.record.file()));
+    }
+  }
+  for (const ArrivedFrame* frame : moved)
+    GW_RETURN_IF_ERROR(rename_file(frame->file, directory_ / frame->record.file()));
+  return fresh.empty() ? absl::OkStatus() : enter(fresh);
+}
+
 absl::Status Archive::check_open() const {
   if (!sealed_) return absl::OkStatus();
   return absl::FailedPreconditionError(
@@ -169,8 +226,8 @@ absl::Status Archive::enter(const std::vector<v1::Frame>& fresh) {
   GW_RETURN_IF_ERROR(append_file_durably(directory_ / "frames.jsonl", journal_lines));
   fault_point("frames listed");
   for (const v1::Frame& record : fresh) {
-    index_of_file_[record.file()] = manifest_.frames_size();
     *manifest_.add_frames() = record;
+    note_place(manifest_.frames_size() - 1);
   }
   return absl::OkStatus();
 }

@@ -77,6 +77,20 @@ class Archive {
   // FAILED_PRECONDITION: a new frame for a sealed archive.
   absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames);
 
+  // False: a frame of this step (or file, where there are no steps) is stored already. Errors as add();
+  // ALREADY_EXISTS, too: the stored frame of that file has another checksum.
+  absl::StatusOr<bool> is_new(const v1::Frame& record) const;
+
+  // A frame whose file, whole and durable, lies under a temporary name below the archive.
+  struct ArrivedFrame {
+    v1::Frame record;  // with checksum and size
+    std::filesystem::path file;
+  };
+  // Gives a batch's files their names and lists them in the batch's order; durable when it returns. Files of
+  // frames that are stored already stay where they are. Errors as is_new(); then nothing of the batch is
+  // stored.
+  absl::Status add_arrived(const std::vector<ArrivedFrame>& frames);
+
   // A frame's file, copied from another archive of the session.
   struct CopiedFrame {
     v1::Frame record;
@@ -100,6 +114,7 @@ class Archive {
   // INVALID_ARGUMENT unless frames have these rows.
   absl::Status check_rows(int first_row, int row_count) const;
   size_t row_bytes() const { return 2 * shape_.row_samples(); }
+  const FrameShape& shape() const { return shape_; }  // of every frame
 
   const std::filesystem::path& directory() const { return directory_; }
 
@@ -108,6 +123,10 @@ class Archive {
   absl::StatusOr<v1::Frame> find(const std::string& file) const;
   absl::Status verify(const MappedFile& mapped, const v1::Frame& frame) const;
   absl::Status check_open() const;  // FAILED_PRECONDITION if it is sealed; requires mutex_
+  // Requires mutex_. Null: no frame of the record's step (or file, where there are no steps) is stored.
+  const v1::Frame* stored_as(const v1::Frame& record) const;
+  absl::StatusOr<bool> is_new_locked(const v1::Frame& record) const;  // requires mutex_
+  void note_place(int index);  // of a frame in manifest_; requires mutex_
   // Appends to the journal, then to manifest_. Requires mutex_.
   absl::Status enter(const std::vector<v1::Frame>& fresh);
 
@@ -117,6 +136,7 @@ class Archive {
   v1::CaptureManifest manifest_;                                     // guarded by mutex_
   bool sealed_;                                                      // guarded by mutex_
   std::map<std::string, int> index_of_file_;                         // guarded by mutex_
+  std::map<int, int> index_of_step_;                                 // guarded by mutex_
   std::map<std::string, FileIdentity> verified_;                     // guarded by mutex_
   std::map<std::string, std::shared_ptr<const MappedFile>> mapped_;  // guarded by mutex_
 };

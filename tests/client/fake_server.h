@@ -75,9 +75,15 @@ class FakeServer {
                           v1::PutFrameResponse*) override {
       v1::PutFrameRequest request;
       if (!reader->Read(&request)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "nothing came");
-      *manifest.add_frames() = request.frame();
-      std::string& bytes = files[request.frame().file()];
-      while (reader->Read(&request)) bytes += request.chunk();
+      std::string file;
+      do {
+        if (request.has_frame()) {
+          *manifest.add_frames() = request.frame();
+          file = request.frame().file();
+          files[file].clear();
+        }
+        files[file] += request.chunk();
+      } while (reader->Read(&request));
       return grpc::Status::OK;
     }
     grpc::Status GetManifest(grpc::ServerContext*, const v1::GetManifestRequest*,

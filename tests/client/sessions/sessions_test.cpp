@@ -126,6 +126,27 @@ TEST_F(SessionCommands, ExportedArchiveImportsAgain) {
   expect_one_line_error(run({"export", "vase", exported}), exported + " is there already");
 }
 
+TEST_F(SessionCommands, OwnFramesAreVerifiedWhileTheyAreSent) {
+  const std::filesystem::path own = scratch_ / "own";
+  ASSERT_EQ(run({"import", archive_.string(), "--archive", own.string()}).status, 0);
+  const std::filesystem::path last = own / "frames" / "000002.tif";
+  const std::string good = read_file(last).value();
+  for (size_t at = 256; at < good.size(); at += 50) {
+    std::string flipped = good;
+    flipped[at] = static_cast<char>(flipped[at] ^ 0x10);
+    ASSERT_TRUE(write_file_durably(last, flipped).ok());
+    expect_one_line_error(run({"import", own.string()}), last.string());
+    EXPECT_TRUE(server_.sessions_.finished.empty());
+  }
+  server_.sessions_.begun.clear();
+  server_.archive_.files.clear();
+  ASSERT_TRUE(write_file_durably(last, good.substr(0, good.size() / 2)).ok());
+  expect_one_line_error(run({"import", own.string()}), last.string());
+  std::filesystem::remove(last);
+  expect_one_line_error(run({"import", own.string()}), last.string());
+  expect_nothing_sent();
+}
+
 TEST_F(SessionCommands, ExportLeavesNothingOfADamagedArchive) {
   ASSERT_EQ(run({"import", archive_.string()}).status, 0);
   server_.sessions_.session.set_state(v1::SESSION_STATE_CAPTURED);

@@ -1,9 +1,11 @@
 // Compares what a node sends of an archive with its files.
 #include "core/archive/archive_service.h"
 
+#include <fmt/format.h>
 #include <xxhash.h>
 
 #include "core/archive/archive_location.h"
+#include "core/base/checksum.h"
 #include "tests/core/archive/made_archive.h"
 
 namespace glasswing {
@@ -71,6 +73,53 @@ TEST_F(ArchiveService, AnyRegionIsTheFilesBytesFromAnyOffset) {
     ASSERT_TRUE(read(request, rows).ok());
     ASSERT_EQ(rows, expected.substr(offset));
   }
+}
+
+TEST_F(ArchiveService, FramesOfACallAreStoredInTheirOrderOrNotAtAll) {
+  v1::CaptureManifest header = MadeArchive::header();
+  header.set_session("new");
+  ASSERT_TRUE(node_->store.create(header).ok());
+  const std::filesystem::path frames = node_->directory / "new" / "frames";
+  // Names are a file's letter and the number of its picture.
+  const auto put = [&](const std::vector<std::string>& names, const std::string& damaged) {
+    grpc::ClientContext context;
+    v1::PutFrameResponse stored;
+    const auto writer = stub_->PutFrame(&context, &stored);
+    for (const std::string& name : names) {
+      const std::string bytes = bytes_of(node_->archive() / MadeArchive::file(name.back() - '0'));
+      v1::PutFrameRequest message;
+      message.set_session("new");
+      message.mutable_frame()->set_file(fmt::format("frames/{}.tif", name.front()));
+      message.mutable_frame()->set_step(-1);
+      message.mutable_frame()->set_checksum(checksum_of(bytes));
+      writer->Write(message);
+      message.Clear();
+      message.set_chunk(bytes.substr(0, 1000));
+      writer->Write(message);
+      message.set_chunk(name == damaged ? bytes.substr(1001) : bytes.substr(1000));
+      writer->Write(message);
+    }
+    writer->WritesDone();
+    return writer->Finish().error_code();
+  };
+  for (const char* damaged : {"z1", "m0", "a2"}) {
+    EXPECT_EQ(put({"z1", "m0", "a2"}, damaged), grpc::StatusCode::INVALID_ARGUMENT);
+    EXPECT_EQ(node_->store.find("new").value()->manifest().frames_size(), 0);
+    EXPECT_TRUE(std::filesystem::is_empty(frames)) << "nothing is left of " << damaged;
+  }
+  ASSERT_EQ(put({"z1", "m0", "a2"}, ""), grpc::StatusCode::OK);
+  ASSERT_EQ(put({"m0", "b3"}, ""), grpc::StatusCode::OK) << "one of them is stored already";
+  EXPECT_EQ(put({"c4", "m1"}, ""), grpc::StatusCode::ALREADY_EXISTS) << "m is another picture";
+  const v1::CaptureManifest kept = Archive::open(node_->directory / "new").value()->manifest();
+  std::string order;
+  for (const v1::Frame& frame : kept.frames()) {
+    order += frame.file().at(7);
+    const std::string bytes = bytes_of(node_->directory / "new" / frame.file());
+    EXPECT_EQ(checksum_of(bytes), frame.checksum());
+    EXPECT_EQ(static_cast<std::int64_t>(bytes.size()), frame.size_bytes());
+  }
+  EXPECT_EQ(order, "zmab");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(frames), {}), 4) << "no file is left over";
 }
 
 TEST_F(ArchiveService, ListsTheArchivesThatAreHere) {
