@@ -205,10 +205,10 @@ void Console::add_routes(const std::filesystem::path& files) {
   routes.Get("/", [files](const Request&, Response& response) {
     response.status = 404;
     response.set_content(
-        fmt::format("The console's page is not here: {} {}. Build it with Node.js (deploy/build), or name its "
-                    "folder by --files and start the console again.\n",
-                    files.string(),
-                    std::filesystem::is_directory(files) ? "has no index.html" : "is not a folder"),
+        fmt::format(
+            "The console's page is not here: {} {}. Build it with Node.js (deploy/build), or name its "
+            "folder by --files and start the console again.\n",
+            files.string(), std::filesystem::is_directory(files) ? "has no index.html" : "is not a folder"),
         "text/plain");
   });
   routes.set_exception_handler([](const Request& request, Response& response, std::exception_ptr) {
