@@ -119,9 +119,10 @@ grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
       const std::optional<CapturedFrame> frame = ring_.wait_newer(sent, std::chrono::milliseconds(50));
       if (!frame) continue;
       sent = frame->taken.sequence();
-      const absl::StatusOr<Image16> image = frame->image();
+      absl::StatusOr<Image16> image = frame->image();
       if (!image.ok()) continue;  // the next frame may be intact
-      wanted = write_whole(interpolated(*image, mosaic), frame->taken, *writer);
+      if (mosaic) image = interpolated(*image, mosaic);
+      wanted = write_whole(*image, frame->taken, *writer);
     }
   };
   const auto take = [&](const v1::FrameTaken* taken) {
@@ -167,9 +168,10 @@ grpc::Status CameraServiceImpl::MeasureLight(grpc::ServerContext*, const v1::Mea
   for (const std::int64_t sequence : request->sequences()) {
     const std::optional<CapturedFrame> found = ring_.find(sequence);
     if (!found) continue;
-    const absl::StatusOr<Image16> image = found->image();
+    absl::StatusOr<Image16> image = found->image();
     if (!image.ok()) return to_grpc(image.status());
-    *response->add_frames() = light_of(interpolated(*image, mosaic), *light, full_scale);
+    if (mosaic) image = interpolated(*image, mosaic);
+    *response->add_frames() = light_of(*image, *light, full_scale);
     response->mutable_frames()->rbegin()->set_sequence(sequence);
   }
   return grpc::Status::OK;
