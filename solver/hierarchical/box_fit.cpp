@@ -223,9 +223,8 @@ void BoxFitter::means(size_t m, size_t a, const PixelBox& box, std::span<double>
     axes_[m][a].means(box.side[a], v);
     return;
   }
-  const WaveAxis::SoftSide side = soft_side(box.side[a]);
-  for (size_t k = 0; k < axes_[m][a].wave_count(); ++k)
-    v[k] = box.core() * axes_[m][a].soft_mean(k, side.t_px, side.sigma_px).v;
+  const WaveAxis::SoftMeans soft = axes_[m][a].soft_means(soft_side(box.side[a]));
+  for (size_t k = 0; k < axes_[m][a].wave_count(); ++k) v[k] = box.core() * static_cast<double>(soft.v[k]);
   std::array<double, WaveAxis::kMaxWaves> own;
   for (size_t j = 0; j < halo_widths_px_[m].size(); ++j) {
     if (box.halo[j] <= 0.0) continue;
@@ -322,8 +321,8 @@ void BoxFitter::spread(size_t m, PixelBox& box) {
   Amounts right{}, amount{};
   for (size_t a = 0; a < 2; ++a) {
     const WaveAxis& axis = axes_[m][a];
-    const WaveAxis::SoftSide side = soft_side(box.side[a]);
-    for (size_t k = 0; k < axis.wave_count(); ++k) v[a][0][k] = axis.soft_mean(k, side.t_px, side.sigma_px).v;
+    const WaveAxis::SoftMeans soft = axis.soft_means(soft_side(box.side[a]));
+    for (size_t k = 0; k < axis.wave_count(); ++k) v[a][0][k] = static_cast<double>(soft.v[k]);
     for (size_t j = 1; j < parts; ++j)
       axis.means(inside(halo_side(m, j - 1, box.side[a]), extent_px(monitors_[m], a)), v[a][j]);
     for (size_t k = 0; k < axis.wave_count(); ++k) {
@@ -674,13 +673,12 @@ void BoxFitter::slopes(size_t m, const PixelBox& box, WaveSums::Slopes& slopes) 
   for (size_t a = 0; a < 2; ++a) {
     const WaveAxis& axis = axes_[m][a];
     const Interval& side = box.side[a];
-    const WaveAxis::SoftSide soft = soft_side(side);
+    const WaveAxis::SoftMeans soft = axis.soft_means(soft_side(side));
     for (size_t k = 0; k < axis.wave_count(); ++k) {
       const size_t i = sums_.first_wave(m, a) + k;
       if (box.soft) {
-        const WaveAxis::SoftMean mean = axis.soft_mean(k, soft.t_px, soft.sigma_px);
-        const double by_t = 0.5 * box.core() * mean.by_t,
-                     by_width = box.core() * mean.by_sigma / kSidePerSigma;
+        const double by_t = 0.5 * box.core() * static_cast<double>(soft.by_t[k]),
+                     by_width = box.core() * static_cast<double>(soft.by_sigma[k]) / kSidePerSigma;
         slopes[i] = {by_t - by_width, by_t + by_width};
       } else {
         const double v = v_[m][i], scale = 1.0 / side.length_px();

@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <limits>
 #include <map>
-#include <numbers>
 
 #include "solver/hierarchical/wave_kernel.h"
 
@@ -28,41 +27,12 @@ double drawn(const BarWave& wave, int pixel) {
   return sign_of(std::floor((pixel + 0.5 - wave.offset_px) / wave.bar_px));
 }
 
-constexpr double kFar = 5.0;  // sigmas: from there on an edge is out of reach
-
-// erf(z / sqrt2) and its derivative for z in [0, kFar], interpolated between 1/32 by cubics that have both
-// the values and the slopes at their ends: error < 1e-7.
-class EdgeTable {
- public:
-  EdgeTable() {
-    for (size_t i = 0; i < nodes_.size(); ++i) {
-      const double z = static_cast<double>(i) / kPerSigma;
-      const double slope = std::sqrt(2.0 / std::numbers::pi) * std::exp(-0.5 * z * z);
-      nodes_[i] = {.value = std::erf(z / std::numbers::sqrt2), .slope = slope, .bend = -z * slope};
-    }
-  }
-
-  struct Edge {
-    double value = 0.0, slope = 0.0;
-  };
-  Edge at(double z) const {
-    const double place = z * kPerSigma;
-    const auto i = static_cast<size_t>(place);
-    const Node &a = nodes_[i], &b = nodes_[i + 1];
-    const double t = place - static_cast<double>(i), u = 1.0 - t;
-    const double low = u * u * (1.0 + 2.0 * t), high = t * t * (1.0 + 2.0 * u);
-    const double by_low = t * u * u / kPerSigma, by_high = -t * t * u / kPerSigma;
-    return {.value = low * a.value + high * b.value + by_low * a.slope + by_high * b.slope,
-            .slope = low * a.slope + high * b.slope + by_low * a.bend + by_high * b.bend};
-  }
-
- private:
-  static constexpr double kPerSigma = 32.0;
-  struct Node {
-    double value = 0.0, slope = 0.0, bend = 0.0;
-  };
-  std::array<Node, 162> nodes_;
-};
+internal::SoftPlace place_of(const WaveAxis::SoftSide& side) {
+  const double whole_px = std::floor(side.t_px);
+  return {.whole_px = static_cast<float>(whole_px),
+          .part_px = static_cast<float>(side.t_px - whole_px),
+          .sigma_px = static_cast<float>(side.sigma_px)};
+}
 
 }  // namespace
 
@@ -84,7 +54,13 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
       extent_px_(extent_px),
       finest_bar_px_(extent_px) {
   assert(!waves.empty() && waves.size() <= kMaxWaves && extent_px > 0);
-  for (const BarWave& wave : waves) finest_bar_px_ = std::min(finest_bar_px_, wave.bar_px);
+  bars_px_.resize(stride_, 1.0f);
+  offsets_px_.resize(stride_, 0.0f);
+  for (size_t k = 0; k < wave_count_; ++k) {
+    bars_px_[k] = static_cast<float>(waves[k].bar_px);
+    offsets_px_[k] = static_cast<float>(waves[k].offset_px);
+    finest_bar_px_ = std::min(finest_bar_px_, waves[k].bar_px);
+  }
   per_px_ = finest_bar_px_ < 2.0 ? 4 : 1;
   last_point_ = extent_px * per_px_;
   auto cells = static_cast<size_t>(last_point_) + 1;
@@ -222,66 +198,30 @@ void WaveAxis::means(const Interval& interval, std::span<double> v) const {
   }
 }
 
-WaveAxis::SoftMean WaveAxis::soft_mean(size_t wave, double t_px, double sigma_px) const {
-  static const EdgeTable edges;
-  const BarWave& own = waves_[wave];
-  const double bars = (t_px - own.offset_px) / own.bar_px, bar = std::floor(bars);
-  const double sign = sign_of(bar);
-  const double inside_px = (bars - bar) * own.bar_px, beyond_px = own.bar_px - inside_px;
-  if (std::min(inside_px, beyond_px) > kFar * sigma_px) return {.v = sign};
-  SoftMean mean;
-  if (sigma_px < 0.25 * own.bar_px) {
-    // Only the nearer edge is within reach, but for the widest.
-    const auto add = [&](double px, double side) {
-      const double z = px / sigma_px;
-      if (z > kFar) {
-        mean.v += sign;
-        return;
-      }
-      const EdgeTable::Edge edge = edges.at(z);
-      mean.v += sign * edge.value;
-      mean.by_t += sign * side * edge.slope / sigma_px;
-      mean.by_sigma -= sign * z * edge.slope / sigma_px;
-    };
-    mean.v = -sign;
-    add(inside_px, 1.0);
-    add(beyond_px, -1.0);
-    return mean;
-  }
-  // The third harmonic by the first one's.
-  const double rate = std::numbers::pi / own.bar_px, phase = rate * inside_px;
-  const double spread = rate * rate * sigma_px, sine = std::sin(phase), cosine = std::cos(phase);
-  const double size = sign * 4.0 / std::numbers::pi * std::exp(-0.5 * spread * sigma_px);
-  const double fade = size * size * std::numbers::pi * std::numbers::pi / 16.0;
-  const double size3 = size * fade * fade * fade * fade / 3.0;
-  const double sine3 = sine * (3.0 - 4.0 * sine * sine), cosine3 = cosine * (4.0 * cosine * cosine - 3.0);
-  mean.v = size * sine + size3 * sine3;
-  mean.by_t = rate * (size * cosine + 3.0 * size3 * cosine3);
-  mean.by_sigma = -spread * (size * sine + 9.0 * size3 * sine3);
-  return mean;
+WaveAxis::SoftMeans WaveAxis::soft_means(const SoftSide& side) const {
+  SoftMeans means;
+  internal::soft_means_of({.bar_px = bars_px_.data(), .offset_px = offsets_px_.data()}, place_of(side),
+                          stride_, means.v.data(), means.by_t.data(), means.by_sigma.data());
+  return means;
 }
 
 WaveAxis::SoftSide WaveAxis::refine_soft(std::span<const Seen> seen, const SoftSide& start) const {
   constexpr int kIterations = 8;
   constexpr double kMinSigma_px = 0.05, kEnough = 1e-6;
+  const Lanes lanes(seen);
   struct Sums {
     double cost = 0.0, tt = 0.0, ts = 0.0, ss = 0.0, t = 0.0, s = 0.0;
   };
   const auto sums_at = [&](const SoftSide& at) {
-    Sums sums;
-    for (size_t k = 0; k < wave_count_; ++k) {
-      const auto weight = static_cast<double>(seen[k].weight);
-      if (weight == 0.0) continue;
-      const SoftMean mean = soft_mean(k, at.t_px, at.sigma_px);
-      const double rest = static_cast<double>(seen[k].u) - mean.v;
-      sums.cost += weight * rest * rest;
-      sums.t += weight * mean.by_t * rest;
-      sums.s += weight * mean.by_sigma * rest;
-      sums.tt += weight * mean.by_t * mean.by_t;
-      sums.ts += weight * mean.by_t * mean.by_sigma;
-      sums.ss += weight * mean.by_sigma * mean.by_sigma;
-    }
-    return sums;
+    const internal::SoftSums sums =
+        internal::soft_sums_of({.bar_px = bars_px_.data(), .offset_px = offsets_px_.data()}, place_of(at),
+                               lanes.u.data(), lanes.weight.data(), stride_);
+    return Sums{.cost = static_cast<double>(sums.cost),
+                .tt = static_cast<double>(sums.tt),
+                .ts = static_cast<double>(sums.ts),
+                .ss = static_cast<double>(sums.ss),
+                .t = static_cast<double>(sums.t),
+                .s = static_cast<double>(sums.s)};
   };
   SoftSide best = start;
   Sums at = sums_at(best);
@@ -331,20 +271,42 @@ double WaveAxis::cost(const Lanes& seen, const Interval& interval) const {
   return static_cast<double>(miss) + interval.length_px() / extent_px_;
 }
 
-float WaveAxis::bound(const Lanes& seen, const Node& node) const {
-  const int size = 1 << node.level;
-  const int low_first = node.low * size, high_first = node.high * size;
-  const int low_last = std::min(low_first + size - 1, last_point_);
-  const int high_last = std::min(high_first + size - 1, last_point_);
-  const int shortest = std::max(high_first - low_last, 1);
-  const float miss = internal::bound_of({.low = least(node.level, node.low),
-                                         .high = least(node.level, node.high),
-                                         .first = sums_.data() + static_cast<size_t>(low_first) * stride_,
-                                         .last = sums_.data() + static_cast<size_t>(high_last) * stride_,
-                                         .shortest = static_cast<float>(shortest),
-                                         .longest = static_cast<float>(high_last - low_first)},
-                                        seen.u.data(), seen.weight.data(), stride_);
-  return miss + static_cast<float>(shortest) / static_cast<float>(last_point_);
+size_t WaveAxis::split(const Lanes& seen, const Node& node, float enough, std::array<Node, 4>& parts) const {
+  const int level = node.level - 1, size = 1 << level, last = last_point_ >> level;
+  internal::CellPairs pairs;
+  std::array<int, 2> low_cells, high_cells;
+  for (size_t i = 0; i < 2; ++i) {
+    const int side = static_cast<int>(i);
+    low_cells[i] = std::min(2 * node.low + side, last);
+    high_cells[i] = std::min(2 * node.high + side, last);
+    pairs.low[i] = least(level, low_cells[i]);
+    pairs.high[i] = least(level, high_cells[i]);
+    pairs.first[i] = sums_.data() + static_cast<size_t>(low_cells[i] * size) * stride_;
+    pairs.last[i] =
+        sums_.data() + static_cast<size_t>(std::min((high_cells[i] + 1) * size - 1, last_point_)) * stride_;
+  }
+  for (size_t i = 0; i < 4; ++i) {
+    const int low_first = low_cells[i / 2] * size, high_first = high_cells[i % 2] * size;
+    const int low_last = std::min(low_first + size - 1, last_point_);
+    const int high_last = std::min(high_first + size - 1, last_point_);
+    pairs.shortest[i] = static_cast<float>(std::max(high_first - low_last, 1));
+    pairs.longest[i] = static_cast<float>(std::max(high_last - low_first, 1));
+  }
+  const std::array<float, 4> bounds = internal::bounds_of(pairs, seen.u.data(), seen.weight.data(), stride_);
+  size_t count = 0;
+  for (size_t i = 0; i < 4; ++i) {
+    const int low = 2 * node.low + static_cast<int>(i / 2), high = 2 * node.high + static_cast<int>(i % 2);
+    if (high > last || low > high || (low == high && level == 0)) continue;
+    const Node part{.level = level,
+                    .low = low,
+                    .high = high,
+                    .bound = bounds[i] + pairs.shortest[i] / static_cast<float>(last_point_)};
+    if (part.bound >= enough) continue;
+    size_t place = count++;
+    for (; place > 0 && parts[place - 1].bound < part.bound; --place) parts[place] = parts[place - 1];
+    parts[place] = part;
+  }
+  return count;
 }
 
 IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
@@ -364,19 +326,7 @@ IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
       continue;
     }
     std::array<Node, 4> parts;
-    size_t part_count = 0;
-    const int last = last_point_ >> (node.level - 1);
-    for (int low = 2 * node.low; low <= 2 * node.low + 1; ++low) {
-      for (int high = 2 * node.high; high <= std::min(2 * node.high + 1, last); ++high) {
-        if (low > high || (low == high && node.level == 1)) continue;
-        Node part{.level = node.level - 1, .low = low, .high = high};
-        part.bound = bound(lanes, part);
-        if (part.bound >= enough) continue;
-        size_t place = part_count++;
-        for (; place > 0 && parts[place - 1].bound < part.bound; --place) parts[place] = parts[place - 1];
-        parts[place] = part;
-      }
-    }
+    const size_t part_count = split(lanes, node, enough, parts);
     // The best node comes last and is expanded first.
     for (size_t i = 0; i < part_count; ++i) open[open_count++] = parts[i];
   }
@@ -393,24 +343,44 @@ IntervalFit WaveAxis::refine(std::span<const Seen> seen, const Interval& start) 
 }
 
 IntervalFit WaveAxis::refine(const Lanes& seen, const Interval& start) const {
-  constexpr std::array<std::array<double, 2>, 8> kShifts{
-      {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {1, 1}, {-1, -1}, {1, -1}, {-1, 1}}};
   IntervalFit best{.interval = start, .cost = cost(seen, start)};
   for (double step_px = 0.5 * grid_px(); step_px >= kMinLength_px; step_px *= 0.5) {
-    for (bool shifted = true; shifted;) {
-      shifted = false;
-      const Interval from = best.interval;
-      for (const auto& [low, high] : kShifts) {
-        const Interval to{.low_px = from.low_px + low * step_px, .high_px = from.high_px + high * step_px};
-        if (to.low_px < 0.0 || to.high_px > extent_px_ || to.length_px() < kMinLength_px) continue;
-        const double own = cost(seen, to);
-        if (own >= best.cost) continue;
-        best = {.interval = to, .cost = own};
-        shifted = true;
-      }
+    while (shift(seen, step_px, best)) {
     }
   }
+  best.cost = cost(seen, best.interval);
   return best;
+}
+
+bool WaveAxis::shift(const Lanes& seen, double step_px, IntervalFit& best) const {
+  std::array<double, 3> low_px, high_px;
+  internal::PlaceGrid grid;
+  const auto place = [&](double t_px, const float*& point, float& part) {
+    const double t = t_px * per_px_;
+    const int before = std::clamp(static_cast<int>(t), 0, last_point_ - 1);
+    point = sums_.data() + static_cast<size_t>(before) * stride_;
+    part = static_cast<float>(t - before);
+  };
+  for (size_t i = 0; i < 3; ++i) {
+    const double shift_px = (static_cast<double>(i) - 1.0) * step_px;
+    low_px[i] = best.interval.low_px + shift_px;
+    high_px[i] = best.interval.high_px + shift_px;
+    place(low_px[i], grid.low[i], grid.low_part[i]);
+    place(high_px[i], grid.high[i], grid.high_part[i]);
+  }
+  for (size_t i = 0; i < 9; ++i)
+    grid.distance[i] = static_cast<float>((high_px[i % 3] - low_px[i / 3]) * per_px_);
+  const std::array<float, 9> costs = internal::costs_of(grid, seen.u.data(), seen.weight.data(), stride_);
+  bool shifted = false;
+  for (size_t i = 0; i < 9; ++i) {
+    const Interval to{.low_px = low_px[i / 3], .high_px = high_px[i % 3]};
+    if (i == 4 || to.low_px < 0.0 || to.high_px > extent_px_ || to.length_px() < kMinLength_px) continue;
+    const double own = static_cast<double>(costs[i]) + to.length_px() / extent_px_;
+    if (own >= best.cost) continue;
+    best = {.interval = to, .cost = own};
+    shifted = true;
+  }
+  return shifted;
 }
 
 }  // namespace glasswing

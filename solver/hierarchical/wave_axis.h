@@ -73,20 +73,20 @@ class WaveAxis {
 
   // v_k of every wave.
   void means(const Interval& interval, std::span<double> v) const;
-  // A Gaussian's mean of a wave that goes on beyond the monitor, and its derivatives:
+  struct SoftSide {
+    double t_px = 0.0, sigma_px = 0.0;
+  };
+  // A Gaussian's means of waves that go on beyond the monitor, and their derivatives:
   //
   //   v = erf(d / (sqrt2 sigma)) + erf((b - d) / (sqrt2 sigma)) - 1              sigma < b / 4
   //     = 4 / pi sum_{n = 1, 3} exp(-(n pi sigma / b)^2 / 2) sin(n pi d / b) / n  beyond; error < 1e-4
   //
   // times the sign of the bar of b px that t lies in, d px from its start.
-  struct SoftMean {
-    double v = 0.0, by_t = 0.0, by_sigma = 0.0;
+  struct SoftMeans {
+    std::array<float, kMaxWaves> v, by_t, by_sigma;  // beyond the waves' count undefined
   };
-  SoftMean soft_mean(size_t wave, double t_px, double sigma_px) const;
+  SoftMeans soft_means(const SoftSide& side) const;
   // Refines a Gaussian's centre and width from a start nearby, by Levenberg-Marquardt.
-  struct SoftSide {
-    double t_px = 0.0, sigma_px = 0.0;
-  };
   SoftSide refine_soft(std::span<const Seen> seen, const SoftSide& start) const;
   // s_k at a point.
   double wave_at(size_t wave, double t_px) const;
@@ -115,7 +115,10 @@ class WaveAxis {
   bool edges_coincide() const;
   double scan(std::span<const Seen> seen) const;
   double cost(const Lanes& seen, const Interval& interval) const;
-  float bound(const Lanes& seen, const Node& node) const;
+  // The parts of a node whose bounds are below `enough`, the best last; returns their count.
+  size_t split(const Lanes& seen, const Node& node, float enough, std::array<Node, 4>& parts) const;
+  // Shifts either end or both by a step to where the cost is lowest; false if that is here.
+  bool shift(const Lanes& seen, double step_px, IntervalFit& best) const;
   // The minimum of P over a cell, by wave; the maximum follows stride_ later.
   const float* least(int level, int cell) const {
     return cells_.data() +
@@ -130,6 +133,7 @@ class WaveAxis {
   std::vector<float> scanned_;     // [point][wave]: v_k of a finest bar, by half bars; if edges coincide
 
   std::vector<BarWave> waves_;
+  std::vector<float> bars_px_, offsets_px_;  // of the waves, padded
   size_t wave_count_ = 0, stride_ = 0;
   int per_px_ = 1;  // grid points per pixel
   int last_point_ = 0;

@@ -52,6 +52,44 @@ TEST(WaveAxis, MeansAreTheWavesOwn) {
   }
 }
 
+// A Gaussian's mean of bars that go on without end, by the midpoint rule over eight sigmas.
+double soft_brute_force(const BarWave& wave, double t_px, double sigma_px) {
+  constexpr int kSteps = 20000;
+  const double step_px = 16.0 * sigma_px / kSteps;
+  double sum = 0.0, all = 0.0;
+  for (int i = 0; i < kSteps; ++i) {
+    const double off_px = (i + 0.5) * step_px - 8.0 * sigma_px;
+    const double bar = std::floor((t_px + off_px - wave.offset_px) / wave.bar_px);
+    const double share = std::exp(-0.5 * off_px * off_px / (sigma_px * sigma_px));
+    sum += std::remainder(bar, 2.0) == 0.0 ? share : -share;
+    all += share;
+  }
+  return sum / all;
+}
+
+TEST(WaveAxis, SoftMeansAreAGaussians) {
+  const std::vector<BarWave> waves = gray_code(12);
+  const WaveAxis axis(waves, 4096);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> anywhere_px(0.0, 4096.0), width(-2.0, 6.0);
+  for (int i = 0; i < 40; ++i) {
+    const WaveAxis::SoftSide side{.t_px = anywhere_px(random), .sigma_px = std::exp2(width(random))};
+    const WaveAxis::SoftMeans soft = axis.soft_means(side);
+    const double step_px = 1e-3 * side.sigma_px;
+    const WaveAxis::SoftMeans beside =
+        axis.soft_means({.t_px = side.t_px + step_px, .sigma_px = side.sigma_px});
+    const WaveAxis::SoftMeans wider =
+        axis.soft_means({.t_px = side.t_px, .sigma_px = side.sigma_px + step_px});
+    for (size_t k = 0; k < waves.size(); ++k) {
+      const double v = soft.v[k];
+      EXPECT_NEAR(v, soft_brute_force(waves[k], side.t_px, side.sigma_px), 2e-3)
+          << waves[k].bar_px << " px at " << side.t_px << ", sigma " << side.sigma_px;
+      EXPECT_NEAR(soft.by_t[k] * step_px, beside.v[k] - v, 5e-6) << waves[k].bar_px;
+      EXPECT_NEAR(soft.by_sigma[k] * step_px, wider.v[k] - v, 5e-6) << waves[k].bar_px;
+    }
+  }
+}
+
 constexpr double kNoise = 0.02;
 
 struct Case {
