@@ -184,6 +184,7 @@ void BoxSolver::solve_row(int y, Matte& matte) {
       add_straight(background);
     }
     BoxFit fit = fitter_.fit(pixel_);
+    choose_places(background, fit);
     // Where every sample is saturated, F is at least that.
     for (size_t c = 0; c < kChannels; ++c)
       fit.foreground[c] = std::max(fit.foreground[c], saturated_light_[c]);
@@ -195,6 +196,30 @@ void BoxSolver::solve_row(int y, Matte& matte) {
       }
     }
     write(x, y, background, fit, noise_sd, matte);
+  }
+}
+
+void BoxSolver::choose_places(std::span<const BackgroundPoint> background, BoxFit& fit) const {
+  for (size_t m = 0; m < fit.boxes.size(); ++m) {
+    PixelBox& box = fit.boxes[m];
+    if (!box.seen) continue;
+    const BoxMonitor& monitor = layout_.monitors[m];
+    const BackgroundPoint* const straight =
+        background.empty() ? nullptr : &background[static_cast<size_t>(monitor.texture)];
+    for (size_t a = 0; a < 2; ++a) {
+      const std::optional<double> period_px = fitter_.axis(m, a).period_px();
+      if (!period_px) continue;
+      Interval& side = box.side[a];
+      const double first_px = std::fmod(side.centre_px(), *period_px);
+      if (first_px + *period_px >= extent_px(monitor, a)) continue;
+      box.misread = true;
+      if (straight == nullptr || !straight->seen) continue;
+      const double off_px = straight->axis[a].centre_px - first_px;
+      const double last = std::floor((extent_px(monitor, a) - first_px) / *period_px);
+      const double periods = std::clamp(std::round(off_px / *period_px), 0.0, last);
+      const double shift_px = first_px + periods * *period_px - side.centre_px();
+      side = {.low_px = side.low_px + shift_px, .high_px = side.high_px + shift_px};
+    }
   }
 }
 

@@ -39,6 +39,9 @@ class BoxSolver {
   // saturated.
   bool gather(int x, double noise_factor);
   void add_straight(std::span<const BackgroundPoint> background);
+  // Of places that all waves show alike, takes the one next to what lies straight behind the pixel, if that
+  // is known. It stays a guess: `misread`.
+  void choose_places(std::span<const BackgroundPoint> background, BoxFit& fit) const;
   void write(int x, int y, std::span<const BackgroundPoint> background, const BoxFit& fit, double noise_sd,
              Matte& matte) const;
 

@@ -181,6 +181,18 @@ std::optional<std::array<double, 2>> WaveAxis::alike_px() const {
   return std::nullopt;
 }
 
+std::optional<double> WaveAxis::period_px() const {
+  constexpr double kSame = 1e-6;  // periods
+  double period_px = 0.0;
+  for (const BarWave& wave : waves_) period_px = std::max(period_px, 2.0 * wave.bar_px);
+  if (period_px >= extent_px_) return std::nullopt;
+  for (const BarWave& wave : waves_) {
+    const double periods = period_px / (2.0 * wave.bar_px);
+    if (std::abs(periods - std::round(periods)) > kSame) return std::nullopt;
+  }
+  return period_px;
+}
+
 void WaveAxis::means(const Interval& interval, std::span<double> v) const {
   const auto place = [&](double t_px) {
     const double t = t_px * per_px_;

@@ -53,6 +53,8 @@ class WaveAxis {
   // Two positions further apart than the finest bar that all waves show alike, for example because one wave
   // was left out; none if all can be distinguished.
   std::optional<std::array<double, 2>> alike_px() const;
+  // After so many pixels all waves begin anew; none if that is not on the monitor.
+  std::optional<double> period_px() const;
 
   struct Seen {
     float u = 0.0f;

@@ -274,6 +274,24 @@ TEST(Hierarchical, AMissingLevelIsToldOf) {
       << matte.metadata.warnings(0);
 }
 
+// Bars of 16 px at most begin anew after 32, of 48: of two places in each of which such a pixel may see, the
+// one next to what lies straight behind it is a guess.
+TEST(Hierarchical, PlacesThatLookAlikeAreFlagged) {
+  for (const bool empty_stage : {true, false}) {
+    const Matte matte = SimulatedStack({.empty_stage = empty_stage, .first_level = 1}).solve().value();
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < 10; ++x) {
+        SCOPED_TRACE(testing::Message() << "pixel " << x << ", " << y);
+        const double truth_px = static_cast<double>(truth(x, y, true).x_px);
+        const bool alike = truth_px >= 32.0;
+        EXPECT_EQ(matte.flags(x, y), alike ? kFlagPoorFit : kFlagNone);
+        if (alike && !empty_stage) continue;
+        EXPECT_NEAR(matte.modes(x, y, 1)[0].x_px, alike ? truth_px - 32.0 : truth_px, 1.0);
+      }
+    }
+  }
+}
+
 TEST(Hierarchical, BracketsAreMergedAndSaturationIsSaid) {
   expect_truth(SimulatedStack({.empty_stage = false, .exposures = {1.0, 4.0}}).solve().value());
   const Matte matte = SimulatedStack({.empty_stage = false, .light = 3.0}).solve().value();

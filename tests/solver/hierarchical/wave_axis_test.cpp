@@ -176,6 +176,9 @@ TEST(WaveAxis, PlacesThatLookAlikeAreTold) {
   const auto alike_px = WaveAxis(halves(32.0, 6), 128).alike_px();
   ASSERT_TRUE(alike_px);
   EXPECT_EQ((*alike_px)[1] - (*alike_px)[0], 64.0);
+  EXPECT_EQ(WaveAxis(halves(32.0, 6), 128).period_px(), 64.0);
+  EXPECT_FALSE(WaveAxis(halves(64.0, 7), 128).period_px());
+  EXPECT_FALSE(WaveAxis(std::vector<BarWave>{{.bar_px = 32.0}, {.bar_px = 10.0}}, 128).period_px());
 }
 
 TEST(WaveAxis, OnePixelAndOneWaveAreEnough) {
