@@ -371,7 +371,7 @@ void BoxFitter::place(bool anew, BoxFit& fit) {
         box.side[a] = {.low_px = centre_px - half_px, .high_px = centre_px + half_px};
         continue;
       }
-      box.side[a] = (anew ? axis.search(seen_[a]) : axis.refine(seen_[a], box.side[a])).interval;
+      box.side[a] = (anew ? axis.search(seen_[a], box.side[a]) : axis.refine(seen_[a], box.side[a])).interval;
     }
   }
 }
@@ -580,10 +580,10 @@ bool BoxFitter::is_certain(const BoxFit& fit) {
   return true;
 }
 
-void BoxFitter::start_from(const BoxFit& soft, BoxFit& fit) const {
+void BoxFitter::start_from(const BoxFit& other, BoxFit& fit) const {
   for (size_t m = 0; m < monitors_.size(); ++m) {
     // A box's corners look like a narrow halo.
-    const PixelBox& own = soft.boxes[m];
+    const PixelBox& own = other.boxes[m];
     const double halo = halo_widths_px_[m].empty() ? 0.0 : own.halo[0], core = own.core();
     for (size_t a = 0; a < 2; ++a) {
       const double halo_px = halo > 0.0 ? halo_side(m, 0, own.side[a]).length_px() : 0.0;
@@ -603,7 +603,7 @@ BoxFit BoxFitter::fit_whole(const BoxFit& start) {
   // The decoded position is right unless noise decides it, the footprint is wide, or there are several.
   const bool certain = soft && is_certain(*soft), enough = certain && explains(*soft);
   const bool explained = enough && narrower(*soft, kNarrow);
-  if (explained) start_from(*soft, box);
+  if (soft) start_from(*soft, box);
   settle(!explained, false, box);
   if (!soft) return box;
   // The matte shows a Gaussian as a box, so that it and its halos have to explain more than one at the same
@@ -622,6 +622,7 @@ void BoxFitter::try_partial_cover(const BoxPixel& pixel, const BoxFit& start, Bo
   for (const double straight : kStraightStarts) {
     BoxFit partly = start;
     partly.straight = straight;
+    start_from(best, partly);
     for (size_t m = 0; m < monitors_.size(); ++m) {
       for (size_t p = 0; p < pixel.samples[m].size(); ++p) {
         if (monitors_[m].patterns[p].axis != BoxPattern::kSolid) continue;

@@ -52,7 +52,7 @@ class BoxFitter {
   bool sees(const BoxPixel& pixel, size_t monitor, const Samples3& weight) const;
   // `anew`: search for the boxes.
   void settle(bool anew, bool straight_is_free, BoxFit& fit);
-  // Fits all sides. `anew`: search globally; otherwise refine the current ones.
+  // Fits all sides. `anew`: search globally, with the current ones as hints; otherwise refine these.
   void place(bool anew, BoxFit& fit);
   // Sets seen_.
   void observe(const BoxFit& fit, size_t monitor);
@@ -70,8 +70,8 @@ class BoxFitter {
   double lit_range(const BoxPixel& pixel, size_t monitor) const;
   // Takes back boxes that every pattern lit alike, as a static surround does: the light is F.
   void drop_unlit(const BoxPixel& pixel, BoxFit& fit) const;
-  // Sets the sides of boxes to those that look most like a soft fit.
-  void start_from(const BoxFit& soft, BoxFit& fit) const;
+  // Sets the sides of boxes to those that look most like another fit's, soft ones and halos included.
+  void start_from(const BoxFit& other, BoxFit& fit) const;
   // The better of a box and a soft one, without partial cover.
   BoxFit fit_whole(const BoxFit& start);
   // Replaces `best` by a fit with alpha below 1 where that explains enough more.

@@ -321,7 +321,17 @@ size_t WaveAxis::split(const Lanes& seen, const Node& node, float enough, std::a
   return count;
 }
 
-IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
+IntervalFit WaveAxis::on_grid(const Lanes& seen, const Interval& around) const {
+  const double low = std::clamp(std::round(around.low_px * per_px_), 0.0, last_point_ - 1.0);
+  const double high = std::clamp(std::round(around.high_px * per_px_), low + 1.0, 1.0 * last_point_);
+  IntervalFit fit{.interval = {.low_px = low * grid_px(), .high_px = high * grid_px()}};
+  fit.cost = cost(seen, fit.interval);
+  while (shift(seen, grid_px(), fit)) {
+  }
+  return fit;
+}
+
+IntervalFit WaveAxis::search(std::span<const Seen> seen, const Interval& hint) const {
   const Lanes lanes(seen);
   std::array<Node, kMaxOpen> open;
   size_t open_count = 0;
@@ -329,6 +339,11 @@ IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
   float enough = std::numeric_limits<float>::infinity();
   std::array<Interval, kKept> kept;
   size_t found = 0;
+  if (hint.length_px() > 0.0) {
+    const IntervalFit fit = on_grid(lanes, hint);
+    kept[found++] = fit.interval;
+    enough = static_cast<float>(fit.cost);
+  }
   while (open_count > 0) {
     const Node node = open[--open_count];
     if (node.bound >= enough) continue;

@@ -98,8 +98,9 @@ class WaveAxis {
   // steps down to kMinLength_px while that helps. One Seen per wave.
   //
   // Branch and bound, coarse to fine: a pair of cells for the two ends is split while the lower bound of its
-  // cost, from the minimum and maximum of P_k in each cell, is below the best known cost.
-  IntervalFit search(std::span<const Seen> seen) const;
+  // cost, from the minimum and maximum of P_k in each cell, is below the best known cost. A hint of where the
+  // interval may lie saves most of the splits; without length it is none.
+  IntervalFit search(std::span<const Seen> seen, const Interval& hint = {}) const;
   // Refines a known interval: shifts its ends in ever finer steps while that helps.
   IntervalFit refine(std::span<const Seen> seen, const Interval& start) const;
 
@@ -119,6 +120,8 @@ class WaveAxis {
   double cost(const Lanes& seen, const Interval& interval) const;
   // The parts of a node whose bounds are below `enough`, the best last; returns their count.
   size_t split(const Lanes& seen, const Node& node, float enough, std::array<Node, 4>& parts) const;
+  // The interval on the grid with the lowest cost around another one.
+  IntervalFit on_grid(const Lanes& seen, const Interval& around) const;
   // Shifts either end or both by a step to where the cost is lowest; false if that is here.
   bool shift(const Lanes& seen, double step_px, IntervalFit& best) const;
   // The minimum of P over a cell, by wave; the maximum follows stride_ later.

@@ -161,6 +161,25 @@ TEST(WaveAxis, EndsLieBetweenPixels) {
   EXPECT_GE(found, 95);
 }
 
+TEST(WaveAxis, NoHintMisleadsTheSearch) {
+  constexpr int kExtent_px = 48;
+  const std::vector<BarWave> waves = gray_code(4);
+  const WaveAxis axis(waves, kExtent_px);
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> light(-1.0f, 1.0f);
+  for (int i = 0; i < 100; ++i) {
+    std::vector<WaveAxis::Seen> seen;
+    for (size_t k = 0; k < waves.size(); ++k) seen.push_back({.u = light(random), .weight = 100.0f});
+    double least = INFINITY;
+    for (int low = 0; low < kExtent_px; ++low) {
+      for (int high = low + 1; high <= kExtent_px; ++high)
+        least = std::min(least, axis.cost(seen, {1.0 * low, 1.0 * high}));
+    }
+    const double hint_px = static_cast<double>(random() % kExtent_px);
+    EXPECT_LE(axis.search(seen, {hint_px, hint_px + 1.5}).cost, least + 1e-4 * least) << i;
+  }
+}
+
 // [39.5, 40.5] and [36, 44] see the same of bars that all have an edge at 40 px: v = 0 for all.
 TEST(WaveAxis, OfIntervalsThatAreAlikeTheShortestIsTaken) {
   const std::vector<BarWave> waves = halves(8.0, 4);
