@@ -49,8 +49,8 @@ BoxSolver::BoxSolver(const FrameStack& stack, const BoxLayout& layout, bool part
   }
 }
 
-std::vector<BoxSolver::Sample> BoxSolver::load(int y, const Shot& shot) const {
-  std::vector<Sample> row(static_cast<size_t>(width_) * kChannels);
+void BoxSolver::load(int y, const Shot& shot, std::vector<Sample>& row) const {
+  row.resize(static_cast<size_t>(width_) * kChannels);
   const size_t first = stack_.sample_index(0, y, 0);
   for (size_t lane = 0; lane < row.size(); ++lane) {
     const MergedSample merged = merge(stack_, shot, first + lane, surroundings_.noise());
@@ -64,14 +64,13 @@ std::vector<BoxSolver::Sample> BoxSolver::load(int y, const Shot& shot) const {
       row[lane].variance += std::pow(kCorrection * change * row[lane].radiance, 2.0f);
     }
   }
-  return row;
 }
 
 void BoxSolver::load_row(int y) {
-  if (!layout_.stage.black.empty()) black_ = load(y, layout_.stage.black);
+  if (!layout_.stage.black.empty()) load(y, layout_.stage.black, black_);
   for (size_t m = 0; m < layout_.monitors.size(); ++m) {
     for (size_t p = 0; p < samples_[m].size(); ++p)
-      samples_[m][p] = load(y, layout_.monitors[m].patterns[p].shot);
+      load(y, layout_.monitors[m].patterns[p].shot, samples_[m][p]);
   }
 }
 

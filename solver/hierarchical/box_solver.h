@@ -31,7 +31,7 @@ class BoxSolver {
   };
 
   void load_row(int y);
-  std::vector<Sample> load(int y, const Shot& shot) const;
+  void load(int y, const Shot& shot, std::vector<Sample>& row) const;
   // Standard deviation of a sample, by pixel, from the sums of waves and their complements, which all equal 2
   // F + R.
   std::vector<double> estimate_noise() const;
