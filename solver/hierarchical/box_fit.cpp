@@ -143,6 +143,7 @@ BoxFitter::BoxFitter(std::span<const BoxMonitor> monitors, size_t halos)
     seen_thresholds_.push_back({threshold(kChannels), threshold(1)});
     v_.push_back(sums_.blank_means(m));
     slopes_.emplace_back(v_.back().size());
+    parts_.emplace_back();
   }
 }
 
@@ -218,24 +219,28 @@ Interval BoxFitter::halo_side(size_t m, size_t halo, const Interval& box) const 
   return {.low_px = box.centre_px() - half_px, .high_px = box.centre_px() + half_px};
 }
 
-void BoxFitter::means(size_t m, size_t a, const PixelBox& box, std::span<double> v) const {
+void BoxFitter::part_means(size_t m, size_t a, const PixelBox& box, Parts& v) const {
+  const WaveAxis& axis = axes_[m][a];
+  const WaveAxis::SoftMeans soft = axis.soft_means(soft_side(box.side[a]));
+  for (size_t k = 0; k < axis.wave_count(); ++k) v[0][k] = static_cast<double>(soft.v[k]);
+  for (size_t j = 0; j < halo_widths_px_[m].size(); ++j)
+    axis.means(inside(halo_side(m, j, box.side[a]), extent_px(monitors_[m], a)), v[1 + j]);
+}
+
+void BoxFitter::means(size_t m, size_t a, const PixelBox& box, Parts& parts, std::span<double> v) const {
   if (!box.soft) {
     axes_[m][a].means(box.side[a], v);
     return;
   }
-  const WaveAxis::SoftMeans soft = axes_[m][a].soft_means(soft_side(box.side[a]));
-  for (size_t k = 0; k < axes_[m][a].wave_count(); ++k) v[k] = box.core() * static_cast<double>(soft.v[k]);
-  std::array<double, WaveAxis::kMaxWaves> own;
-  for (size_t j = 0; j < halo_widths_px_[m].size(); ++j) {
-    if (box.halo[j] <= 0.0) continue;
-    axes_[m][a].means(inside(halo_side(m, j, box.side[a]), extent_px(monitors_[m], a)), own);
-    for (size_t k = 0; k < axes_[m][a].wave_count(); ++k) v[k] += box.halo[j] * own[k];
+  part_means(m, a, box, parts);
+  for (size_t k = 0; k < axes_[m][a].wave_count(); ++k) {
+    v[k] = box.core() * parts[0][k];
+    for (size_t j = 0; j < halo_widths_px_[m].size(); ++j) v[k] += box.halo[j] * parts[1 + j][k];
   }
 }
 
 namespace {
 
-constexpr size_t kMaxParts = 1 + kMaxHalos;
 using Amounts = std::array<double, kMaxParts>;
 
 // Solves normal * x = right over the amounts of `free` by elimination; the others are 0.
@@ -316,16 +321,11 @@ void solve_amounts(const std::array<Amounts, kMaxParts>& normal, const Amounts& 
 
 void BoxFitter::spread(size_t m, PixelBox& box) {
   const size_t parts = 1 + halo_widths_px_[m].size();
-  std::array<std::array<std::array<double, WaveAxis::kMaxWaves>, kMaxParts>, 2> v;
+  const std::array<Parts, 2>& v = parts_[m];
   std::array<Amounts, kMaxParts> normal{};
   Amounts right{}, amount{};
   for (size_t a = 0; a < 2; ++a) {
-    const WaveAxis& axis = axes_[m][a];
-    const WaveAxis::SoftMeans soft = axis.soft_means(soft_side(box.side[a]));
-    for (size_t k = 0; k < axis.wave_count(); ++k) v[a][0][k] = static_cast<double>(soft.v[k]);
-    for (size_t j = 1; j < parts; ++j)
-      axis.means(inside(halo_side(m, j - 1, box.side[a]), extent_px(monitors_[m], a)), v[a][j]);
-    for (size_t k = 0; k < axis.wave_count(); ++k) {
+    for (size_t k = 0; k < seen_[a].size(); ++k) {
       const auto u = static_cast<double>(seen_[a][k].u), weight = static_cast<double>(seen_[a][k].weight);
       for (size_t i = 0; i < parts; ++i) {
         const double own = weight * v[a][i][k];
@@ -380,7 +380,7 @@ void BoxFitter::see(const BoxFit& fit) {
   for (size_t m = 0; m < monitors_.size(); ++m) {
     if (!fit.boxes[m].seen) continue;
     for (size_t a = 0; a < 2; ++a)
-      means(m, a, fit.boxes[m], std::span(v_[m]).subspan(sums_.first_wave(m, a)));
+      means(m, a, fit.boxes[m], parts_[m][a], std::span(v_[m]).subspan(sums_.first_wave(m, a)));
   }
 }
 
@@ -460,6 +460,7 @@ double BoxFitter::rms_of(const BoxPixel& pixel, const BoxFit& fit) const {
 void BoxFitter::settle(bool anew, bool straight_is_free, BoxFit& fit) {
   fit.chi_square = INFINITY;
   BoxFit next = fit;
+  see(next);
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::vector<PixelBox> before = next.boxes;
     place(anew, next);
@@ -544,10 +545,11 @@ void BoxFitter::drop_unlit(const BoxPixel& pixel, BoxFit& fit) const {
 
 bool BoxFitter::reads_otherwise(const BoxFit& fit, size_t m) {
   std::array<double, WaveAxis::kMaxWaves> v;
+  Parts parts;
   const PixelBox& box = fit.boxes[m];
   observe(fit, m);
   for (size_t a = 0; a < 2; ++a) {
-    means(m, a, box, v);
+    means(m, a, box, parts, v);
     const double apart_px = kApart * axes_[m][a].finest_bar_px();
     const double own = misfit(seen_[a], v);
     for (const double place_px :
@@ -556,7 +558,7 @@ bool BoxFitter::reads_otherwise(const BoxFit& fit, size_t m) {
       const double half_px = 0.5 * box.side[a].length_px();
       moved.side[a] = {.low_px = place_px - half_px, .high_px = place_px + half_px};
       if (!moved.soft) moved.side[a] = inside(moved.side[a], extent_px(monitors_[m], a));
-      means(m, a, moved, v);
+      means(m, a, moved, parts, v);
       if (misfit(seen_[a], v) < own + kSurely) return true;
     }
   }
@@ -603,8 +605,9 @@ BoxFit BoxFitter::fit_whole(const BoxFit& start) {
   // The decoded position is right unless noise decides it, the footprint is wide, or there are several.
   const bool certain = soft && is_certain(*soft), enough = certain && explains(*soft);
   const bool explained = enough && narrower(*soft, kNarrow);
+  if (explained) return *soft;
   if (soft) start_from(*soft, box);
-  settle(!explained, false, box);
+  settle(true, false, box);
   if (!soft) return box;
   // The matte shows a Gaussian as a box, so that it and its halos have to explain more than one at the same
   // place. A box that was looked for everywhere has to explain more than one at a certain position.
@@ -652,9 +655,11 @@ BoxFit BoxFitter::fit(const BoxPixel& pixel) {
   }
   BoxFit best = fit_whole(start);
   const bool poor = best.chi_square > kPoor * best.sample_count;
-  see(best);
-  sums_.gather(pixel, misfit_of(pixel, best));
-  settle(false, false, best);
+  if (!explains(best)) {
+    see(best);
+    sums_.gather(pixel, misfit_of(pixel, best));
+    settle(false, false, best);
+  }
   if (pixel.has_straight && poor) try_partial_cover(pixel, start, best);
   if (best.straight > 0.0) {
     see(best);

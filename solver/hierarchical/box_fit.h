@@ -56,10 +56,13 @@ class BoxFitter {
   void place(bool anew, BoxFit& fit);
   // Sets seen_.
   void observe(const BoxFit& fit, size_t monitor);
-  // Fits the shares of box and halos to seen_, then takes the halos out of seen_.
+  // Fits the shares of box and halos to seen_, then takes the halos out of seen_. Needs parts_.
   void spread(size_t monitor, PixelBox& box);
-  // v of a box with its halos.
-  void means(size_t monitor, size_t axis, const PixelBox& box, std::span<double> v) const;
+  // v of a soft box alone, then of each halo.
+  using Parts = std::array<std::array<double, WaveAxis::kMaxWaves>, kMaxParts>;
+  void part_means(size_t monitor, size_t axis, const PixelBox& box, Parts& v) const;
+  // v of a box with its halos, and of its parts if it is soft.
+  void means(size_t monitor, size_t axis, const PixelBox& box, Parts& parts, std::span<double> v) const;
   // Whether no side is longer than so many finest bars.
   bool narrower(const BoxFit& fit, double bars) const;
   // Whether all boxes are within a finest bar of the decoded positions.
@@ -83,7 +86,7 @@ class BoxFitter {
   bool is_certain(const BoxFit& fit);
   // Sets PixelBox::misread.
   void read_again(const BoxPixel& pixel, BoxFit& fit);
-  // Sets v_.
+  // Sets v_ and parts_.
   void see(const BoxFit& fit);
   // h of a pattern.
   double lit(size_t monitor, size_t pattern) const;
@@ -102,6 +105,7 @@ class BoxFitter {
   // Of the current pixel.
   WaveSums sums_;
   std::vector<WaveMeans> v_;                         // [monitor]
+  std::vector<std::array<Parts, 2>> parts_;          // [monitor][axis]
   std::vector<WaveSums::Slopes> slopes_;             // [monitor]
   std::array<std::vector<WaveAxis::Seen>, 2> seen_;  // by axis
 };

@@ -25,6 +25,7 @@ struct BoxPixel {
 };
 
 inline constexpr size_t kMaxHalos = 4;
+inline constexpr size_t kMaxParts = 1 + kMaxHalos;  // a soft box and its halos
 
 struct PixelBox {
   bool seen = false;  // if not, weights are 0 and the box is meaningless
