@@ -219,7 +219,7 @@ WaveAxis::SoftMeans WaveAxis::soft_means(const SoftSide& side) const {
 
 WaveAxis::SoftSide WaveAxis::refine_soft(std::span<const Seen> seen, const SoftSide& start) const {
   constexpr int kIterations = 8;
-  constexpr double kMinSigma_px = 0.05, kEnough = 1e-5;
+  constexpr double kMinSigma_px = 0.05, kEnough = 1e-5, kShort = 0.1;
   const Lanes lanes(seen);
   struct Sums {
     double cost = 0.0, tt = 0.0, ts = 0.0, ss = 0.0, t = 0.0, s = 0.0;
@@ -244,8 +244,9 @@ WaveAxis::SoftSide WaveAxis::refine_soft(std::span<const Seen> seen, const SoftS
     const double reach_px = 0.5 * finest_bar_px_;
     const double dt = std::clamp((ss * at.t - at.ts * at.s) / rest, -reach_px, reach_px);
     const double ds = std::clamp((tt * at.s - at.ts * at.t) / rest, -0.5 * best.sigma_px, reach_px);
-    // What the step would gain, were the means linear.
-    if (dt * at.t + ds * at.s < kEnough * at.cost) break;
+    // What the step would gain, were the means linear; a long one may leave a plateau.
+    const double step = std::max(std::abs(dt), std::abs(ds)), gain = dt * at.t + ds * at.s;
+    if (step < kShort * best.sigma_px && gain < kEnough * at.cost) break;
     const SoftSide next{.t_px = std::clamp(best.t_px + dt, 0.0, extent_px_),
                         .sigma_px = std::clamp(best.sigma_px + ds, kMinSigma_px, extent_px_)};
     const Sums there = sums_at(next);
