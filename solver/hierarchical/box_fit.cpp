@@ -605,9 +605,8 @@ BoxFit BoxFitter::fit_whole(const BoxFit& start) {
   // The decoded position is right unless noise decides it, the footprint is wide, or there are several.
   const bool certain = soft && is_certain(*soft), enough = certain && explains(*soft);
   const bool explained = enough && narrower(*soft, kNarrow);
-  if (explained) return *soft;
   if (soft) start_from(*soft, box);
-  settle(true, false, box);
+  settle(!explained, false, box);
   if (!soft) return box;
   // The matte shows a Gaussian as a box, so that it and its halos have to explain more than one at the same
   // place. A box that was looked for everywhere has to explain more than one at a certain position.
@@ -673,6 +672,19 @@ BoxFit BoxFitter::fit(const BoxPixel& pixel) {
   estimate_errors(best);
   read_again(pixel, best);
   return best;
+}
+
+std::optional<double> BoxFitter::leftover(const BoxPixel& pixel) {
+  BoxFit start;
+  begin(pixel, start);
+  const auto seen = static_cast<double>(std::ranges::count_if(start.boxes, &PixelBox::seen));
+  if (seen == 0.0) return std::nullopt;
+  sums_.gather(pixel, 0.0);
+  const BoxFit fit = fit_whole(start);
+  // Of a box its sides, of each channel F and R.
+  const double parameters =
+      4.0 * seen + (1.0 + seen) * static_cast<double>(pixel.channel_count()) + halo_count(fit);
+  return fit.chi_square / std::max(fit.sample_count - parameters, 1.0);
 }
 
 void BoxFitter::slopes(size_t m, const PixelBox& box, WaveSums::Slopes& slopes) const {

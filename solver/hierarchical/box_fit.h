@@ -42,6 +42,8 @@ class BoxFitter {
   BoxFitter(std::span<const BoxMonitor> monitors, size_t halos);
 
   BoxFit fit(const BoxPixel& pixel);
+  // Chi-square of the best fit for a degree of freedom; none where no monitor is seen.
+  std::optional<double> leftover(const BoxPixel& pixel);
 
   const WaveAxis& axis(size_t monitor, size_t axis) const { return axes_[monitor][axis]; }
   // A halo's side around a box's side; it may reach beyond the monitor.

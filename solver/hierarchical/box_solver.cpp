@@ -12,6 +12,8 @@ namespace {
 // In units of the noise and of the strongest weight: a residual above both is a poor fit.
 constexpr double kPoorNoise = 4.0, kPoorShare = 0.05;
 constexpr size_t kMinSums = 4;
+// Pixels of a row whose fits tell its noise.
+constexpr size_t kFewestFits = 8, kMostFits = 64;
 constexpr float kCorrection = 0.25f;  // of a change of brightness that is not corrected
 
 // How many halos of each monitor a matte's modes leave room for.
@@ -24,6 +26,10 @@ size_t halo_count(size_t monitors, bool partial_cover) {
 Interval straight_side(const AxisFit& fit) {
   const double half_px = 0.5 * std::sqrt(12.0) * fit.sigma_px;
   return {.low_px = fit.centre_px - half_px, .high_px = fit.centre_px + half_px};
+}
+
+bool shows_complements(const BoxMonitor& monitor) {
+  return std::ranges::any_of(monitor.patterns, [](const BoxPattern& pattern) { return pattern.sign < 0.0; });
 }
 
 }  // namespace
@@ -39,6 +45,7 @@ BoxSolver::BoxSolver(const FrameStack& stack, const BoxLayout& layout, bool part
     : stack_(stack),
       layout_(layout),
       partial_cover_(partial_cover),
+      has_complements_(std::ranges::any_of(layout.monitors, shows_complements)),
       width_(stack.width_px),
       surroundings_(stack, layout.stage, silhouette_tolerance),
       fitter_(layout.monitors, halo_count(layout.monitors.size(), partial_cover)),
@@ -102,6 +109,23 @@ std::vector<double> BoxSolver::estimate_noise() const {
     sd[x] = degrees > 0.0 ? std::max(std::sqrt(squares / degrees), least) : surroundings_.noise().read_sd;
   }
   return sd;
+}
+
+double BoxSolver::estimate_noise_by_fits(const std::vector<bool>& object) {
+  const auto count = static_cast<size_t>(std::ranges::count(object, true));
+  const size_t step = std::max<size_t>(count / kMostFits, 1);
+  std::vector<double> leftovers;
+  for (size_t x = 0, i = 0; x < object.size(); ++x) {
+    if (!object[x] || i++ % step != 0) continue;
+    gather(static_cast<int>(x), 1.0);
+    if (const std::optional<double> own = fitter_.leftover(pixel_)) leftovers.push_back(*own);
+  }
+  const double usual = std::sqrt(surroundings_.noise().variance(0.0));
+  if (leftovers.size() < kFewestFits) return usual;
+  // Not the median: most of a row may look at several places, which noise does not explain.
+  const auto quarter = leftovers.begin() + static_cast<std::ptrdiff_t>(leftovers.size() / 4);
+  std::ranges::nth_element(leftovers, quarter);
+  return std::max(usual * std::sqrt(*quarter), sample_noise(layout_.stage.camera, 0.0).read_sd);
 }
 
 bool BoxSolver::gather(int x, double noise_factor) {
@@ -170,8 +194,9 @@ void BoxSolver::add_straight(std::span<const BackgroundPoint> background) {
 void BoxSolver::solve_row(int y, Matte& matte) {
   load_row(y);
   const bool known = surroundings_.noise_known();
-  const std::vector<double> noise = known ? std::vector<double>() : estimate_noise();
+  std::vector<double> noise = known ? std::vector<double>() : estimate_noise();
   const std::vector<bool> object = surroundings_.settle_row(y, noise, matte).object;
+  if (!known && !has_complements_) std::ranges::fill(noise, estimate_noise_by_fits(object));
   const double usual_variance = surroundings_.noise().variance(0.0);
   for (int x = 0; x < width_; ++x) {
     if (!object[static_cast<size_t>(x)]) continue;

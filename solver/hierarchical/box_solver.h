@@ -35,6 +35,8 @@ class BoxSolver {
   // Standard deviation of a sample, by pixel, from the sums of waves and their complements, which all equal 2
   // F + R.
   std::vector<double> estimate_noise() const;
+  // The same of a whole row without complements, from what the better fits leave.
+  double estimate_noise_by_fits(const std::vector<bool>& object);
   // Loads pixel x of the row with its variance scaled by `noise_factor`; returns whether a sample was
   // saturated.
   bool gather(int x, double noise_factor);
@@ -48,6 +50,7 @@ class BoxSolver {
   const FrameStack& stack_;
   const BoxLayout& layout_;
   const bool partial_cover_;
+  const bool has_complements_;
   const int width_;
   Surroundings surroundings_;
   BoxFitter fitter_;
