@@ -1,11 +1,13 @@
 #include "console/routes/console.h"
 
+#include <absl/strings/ascii.h>
 #include <fmt/format.h>
 #include <google/protobuf/io/tokenizer.h>
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/json_util.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "console/routes/cookies.h"
@@ -27,6 +29,7 @@ constexpr std::chrono::milliseconds kFirstMessage(250);
 constexpr std::chrono::seconds kAnnounceInterval(1);
 constexpr size_t kMaxJson = size_t{8} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
 constexpr const char* kJson = "application/json";
+constexpr const char* kHoldHeader = "X-Glasswing-Hold";
 
 std::string principal_json(const Principal& principal) {
   nlohmann::json json{{"name", principal.name},
@@ -82,6 +85,14 @@ void refuse_visit(Response& response, const absl::Status& status) {
 absl::Status check_node_call(const std::string& method, const Principal& principal) {
   GW_RETURN_IF_ERROR(admit(method, principal.roles, principal.title()));
   return admit(method, only(Role::kConsole), "console");
+}
+
+// The token of the browser's hold of the rig; empty: none. INVALID_ARGUMENT: it could not be a token.
+absl::StatusOr<std::string> hold_in(const Request& request) {
+  constexpr size_t kMaxBytes = 128;
+  std::string token = request.get_header_value(kHoldHeader);
+  if (token.size() <= kMaxBytes && std::ranges::all_of(token, absl::ascii_isalnum)) return token;
+  return absl::InvalidArgumentError(fmt::format("the header {} is not a hold's token", kHoldHeader));
 }
 
 // Confines the page to its own scripts, styles and connections.
@@ -271,7 +282,9 @@ void Console::call(const std::optional<std::string>& node, const Login& login, c
   const absl::StatusOr<JsonMethod> method =
       JsonMethod::find(request.matches[last - 1], request.matches[last]);
   if (!method.ok()) return refuse(response, method.status());
-  Callee callee{.channel = server_.channel(), .title = server_.title(), .login = &login};
+  const absl::StatusOr<std::string> hold = hold_in(request);
+  if (!hold.ok()) return refuse(response, hold.status());
+  Callee callee{.channel = server_.channel(), .title = server_.title(), .login = &login, .hold = *hold};
   if (node) {
     if (const absl::Status status = check_node_call(method->name(), login.principal); !status.ok())
       return refuse(response, status);
@@ -280,7 +293,8 @@ void Console::call(const std::optional<std::string>& node, const Login& login, c
     callee = {.channel = *channel, .title = fmt::format("node \"{}\"", *node)};
   }
   if (method->streams()) return stream(*method, callee, login, body, response);
-  const auto running = JsonCall::start(callee.channel, *method, body, callee.login, kCallTimeout);
+  const auto running =
+      JsonCall::start(callee.channel, *method, body, callee.login, callee.hold, kCallTimeout);
   if (!running.ok()) return refuse(response, running.status());
   std::string message;
   if ((*running)->next(kCallTimeout, message) != JsonCall::Got::kMessage)
@@ -298,7 +312,7 @@ void Console::stream(const JsonMethod& method, const Callee& callee, const Login
   }
   // Of a stream that is not begun, too.
   const auto place = std::shared_ptr<void>(nullptr, [this, name](void*) { streams_.leave(name); });
-  auto running = JsonCall::start(callee.channel, method, body, callee.login, kMaxStream);
+  auto running = JsonCall::start(callee.channel, method, body, callee.login, callee.hold, kMaxStream);
   if (!running.ok()) return refuse(response, running.status());
   std::string first;
   if ((*running)->next(kFirstMessage, first) == JsonCall::Got::kEnd) {

@@ -12,6 +12,7 @@
 //   GET  /pixels/SESSION?x=X&y=Y                     a pixel's samples in all frames
 //   GET  /...                                        the page
 //
+// Calls to the server carry the hold (RigService.HoldRig) whose token the header X-Glasswing-Hold names.
 // Streaming calls are answered by server-sent events; the last event is "end" with the status. While the
 // server does not answer, requests other than for the page are answered 503 with Retry-After.
 #pragma once
@@ -74,6 +75,7 @@ class Console {
     std::shared_ptr<grpc::Channel> channel;
     std::string title;             // for messages
     const Login* login = nullptr;  // of the person for whom the server is called; null: a node
+    std::string hold = {};         // as JsonCall's
   };
   // A call to a node, or without one to the server.
   void call(const std::optional<std::string>& node, const Login& login, const httplib::Request& request,

@@ -73,6 +73,7 @@ JsonCall::JsonCall(const std::shared_ptr<grpc::Channel>& channel, const JsonMeth
 absl::StatusOr<std::unique_ptr<JsonCall>> JsonCall::start(const std::shared_ptr<grpc::Channel>& channel,
                                                           const JsonMethod& method,
                                                           const std::string& request, const Login* login,
+                                                          const std::string& hold,
                                                           std::chrono::milliseconds timeout) {
   const std::unique_ptr<pb::Message> message = made(method.descriptor->input_type());
   const auto parsed = pb::util::JsonStringToMessage(request.empty() ? "{}" : request, message.get());
@@ -83,6 +84,7 @@ absl::StatusOr<std::unique_ptr<JsonCall>> JsonCall::start(const std::shared_ptr<
   std::unique_ptr<JsonCall> self(new JsonCall(channel, method));
   set_deadline(self->context_, timeout);
   if (login != nullptr) call_for(*login, self->context_);
+  if (!hold.empty()) self->context_.AddMetadata("glasswing-hold", hold);
   self->call_ = self->stub_.PrepareCall(
       &self->context_,
       fmt::format("/{}/{}", method.descriptor->service()->full_name(), method.descriptor->name()),

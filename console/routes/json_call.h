@@ -28,11 +28,12 @@ struct JsonMethod {
 // One call, cancelled on destruction if still running.
 class JsonCall {
  public:
-  // `login`: of the person for whom the server is called; null for calls to nodes. INVALID_ARGUMENT:
-  // `request` is not the method's message; says where.
+  // `login`: of the person for whom the server is called; null for calls to nodes. `hold`: the token of the
+  // hold that the call belongs to; empty: none. INVALID_ARGUMENT: `request` is not the method's message; says
+  // where.
   static absl::StatusOr<std::unique_ptr<JsonCall>> start(const std::shared_ptr<grpc::Channel>& channel,
                                                          const JsonMethod& method, const std::string& request,
-                                                         const Login* login,
+                                                         const Login* login, const std::string& hold,
                                                          std::chrono::milliseconds timeout);
   ~JsonCall();
 

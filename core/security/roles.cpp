@@ -67,6 +67,7 @@ constexpr MethodAccess kTable[] = {
     {"RigService/ShowRamp", kOperator, kAudited},
     {"RigService/ShowPattern", kOperator, kAudited},
     {"RigService/HoldRig", kOperator, kAudited},
+    {"RigService/ReleaseRig", kOperator, kAudited},
     {"SessionService/CreateSession", kOperator, kAudited},
     {"SessionService/EstimateSession", kPeople},
     {"SessionService/BeginImport", kOperator, kAudited},

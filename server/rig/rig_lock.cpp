@@ -25,14 +25,21 @@ std::string origin(const v1::RigHolder& holder, const char* verb) {
 
 }  // namespace
 
+bool RigLock::is_held() const {
+  if (!reservation_) return false;
+  return reservation_->count > 0 ||
+         std::chrono::steady_clock::now() < reservation_->abandoned + reservation_->linger;
+}
+
 absl::Status RigLock::check_locked(const Caller& caller) const {
-  if (caller.hold != token_ && !caller.hold.empty()) {
+  if (caller.hold == (is_held() ? reservation_->token : "")) return absl::OkStatus();
+  if (!caller.hold.empty()) {
     return absl::FailedPreconditionError(
         "the hold that this call belongs to has ended, and another client may have the rig: glasswing hold");
   }
-  if (caller.hold == token_) return absl::OkStatus();
+  const v1::RigHolder& holder = reservation_->holder;
   return absl::FailedPreconditionError(fmt::format("the rig is held for \"{}\", {}; wait until it is freed",
-                                                   holding_->what(), origin(*holding_, "taken")));
+                                                   holder.what(), origin(holder, "taken")));
 }
 
 absl::Status RigLock::check_free(const Caller& caller) const {
@@ -57,23 +64,30 @@ absl::StatusOr<RigLock::Drive> RigLock::drive(const Caller& caller, const std::s
   return Drive(this);
 }
 
-absl::StatusOr<RigLock::Hold> RigLock::hold(const Caller& caller, const std::string& reason) {
+absl::StatusOr<RigLock::Hold> RigLock::hold(const Caller& caller, const std::string& reason,
+                                            std::chrono::milliseconds linger) {
   const std::lock_guard lock(mutex_);
+  if (is_held() && reservation_->token == caller.hold) {
+    ++reservation_->count;
+    reservation_->linger = linger;
+    return Hold(this, Leave{reservation_->token});
+  }
   GW_RETURN_IF_ERROR(check_free(caller));
-  if (holding_) return absl::FailedPreconditionError("the rig is held under this token already");
-  holding_ = holder_of(caller, reason);
-  token_ = random_token();
-  return Hold(this);
+  reservation_ = Reservation{.holder = holder_of(caller, reason), .token = random_token(), .linger = linger};
+  return Hold(this, Leave{reservation_->token});
 }
 
-std::string RigLock::token() const {
+absl::Status RigLock::release(const Caller& caller) {
   const std::lock_guard lock(mutex_);
-  return token_;
+  if (caller.hold.empty()) return absl::FailedPreconditionError("the call belongs to no hold");
+  GW_RETURN_IF_ERROR(check_locked(caller));
+  reservation_.reset();
+  return absl::OkStatus();
 }
 
 std::optional<v1::RigHolder> RigLock::holder() const {
   const std::lock_guard lock(mutex_);
-  if (holding_) return holding_;
+  if (is_held()) return reservation_->holder;
   if (driving_) return driving_->holder;
   return std::nullopt;
 }
@@ -83,10 +97,11 @@ void RigLock::Stop::operator()(RigLock* lock) const {
   lock->driving_.reset();
 }
 
-void RigLock::Free::operator()(RigLock* lock) const {
+void RigLock::Leave::operator()(RigLock* lock) const {
   const std::lock_guard guard(lock->mutex_);
-  lock->holding_.reset();
-  lock->token_.clear();
+  std::optional<Reservation>& hold = lock->reservation_;
+  if (!hold || hold->token != token) return;  // released
+  if (--hold->count == 0) hold->abandoned = std::chrono::steady_clock::now();
 }
 
 }  // namespace glasswing

@@ -21,6 +21,8 @@ namespace glasswing {
 
 namespace {
 
+constexpr int kMaxLinger_s = 60;
+
 std::optional<v1::Finding> judge_sessions(Server& server) {
   v1::ListSessionsRequest damaged;
   damaged.add_states(v1::SESSION_STATE_DAMAGED);
@@ -185,15 +187,31 @@ grpc::Status RigServiceImpl::HoldRig(grpc::ServerContext* context, const v1::Hol
   GW_CHECK_LIMITS(*request);
   if (request->reason().empty()) return to_grpc(absl::InvalidArgumentError("the reason is empty"));
   const Caller caller = caller_of(*context);
-  const absl::StatusOr<RigLock::Hold> hold = server_.rig_lock().hold(caller, request->reason());
+  if (request->linger_s() < 0 || request->linger_s() > kMaxLinger_s) {
+    return to_grpc(absl::InvalidArgumentError(
+        fmt::format("linger_s is {}; it must be 0 to {}", request->linger_s(), kMaxLinger_s)));
+  }
+  RigLock& lock = server_.rig_lock();
+  const absl::StatusOr<RigLock::Hold> hold =
+      lock.hold(caller, request->reason(), std::chrono::seconds(request->linger_s()));
   if (!hold.ok()) return to_grpc(hold.status());
   spdlog::info("the rig is held client=\"{}\" reason=\"{}\"", caller.client, request->reason());
   v1::HoldRigResponse response;
-  response.set_token(server_.rig_lock().token());
+  const Caller holding{.client = caller.client, .hold = hold->get_deleter().token};
+  response.set_token(holding.hold);
   writer->Write(response);
-  while (!context->IsCancelled() && !stopping_) std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  spdlog::info("the rig is freed client=\"{}\"", caller.client);
+  while (!context->IsCancelled() && !stopping_ && lock.check(holding).ok())
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  spdlog::info("the rig's hold lost a call client=\"{}\"", caller.client);
   return stopping_ ? to_grpc(absl::UnavailableError("the server is stopping")) : grpc::Status::OK;
+}
+
+grpc::Status RigServiceImpl::ReleaseRig(grpc::ServerContext* context, const v1::ReleaseRigRequest*,
+                                        v1::ReleaseRigResponse*) {
+  const Caller caller = caller_of(*context);
+  if (const absl::Status status = server_.rig_lock().release(caller); !status.ok()) return to_grpc(status);
+  spdlog::info("the rig is released client=\"{}\"", caller.client);
+  return grpc::Status::OK;
 }
 
 namespace {

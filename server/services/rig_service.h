@@ -30,6 +30,8 @@ class RigServiceImpl final : public v1::RigService::Service {
                            grpc::ServerWriter<v1::ShowPatternResponse>*) override;
   grpc::Status HoldRig(grpc::ServerContext*, const v1::HoldRigRequest*,
                        grpc::ServerWriter<v1::HoldRigResponse>*) override;
+  grpc::Status ReleaseRig(grpc::ServerContext*, const v1::ReleaseRigRequest*,
+                          v1::ReleaseRigResponse*) override;
 
  private:
   // Drives the rig with `work` while the call is open; stops it when the caller leaves or the daemon stops.

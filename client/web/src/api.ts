@@ -16,6 +16,9 @@ export const silentSince = signal<Date | null>(null);
 /** Viewers see no controls that the server would refuse. */
 export const mayOperate = computed(() => me.value?.role === "operator");
 
+/** Token of the hold (RigService.HoldRig) that this browser's calls belong to; null: none. */
+export const holdToken = signal<string | null>(null);
+
 /** An error that the server answered; `code` is gRPC's name of the status. */
 export class ApiError extends Error {
   constructor(
@@ -74,7 +77,12 @@ function post(method: string, request: object, options: CallOptions): Promise<Re
     options.node === undefined
       ? `/api/${method}`
       : `/api/nodes/${encodeURIComponent(options.node)}/${method}`;
-  const init: RequestInit = { method: "POST", headers: kHeaders, body: JSON.stringify(request) };
+  const hold: Record<string, string> = holdToken.value === null ? {} : { "X-Glasswing-Hold": holdToken.value };
+  const init: RequestInit = {
+    method: "POST",
+    headers: { ...kHeaders, ...hold },
+    body: JSON.stringify(request),
+  };
   if (options.signal) init.signal = options.signal;
   return ask(path, init);
 }

@@ -5,6 +5,7 @@ import { ApiError, begin, logout, me, tokenIn } from "./api";
 import { Login } from "./login/login";
 import { kPages, type PageEntry, type PageProps } from "./pages";
 import { Failure } from "./parts/failure";
+import { Held } from "./parts/held";
 import { Silence } from "./parts/silence";
 import { nextTheme, theme } from "./theme";
 
@@ -110,6 +111,7 @@ export function App() {
     <>
       <Navigation now={name} />
       <Silence />
+      <Held />
       <main id="main" tabIndex={-1}>
         {me.value === null ? (
           <Login before={error} />

@@ -46,6 +46,14 @@ class Sessions final : public v1::SessionService::Service {
     left.notify_all();
     return grpc::Status::CANCELLED;
   }
+  grpc::Status PauseSession(grpc::ServerContext* context, const v1::PauseSessionRequest*,
+                            v1::PauseSessionResponse*) override {
+    const auto found = context->client_metadata().find("glasswing-hold");
+    hold = found == context->client_metadata().end()
+               ? ""
+               : std::string(found->second.data(), found->second.size());
+    return grpc::Status::OK;
+  }
   grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                           grpc::ServerWriter<v1::FetchMatteResponse>* writer) override {
     v1::FetchMatteResponse response;
@@ -59,6 +67,7 @@ class Sessions final : public v1::SessionService::Service {
   }
 
   std::atomic<bool> left = false;
+  std::string hold = "not called";  // that the last PauseSession belonged to
 };
 
 // Knows one camera node, "camera-1".
@@ -291,6 +300,23 @@ TEST_F(ConsoleTest, RolesHoldAsForEveryCall) {
     }
   }
   EXPECT_GT(refused, 20);
+}
+
+TEST_F(ConsoleTest, CallsCarryTheHoldOfTheirBrowser) {
+  start();
+  httplib::Client browser = logged_in("operator");
+  const auto pause = [&](const httplib::Headers& headers) {
+    return browser.Post("/api/SessionService/PauseSession", headers, "{}", "application/json");
+  };
+  EXPECT_EQ(pause({})->status, 200);
+  EXPECT_EQ(sessions_.hold, "");
+  EXPECT_EQ(pause({{"X-Glasswing-Hold", "5f3a09c2"}})->status, 200);
+  EXPECT_EQ(sessions_.hold, "5f3a09c2");
+  for (const std::string& wrong : {std::string("5f 3a"), std::string(129, 'a')}) {
+    const auto refused = pause({{"X-Glasswing-Hold", wrong}});
+    EXPECT_EQ(refused->status, 400);
+    EXPECT_NE(refused->body.find("X-Glasswing-Hold is not a hold's token"), std::string::npos);
+  }
 }
 
 TEST_F(ConsoleTest, StreamsAreEventsAndEndWithTheirStatus) {

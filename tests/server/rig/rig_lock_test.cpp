@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <thread>
+
 namespace glasswing {
 namespace {
 
@@ -32,7 +34,7 @@ TEST(RigLock, AHoldKeepsTheRigBetweenSessions) {
   RigLock lock;
   absl::StatusOr<RigLock::Hold> hold = lock.hold(kAnna, "turntable series");
   ASSERT_TRUE(hold.ok()) << hold.status();
-  const Caller member{.client = "anna@lab3", .hold = lock.token()};
+  const Caller member{.client = "anna@lab3", .hold = hold->get_deleter().token};
   for (int session = 0; session < 2; ++session) {
     const absl::Status refused = lock.drive(kBen, "doctor").status();
     EXPECT_TRUE(says(refused, "the rig is held for \"turntable series\", taken by anna@lab3 at ")) << refused;
@@ -44,7 +46,6 @@ TEST(RigLock, AHoldKeepsTheRigBetweenSessions) {
     EXPECT_TRUE(says(lock.drive(member, "session b").status(), "session a"));
     EXPECT_EQ(lock.holder()->what(), "turntable series");
   }
-  EXPECT_FALSE(lock.hold(member, "another").ok());
   hold->reset();
   EXPECT_TRUE(lock.drive(kBen, "doctor").ok());
   // A caller whose hold has ended is refused.
@@ -52,19 +53,61 @@ TEST(RigLock, AHoldKeepsTheRigBetweenSessions) {
   absl::StatusOr<RigLock::Hold> next = lock.hold(kBen, "another series");
   ASSERT_TRUE(next.ok());
   EXPECT_TRUE(says(lock.check(member), "has ended"));
-  EXPECT_NE(lock.token(), member.hold);
+  EXPECT_NE(next->get_deleter().token, member.hold);
 }
 
 TEST(RigLock, WhatDrivesWhenAHoldEndsGoesOn) {
   RigLock lock;
   absl::StatusOr<RigLock::Hold> hold = lock.hold(kAnna, "series");
   absl::StatusOr<RigLock::Drive> drive =
-      lock.drive({.client = "anna@lab3", .hold = lock.token()}, "session a");
+      lock.drive({.client = "anna@lab3", .hold = hold->get_deleter().token}, "session a");
   hold->reset();
   EXPECT_EQ(lock.holder()->what(), "session a");
   EXPECT_TRUE(says(lock.drive(kBen, "doctor").status(), "session a"));
   drive->reset();
   EXPECT_TRUE(lock.drive(kBen, "doctor").ok());
+}
+
+TEST(RigLock, AHoldLastsAsLongAsAnyOfItsCalls) {
+  RigLock lock;
+  absl::StatusOr<RigLock::Hold> first = lock.hold(kAnna, "series");
+  const Caller member{.client = "anna@lab3", .hold = first->get_deleter().token};
+  absl::StatusOr<RigLock::Hold> second = lock.hold(member, "ignored");
+  ASSERT_TRUE(second.ok()) << second.status();
+  EXPECT_EQ(second->get_deleter().token, member.hold);
+  first->reset();
+  EXPECT_EQ(lock.holder()->what(), "series");
+  second->reset();
+  EXPECT_FALSE(lock.holder().has_value());
+}
+
+TEST(RigLock, AnAbandonedHoldLingersUntilItIsJoinedOrItsTimeIsOver) {
+  RigLock lock;
+  absl::StatusOr<RigLock::Hold> hold = lock.hold(kAnna, "series", std::chrono::hours(1));
+  const Caller member{.client = "anna@lab3", .hold = hold->get_deleter().token};
+  hold->reset();
+  EXPECT_TRUE(says(lock.drive(kBen, "doctor").status(), "series"));
+  EXPECT_TRUE(lock.drive(member, "session a").ok());
+  hold = lock.hold(member, "series", std::chrono::milliseconds(1));
+  ASSERT_TRUE(hold.ok()) << hold.status();
+  hold->reset();
+  while (lock.holder()) std::this_thread::yield();
+  EXPECT_TRUE(says(lock.hold(member, "series").status(), "has ended"));
+  EXPECT_TRUE(lock.drive(kBen, "doctor").ok());
+}
+
+TEST(RigLock, AReleasedHoldEndsForAllItsCalls) {
+  RigLock lock;
+  EXPECT_TRUE(says(lock.release(kAnna), "no hold"));
+  absl::StatusOr<RigLock::Hold> hold = lock.hold(kAnna, "series", std::chrono::hours(1));
+  const Caller member{.client = "anna@lab3", .hold = hold->get_deleter().token};
+  EXPECT_TRUE(says(lock.release({.client = "ben@lab4", .hold = "guessed"}), "has ended"));
+  EXPECT_TRUE(lock.release(member).ok());
+  absl::StatusOr<RigLock::Hold> next = lock.hold(kBen, "another series");
+  ASSERT_TRUE(next.ok()) << next.status();
+  hold->reset();  // does not end the next one
+  EXPECT_EQ(lock.holder()->what(), "another series");
+  EXPECT_TRUE(says(lock.release(member), "has ended"));
 }
 
 }  // namespace

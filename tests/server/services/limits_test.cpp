@@ -77,7 +77,8 @@ TEST(Limits, HoldForEveryMethodOfTheServer) {
         const std::unique_ptr<pb::Message> request(
             pb::MessageFactory::generated_factory()->GetPrototype(method.input_type())->New());
         if (!overfill(*request)) {
-          EXPECT_TRUE(method.name() == "UploadImage" || method.name() == "ListMethods")
+          EXPECT_TRUE(method.name() == "UploadImage" || method.name() == "ListMethods" ||
+                      method.name() == "ReleaseRig")
               << method.name() << " has no string";
           continue;
         }

@@ -232,6 +232,44 @@ TEST_F(RigTest, AHoldLastsAsLongAsItsCall) {
   EXPECT_TRUE(check().status.ok());
 }
 
+TEST_F(RigTest, AHoldCanBeTakenUpAgainAndReleased) {
+  start();
+  const auto hold = [&](grpc::ClientContext& context, int linger_s, const std::string& token) {
+    if (!token.empty()) context.AddMetadata("glasswing-hold", token);
+    v1::HoldRigRequest request;
+    request.set_reason("turntable series");
+    request.set_linger_s(linger_s);
+    return stub_->HoldRig(&context, request);
+  };
+  v1::HoldRigResponse held, again;
+  {
+    grpc::ClientContext context;
+    EXPECT_EQ(hold(context, 61, "")->Finish().error_message(), "linger_s is 61; it must be 0 to 60");
+  }
+  {
+    grpc::ClientContext context;
+    ASSERT_TRUE(hold(context, 60, "")->Read(&held));
+    context.TryCancel();  // as a page that is loaded again
+  }
+  grpc::ClientContext context;
+  const auto reader = hold(context, 60, held.token());
+  ASSERT_TRUE(reader->Read(&again));
+  EXPECT_EQ(again.token(), held.token());
+  EXPECT_EQ(check().status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+
+  v1::ReleaseRigResponse released;
+  {
+    grpc::ClientContext without;
+    EXPECT_EQ(stub_->ReleaseRig(&without, {}, &released).error_message(), "the call belongs to no hold");
+  }
+  grpc::ClientContext with_token;
+  with_token.AddMetadata("glasswing-hold", held.token());
+  EXPECT_TRUE(stub_->ReleaseRig(&with_token, {}, &released).ok());
+  EXPECT_FALSE(reader->Read(&again));
+  EXPECT_TRUE(reader->Finish().ok());
+  EXPECT_TRUE(check().status.ok());
+}
+
 TEST_F(RigTest, ATestPatternStandsForAsLongAsItsCall) {
   start();
   const auto camera = v1::CameraService::NewStub(dial(camera_host_->address()));

@@ -21,6 +21,10 @@ const kPassing = new Set([
 ]);
 const kMaxWait_s = 5;
 
+export function isPassing({ code }: ApiError): boolean {
+  return kPassing.has(code);
+}
+
 export function waited(seconds: number, signal: AbortSignal): Promise<void> {
   return new Promise((resolve) => {
     const timer = setTimeout(resolve, 1000 * seconds);
@@ -67,7 +71,7 @@ export async function follow<T>(
     } catch (error) {
       if (signal.aborted) return;
       if (!turn.signal.aborted) {
-        const last = !(error instanceof ApiError && kPassing.has(error.code));
+        const last = !(error instanceof ApiError && isPassing(error));
         tell({ error, last });
         if (last) return;
         await waited(wait, signal);

@@ -34,6 +34,7 @@ const kPlaces: Record<string, Place> = {
   nodes: { label: "Rig", hash: "#/rig" },
   doctor: { label: "Check the rig", hash: "#/rig/check" },
   fleet: { label: "Fleet", hash: "#/fleet" },
+  hold: { label: "Rig", hash: "#/rig" },
 };
 
 const calibrations = (label: string): { place: Place } => ({ place: { label, hash: "#/rig/calibrations" } });
@@ -90,7 +91,7 @@ const kForms: [RegExp, (...words: string[]) => Offer][] = [
     (monitor) => calibrations(monitor ? `Calibrate ${monitor}` : "Calibrate the monitors"),
   ],
   [/^calibrate(?: list)?/, () => calibrations("Calibrations")],
-  [/^(sessions|nodes|doctor|fleet)(?: --state damaged| release NAME)?/, (page) => ({ place: kPlaces[page!]! })],
+  [/^(sessions|nodes|doctor|fleet|hold)(?: --state damaged| release NAME)?/, (page) => ({ place: kPlaces[page!]! })],
 ];
 
 function commandAt(text: string): Part {

@@ -4,10 +4,10 @@ import type { PageProps } from "../pages";
 import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
 import { Message } from "../parts/message";
-import { timeText } from "../parts/words";
 import { Calibrations } from "./calibrations";
 import { ClockCharts, keepClocks } from "./clocks";
 import { Doctor } from "./doctor";
+import { Holder } from "./holder";
 import { Nodes } from "./nodes";
 import { Pattern } from "./pattern";
 import { Preview } from "./preview";
@@ -18,15 +18,6 @@ async function* nodesWithHistory(signal: AbortSignal): AsyncGenerator<ListNodesR
     keepClocks(answer.nodes ?? [], Date.now() / 1000);
     yield answer;
   }
-}
-
-function Holder({ holder }: { holder: ListNodesResponseJson["holder"] }) {
-  if (!holder) return <span class="note">The rig is free.</span>;
-  return (
-    <span class="note">
-      In use by <b>{holder.client || "somebody"}</b> since {timeText(holder.since ?? "")}: {holder.what}
-    </span>
-  );
 }
 
 /** `path`: the section to show: "check" or "calibrations". */

@@ -70,7 +70,8 @@ function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
       </dl>
       {holder && (
         <p class="caution-text">
-          The rig is in use by {holder.client || "somebody"} since {timeText(holder.since ?? "")}: {holder.what}
+          The rig is in use{holder.client && ` by ${holder.client}`} since {timeText(holder.since ?? "")}:{" "}
+          {holder.what}
           .
         </p>
       )}

@@ -211,6 +211,28 @@ async function read_rig_view(page, rig) {
   rig.glasswing("watch", "seen");
 }
 
+async function hold_and_release(page, rig) {
+  await look(page, "#/rig", ".nodes tbody tr");
+  await page.getByRole("button", { name: "Hold the rig…" }).click();
+  await page.getByRole("dialog").getByLabel("Reason").fill("moving the camera");
+  await page.getByRole("dialog").getByRole("button", { name: "Hold" }).click();
+  const held = page.locator(".held", { hasText: "You hold the rig: moving the camera" });
+  await held.waitFor();
+  const capture = () => rig.glasswing("capture", rig.plan("quick"), "--session", "other");
+  assert.throws(capture, /the rig is held for "moving the camera", taken by anna \(console\)/);
+  await page.reload();
+  await held.waitFor();
+  await page.locator(".nodes tbody tr").first().waitFor();
+  assert.throws(capture, /the rig is held for "moving the camera"/);
+  await photograph(page, "rig-held");
+  await page.getByRole("button", { name: "Check", exact: true }).click(); // belongs to the hold
+  await page.locator(".doctor b[role=status]").waitFor();
+  await page.getByRole("button", { name: "Release" }).click();
+  await held.waitFor({ state: "detached" });
+  await page.getByText("The rig is free.").waitFor();
+  told("held over a reload, and released", "moving the camera");
+}
+
 async function annotate_and_delete(page, rig) {
   await look(page, "#/session/seen", ".annotations");
   await page.getByLabel("Note").fill("only to look at");
@@ -337,7 +359,7 @@ const kChanges = [
     "SolveSession",
     "ReplicateSession",
   ].map((name) => `/api/SessionService/${name}`),
-  ...["CalibrateSync", "CheckRig", "FitCalibration", "ForgetCalibration", "HoldRig"].map(
+  ...["CalibrateSync", "CheckRig", "FitCalibration", "ForgetCalibration", "HoldRig", "ReleaseRig"].map(
     (name) => `/api/RigService/${name}`,
   ),
   "/api/ConsoleService/CreateToken",
@@ -400,6 +422,7 @@ try {
   const { page, errors } = await visit(context, link);
   await capture_and_solve(page, rig);
   await open_matte(page);
+  await hold_and_release(page, rig);
   await read_rig_view(page, rig);
   await annotate_and_delete(page, rig);
   await survive_restart(page, rig);
