@@ -1,7 +1,6 @@
 #include "core/matte/stmap.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <filesystem>
 #include <iostream>
@@ -20,25 +19,13 @@ struct StmapArguments {
   int path = 0;
 };
 
-absl::StatusOr<int> texture_of(const v1::MatteMetadata& metadata, const std::string& monitor) {
-  if (metadata.monitors().empty()) return absl::DataLossError("the matte's header names no monitors");
-  if (monitor.empty()) return 0;
-  std::vector<std::string> names;
-  for (int t = 0; t < metadata.monitors_size(); ++t) {
-    if (metadata.monitors(t).name() == monitor) return t;
-    names.push_back(metadata.monitors(t).name());
-  }
-  return absl::InvalidArgumentError(
-      fmt::format("--monitor is \"{}\"; this matte has: {}", monitor, fmt::join(names, ", ")));
-}
-
 absl::Status write_stmap(const Client& client, const StmapArguments& arguments) {
   if (std::filesystem::path(arguments.output).extension() != ".exr") {
     return absl::InvalidArgumentError(
         fmt::format("the output is {}; its name must end in .exr", arguments.output));
   }
   GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(arguments.matte));
-  GW_ASSIGN_OR_RETURN(const int texture, texture_of(matte.metadata, arguments.monitor));
+  GW_ASSIGN_OR_RETURN(const int texture, texture_named(matte.metadata, arguments.monitor));
   const int channel =
       arguments.channel.empty()
           ? strongest_channel(matte, texture)

@@ -36,10 +36,12 @@ std::uint16_t sample_at(const std::string& bytes, size_t index) {
 
 }  // namespace
 
-CapturedFrames::CapturedFrames(std::string session, const std::string& address,
-                               std::shared_ptr<grpc::Channel> node)
-    : session_(std::move(session)),
-      peer_("the node at " + address + ", which has the frames,"),
+CapturedFrames::CapturedFrames(const v1::Session& session, std::shared_ptr<grpc::Channel> node)
+    : session_(session.name()),
+      peer_("the node at " + session.archive_address() + ", which has the frames,"),
+      capturing_(session.state() == v1::SESSION_STATE_CREATED ||
+                 session.state() == v1::SESSION_STATE_CAPTURING ||
+                 session.state() == v1::SESSION_STATE_PAUSED),
       node_(std::move(node)) {}
 
 absl::StatusOr<CapturedFrames> CapturedFrames::of(const std::string& session, const ServerLink& server,
@@ -55,7 +57,7 @@ absl::StatusOr<CapturedFrames> CapturedFrames::of(const std::string& session, co
                 server.title()));
   const std::string& address = response.session().archive_address();
   if (address.empty()) return absl::NotFoundError(fmt::format("session \"{}\" has no frames yet", session));
-  return CapturedFrames(session, address, channel_to(address));
+  return CapturedFrames(response.session(), channel_to(address));
 }
 
 absl::StatusOr<std::string> CapturedFrames::file(const std::string& file) const {
@@ -82,6 +84,15 @@ absl::StatusOr<std::string> CapturedFrames::jpeg(const std::string& file, int wi
   if (width_px < frame.width_px)
     light = resized(light, width_px, std::max(1, frame.height_px * width_px / frame.width_px));
   return encode_jpeg(light);
+}
+
+absl::StatusOr<std::unique_ptr<ArchiveTar>> CapturedFrames::tar() const {
+  if (capturing_) {
+    return absl::FailedPreconditionError(fmt::format(
+        "session \"{}\" is being captured; its archive can be downloaded once that is done", session_));
+  }
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, this->manifest());
+  return ArchiveTar::open(node_, peer_, std::move(manifest));
 }
 
 absl::StatusOr<v1::CaptureManifest> CapturedFrames::manifest() const {

@@ -8,8 +8,10 @@
 #include <memory>
 #include <string>
 
+#include "console/routes/archive_tar.h"
 #include "console/routes/server_link.h"
 #include "glasswing/v1/archive.pb.h"
+#include "glasswing/v1/session.pb.h"
 
 namespace glasswing {
 
@@ -26,16 +28,19 @@ class CapturedFrames {
   // A frame as an sRGB JPEG of at most `width_px`, its light times 2^stops. Uncalibrated: codes are taken as
   // light.
   absl::StatusOr<std::string> jpeg(const std::string& file, int width_px, double stops) const;
+  // All frames and the manifest. FAILED_PRECONDITION: the session is being captured.
+  absl::StatusOr<std::unique_ptr<ArchiveTar>> tar() const;
   // One camera pixel in every frame: {"samples": [{"file": …, "radiance": [r, g, b], "saturated": true}]};
   // null is what the photosite of a mosaic did not measure. Calibrated light, as solvers use it, but without
   // correction of brightness drift, which needs whole frames. OUT_OF_RANGE: no such pixel.
   absl::StatusOr<std::string> samples_json(int x, int y) const;
 
  private:
-  CapturedFrames(std::string session, const std::string& address, std::shared_ptr<grpc::Channel> node);
+  CapturedFrames(const v1::Session& session, std::shared_ptr<grpc::Channel> node);
   absl::StatusOr<v1::CaptureManifest> manifest() const;
 
   std::string session_, peer_;
+  bool capturing_;
   std::shared_ptr<grpc::Channel> node_;
 };
 

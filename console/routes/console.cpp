@@ -200,6 +200,14 @@ void Console::add_routes(const std::filesystem::path& files) {
              guarded([this](const Login& login, const Request& request, Response& response) {
                sessions_.send_matte(login, request, response);
              }));
+  routes.Get(R"(/stmaps/([A-Za-z0-9._-]+)\.exr)",
+             guarded([this](const Login& login, const Request& request, Response& response) {
+               sessions_.send_stmap(login, request, response);
+             }));
+  routes.Get(R"(/archives/([A-Za-z0-9._-]+)\.tar)",
+             guarded([this](const Login& login, const Request& request, Response& response) {
+               sessions_.send_archive(login, request, response);
+             }));
   routes.Get(R"(/frames/([A-Za-z0-9._-]+)/(\w+)\.(tif|jpg))",
              guarded([this](const Login& login, const Request& request, Response& response) {
                sessions_.send_frame(login, request, response);

@@ -7,6 +7,8 @@
 //   POST /plans                                      parses a plan's text; answers the plan in JSON
 //   POST /images                                     stores a PNG, for a plan's photos
 //   GET  /mattes/SESSION.exr?frame=N&partial=1       a matte's file, by ranges
+//   GET  /stmaps/SESSION.exr?monitor=M&frame=N       its STMap for a monitor, the first if none is named
+//   GET  /archives/SESSION.tar                       all frames and the manifest
 //   GET  /frames/SESSION/000017.tif                  a frame's file
 //   GET  /frames/SESSION/000017.jpg?width=W&stops=S  the same, for display
 //   GET  /pixels/SESSION?x=X&y=Y                     a pixel's samples in all frames

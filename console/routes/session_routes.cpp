@@ -1,6 +1,7 @@
 #include "console/routes/session_routes.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <charconv>
@@ -9,6 +10,8 @@
 #include "console/http/http_host.h"
 #include "core/base/checksum.h"
 #include "core/base/status.h"
+#include "core/matte/matte_file.h"
+#include "core/matte/stmap.h"
 #include "core/service/service.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -39,8 +42,15 @@ absl::StatusOr<Number> number_or(const Request& request, const char* name, Numbe
   return request.has_param(name) ? number_of<Number>(request, name, low, high) : otherwise;
 }
 
-absl::StatusOr<std::string> fetch_matte(const ServerLink& server, const Login& login,
-                                        const v1::FetchMatteRequest& request) {
+// Of the session in the path, as the parameters `frame` and `partial` say.
+absl::StatusOr<std::string> fetch_matte(const ServerLink& server, const Login& login, const Request& wanted) {
+  v1::FetchMatteRequest request;
+  request.set_name(wanted.matches[1]);
+  request.set_partial(wanted.has_param("partial"));
+  if (wanted.has_param("frame")) {
+    GW_ASSIGN_OR_RETURN(const int frame, number_of<int>(wanted, "frame", 0, 1 << 20));
+    request.set_frame(frame);
+  }
   grpc::ClientContext context;
   set_deadline(context, kCallTimeout);
   call_for(login, context);
@@ -55,15 +65,7 @@ absl::StatusOr<std::string> fetch_matte(const ServerLink& server, const Login& l
 }  // namespace
 
 void SessionRoutes::send_matte(const Login& login, const Request& request, Response& response) const {
-  v1::FetchMatteRequest wanted;
-  wanted.set_name(request.matches[1]);
-  wanted.set_partial(request.has_param("partial"));
-  if (request.has_param("frame")) {
-    const absl::StatusOr<int> frame = number_of<int>(request, "frame", 0, 1 << 20);
-    if (!frame.ok()) return refuse(response, frame.status());
-    wanted.set_frame(*frame);
-  }
-  absl::StatusOr<std::string> bytes = fetch_matte(server_, login, wanted);
+  absl::StatusOr<std::string> bytes = fetch_matte(server_, login, request);
   if (!bytes.ok()) return refuse(response, bytes.status());
   const std::string tag = fmt::format("\"{}\"", checksum_of(*bytes));
   response.set_header("ETag", tag);
@@ -74,6 +76,38 @@ void SessionRoutes::send_matte(const Login& login, const Request& request, Respo
     return;
   }
   response.set_content(*std::move(bytes), "image/x-exr");
+}
+
+void SessionRoutes::send_stmap(const Login& login, const Request& request, Response& response) const {
+  const auto stmap = [&]() -> absl::StatusOr<std::string> {
+    GW_ASSIGN_OR_RETURN(const std::string bytes, fetch_matte(server_, login, request));
+    const std::lock_guard lock(decoding_);
+    GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(bytes));
+    GW_ASSIGN_OR_RETURN(const int texture, texture_named(matte.metadata, request.get_param_value("monitor")));
+    return encode_stmap(matte, texture, strongest_channel(matte, texture));
+  }();
+  if (!stmap.ok()) return refuse(response, stmap.status());
+  response.set_content(*stmap, "image/x-exr");
+}
+
+void SessionRoutes::send_archive(const Login& login, const Request& request, Response& response) const {
+  auto tar = [&]() -> absl::StatusOr<std::unique_ptr<ArchiveTar>> {
+    GW_ASSIGN_OR_RETURN(const CapturedFrames frames, frames_of(request.matches[1], login));
+    return frames.tar();
+  }();
+  if (!tar.ok()) return refuse(response, tar.status());
+  // Shared, since std::function copies. A download that fails is broken off, which browsers report.
+  response.set_chunked_content_provider(
+      "application/x-tar", [tar = std::shared_ptr<ArchiveTar>(*std::move(tar)),
+                            session = request.matches[1].str()](size_t, httplib::DataSink& sink) {
+        const absl::StatusOr<std::string> bytes = tar->next();
+        if (!bytes.ok())
+          spdlog::warn("session={} archive broken off: {}", session, std::string(bytes.status().message()));
+        if (!bytes.ok()) return false;
+        if (!bytes->empty()) return sink.write(bytes->data(), bytes->size());
+        sink.done();
+        return true;
+      });
 }
 
 void SessionRoutes::send_frame(const Login& login, const Request& request, Response& response) const {

@@ -1,9 +1,10 @@
-// The console's routes that carry data: mattes, frames, samples, photos.
+// The console's routes that carry data: mattes, STMaps, frames, archives, samples, photos.
 #pragma once
 
 #include <absl/status/statusor.h>
 #include <httplib.h>
 
+#include <mutex>
 #include <string>
 
 #include "console/routes/captured_frames.h"
@@ -19,6 +20,8 @@ class SessionRoutes {
   SessionRoutes(const ServerLink& server, NodeChannels& nodes) : server_(server), nodes_(nodes) {}
 
   void send_matte(const Login& login, const httplib::Request& request, httplib::Response& response) const;
+  void send_stmap(const Login& login, const httplib::Request& request, httplib::Response& response) const;
+  void send_archive(const Login& login, const httplib::Request& request, httplib::Response& response) const;
   void send_frame(const Login& login, const httplib::Request& request, httplib::Response& response) const;
   void send_samples(const Login& login, const httplib::Request& request, httplib::Response& response) const;
   void store_image(const Login& login, const std::string& png, httplib::Response& response) const;
@@ -28,6 +31,7 @@ class SessionRoutes {
 
   const ServerLink& server_;
   NodeChannels& nodes_;
+  mutable std::mutex decoding_;  // held while a matte is decoded, which takes memory: one at a time
 };
 
 }  // namespace glasswing

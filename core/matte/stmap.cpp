@@ -1,6 +1,7 @@
 #include "core/matte/stmap.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -67,6 +68,18 @@ int strongest_channel(const Matte& matte, int texture) {
   constexpr double kMinRatio = 1.1;
   const auto strongest = std::ranges::max_element(weight);
   return *strongest > kMinRatio * weight[kGreen] ? static_cast<int>(strongest - weight.begin()) : kGreen;
+}
+
+absl::StatusOr<int> texture_named(const v1::MatteMetadata& metadata, const std::string& monitor) {
+  if (metadata.monitors().empty()) return absl::DataLossError("the matte's header names no monitors");
+  if (monitor.empty()) return 0;
+  std::vector<std::string> names;
+  for (int t = 0; t < metadata.monitors_size(); ++t) {
+    if (metadata.monitors(t).name() == monitor) return t;
+    names.push_back(metadata.monitors(t).name());
+  }
+  return absl::InvalidArgumentError(
+      fmt::format("the monitor is \"{}\"; this matte has: {}", monitor, fmt::join(names, ", ")));
 }
 
 absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel, int path) {

@@ -27,6 +27,10 @@ const Mode* strongest_mode(const Matte& matte, int x, int y, int channel, int te
 // summed over all pixels, have over a tenth more weight than green's: then that channel.
 int strongest_channel(const Matte& matte, int texture = -1);
 
+// The texture of a monitor; 0 for an empty name. INVALID_ARGUMENT: lists the matte's monitors. DATA_LOSS: it
+// names none.
+absl::StatusOr<int> texture_named(const v1::MatteMetadata& metadata, const std::string& monitor);
+
 // Encodes an OpenEXR file with one float32 part over the matte's window:
 //   R, G        s and t
 //   B, A        1 where the centre lies on the monitor; elsewhere R, G, B and A are 0

@@ -246,7 +246,7 @@ TEST_F(StMap, BadInputIsNamedAndNothingIsWritten) {
   const std::string matte = write_matte(scattered());
   expect_one_line_error(run_glasswing({"stmap", matte, "-o", path("st.png")}), "must end in .exr");
   expect_one_line_error(run_glasswing({"stmap", matte, "--monitor", "roof", "-o", path("st.exr")}),
-                        "--monitor is \"roof\"; this matte has: back, left");
+                        "the monitor is \"roof\"; this matte has: back, left");
   expect_one_line_error(run_glasswing({"stmap", matte, "--channel", "x", "-o", path("st.exr")}), "--channel");
   expect_one_line_error(run_glasswing({"stmap", path("none.exr"), "-o", path("st.exr")}), path("none.exr"));
   Matte unsized = scattered();

@@ -9,12 +9,16 @@
 #include "console/routes/cookies.h"
 #include "console/routes/json_call.h"
 #include "core/base/file.h"
+#include "core/frame/archive_json.h"
+#include "core/matte/matte_file.h"
+#include "core/matte/stmap.h"
 #include "core/security/tls.h"
 #include "core/service/service.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "server/console/console_service.h"
+#include "tests/core/archive/made_archive.h"
 #include "tests/core/security/made_certificates.h"
 
 namespace glasswing {
@@ -30,6 +34,8 @@ class Sessions final : public v1::SessionService::Service {
     if (request->name() != "vase") return {grpc::StatusCode::NOT_FOUND, "there is no session"};
     response->mutable_session()->set_name("vase");
     response->mutable_session()->set_archive_bytes(1LL << 40);
+    response->mutable_session()->set_archive_address(archive_address);
+    response->mutable_session()->set_state(state);
     return grpc::Status::OK;
   }
   // Two changes, then silence until the caller has left.
@@ -57,6 +63,11 @@ class Sessions final : public v1::SessionService::Service {
   grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                           grpc::ServerWriter<v1::FetchMatteResponse>* writer) override {
     v1::FetchMatteResponse response;
+    if (request->name() == "solved") {
+      response.set_chunk(matte);
+      writer->Write(response);
+      return grpc::Status::OK;
+    }
     for (const char* part : {"all the ", "bytes of "}) {
       response.set_chunk(part);
       writer->Write(response);
@@ -67,7 +78,10 @@ class Sessions final : public v1::SessionService::Service {
   }
 
   std::atomic<bool> left = false;
-  std::string hold = "not called";  // that the last PauseSession belonged to
+  std::string archive_address;
+  v1::SessionState state = v1::SESSION_STATE_UNSPECIFIED;  // of "vase"
+  std::string matte;                                       // of "solved"
+  std::string hold = "not called";                         // that the last PauseSession belonged to
 };
 
 // Knows one camera node, "camera-1".
@@ -398,6 +412,78 @@ TEST_F(ConsoleTest, MattesCanBeHadInParts) {
   EXPECT_EQ(anna.Get("/mattes/vase.exr?frame=x")->status, 400);
   const std::string tag = anna.Get("/mattes/vase.exr")->get_header_value("ETag");
   EXPECT_EQ(anna.Get("/mattes/vase.exr", {{"If-None-Match", tag}})->status, 304);
+}
+
+TEST_F(ConsoleTest, AnStmapIsMadeOfAMatte) {
+  start();
+  Matte matte(0, 0, 3, 2, 1);
+  matte.metadata.set_format_version(1);
+  matte.metadata.set_width_px(3);
+  matte.metadata.set_height_px(2);
+  for (const char* name : {"back", "left"}) {
+    v1::Monitor& monitor = *matte.metadata.add_monitors();
+    monitor.set_name(name);
+    monitor.set_width_px(40);
+    monitor.set_height_px(30);
+  }
+  for (int x = 0; x < 3; ++x) {
+    for (int c = 0; c < 3; ++c)
+      matte.modes(x, 1, c)[0] = {
+          .weight = 0.5f, .x_px = 4.5f * static_cast<float>(x), .y_px = 7.0f, .texture = 1};
+  }
+  sessions_.matte = encode_matte(matte).value();
+  httplib::Client client = logged_in("viewer");
+  const auto stmap = client.Get("/stmaps/solved.exr?monitor=left");
+  ASSERT_EQ(stmap->status, 200);
+  EXPECT_EQ(stmap->body, encode_stmap(matte, 1, strongest_channel(matte, 1)).value());
+  EXPECT_EQ(client.Get("/stmaps/solved.exr")->body,
+            encode_stmap(matte, 0, strongest_channel(matte, 0)).value());
+  const auto refused = client.Get("/stmaps/solved.exr?monitor=roof");
+  EXPECT_EQ(refused->status, 400);
+  EXPECT_EQ(body_of(refused)["message"], "the monitor is \"roof\"; this matte has: back, left");
+  EXPECT_EQ(body_of(client.Get("/stmaps/vase.exr"))["code"], "DATA_LOSS");
+}
+
+TEST_F(ConsoleTest, AnArchiveIsATarFileThatUnpacksToAnArchive) {
+  start();
+  ArchiveStore store(scratch_ / "node");
+  ASSERT_TRUE(store.prepare().ok());
+  v1::CaptureManifest header = MadeArchive::header();
+  header.set_session("vase");
+  header.add_monitors()->set_name("back");
+  header.mutable_monitors(0)->set_width_px(40);
+  header.mutable_monitors(0)->set_height_px(30);
+  const std::shared_ptr<Archive> archive = store.create(header).value();
+  std::vector<Archive::NewFrame> frames(3);
+  for (size_t i = 0; i < frames.size(); ++i) {
+    frames[i].record.set_step(static_cast<int>(i));
+    frames[i].image = Image16(MadeArchive::kWidth, MadeArchive::kHeight);
+    std::ranges::fill(frames[i].image.samples, static_cast<std::uint16_t>(1000 * i));
+  }
+  frames[2].record.set_file("frames/" + std::string(200, 'n') + ".tif");
+  ASSERT_TRUE(archive->add(frames).ok());
+  ASSERT_TRUE(archive->seal().ok());
+  ArchiveServiceImpl service(store);
+  const auto node = ServiceHost::start({}, {&service}).value();
+  sessions_.archive_address = node->address();
+  httplib::Client client = logged_in("viewer");
+
+  const auto got = client.Get("/archives/vase.tar");
+  ASSERT_EQ(got->status, 200);
+  ASSERT_TRUE(write_file_durably(scratch_ / "vase.tar", got->body).ok());
+  ASSERT_EQ(std::system(fmt::format("cd '{}' && tar -xf vase.tar", scratch_.string()).c_str()), 0);
+  const std::filesystem::path path = scratch_ / "vase/manifest.json";
+  v1::CaptureManifest unpacked;
+  ASSERT_TRUE(parse_archive_json(bytes_of(path), path, &unpacked).ok());
+  EXPECT_EQ(unpacked.SerializeAsString(), archive->manifest().SerializeAsString());
+  for (const v1::Frame& frame : unpacked.frames())
+    EXPECT_EQ(bytes_of(scratch_ / "vase" / frame.file()), archive->read_frame_bytes(frame.file()).value());
+
+  sessions_.state = v1::SESSION_STATE_CAPTURING;
+  EXPECT_EQ(body_of(client.Get("/archives/vase.tar"))["code"], "FAILED_PRECONDITION");
+  sessions_.state = v1::SESSION_STATE_DONE;
+  write_over(scratch_ / "node/vase/frames/000001.tif", 4000, '!');
+  EXPECT_FALSE(client.Get("/archives/vase.tar")) << "a damaged frame was sent as if it were whole";
 }
 
 TEST_F(ConsoleTest, PlansAreReadAsTextAndErrorsHaveAPlace) {

@@ -18,6 +18,8 @@ export interface Drawable {
   height: number;
   foreground: Float32Array<ArrayBuffer>;
   footprints: Footprints;
+  /** Pixels without a result. */
+  unsolved: Uint32Array<ArrayBuffer>;
 }
 
 /** The placement of a picture on its monitor: stretched, or in its own aspect ratio and cropped. */

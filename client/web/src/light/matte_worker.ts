@@ -1,4 +1,5 @@
 // Fetches and decodes a matte and makes the compositor's footprints in a worker, so that the page stays responsive.
+import { unsolvedPixels } from "./fill_unsolved";
 import { packFootprints } from "./footprints";
 import type { LoadMessage, LoadRequest } from "./load";
 import { readMatte } from "./matte";
@@ -42,10 +43,12 @@ onmessage = async ({ data: { url, wants } }: MessageEvent<LoadRequest>) => {
     if (wants === "values") return say({ matte }, buffers);
     const { metadata, width, height, foreground } = matte;
     const footprints = packFootprints(matte);
-    say({ drawable: { metadata, width, height, foreground, footprints } }, [
+    const unsolved = unsolvedPixels(matte.flags);
+    say({ drawable: { metadata, width, height, foreground, footprints, unsolved } }, [
       foreground.buffer,
       footprints.index.buffer,
       footprints.list.buffer,
+      unsolved.buffer,
     ]);
   } catch (error) {
     say({ error: error instanceof Error ? error.message : String(error) });

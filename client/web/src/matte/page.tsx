@@ -4,7 +4,8 @@ import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { loadMatte, matteUrl } from "../light/load";
 import { kChannels, type MatteData } from "../light/matte";
 import type { PageProps } from "../pages";
-import { manifestOf } from "../parts/archive";
+import { isCaptured, manifestOf } from "../parts/archive";
+import { Downloads } from "../parts/downloads";
 import { Failure } from "../parts/failure";
 import { FrameSlider } from "../parts/frame_slider";
 import { SessionChoice } from "../parts/session_choice";
@@ -51,12 +52,6 @@ function Viewer({ session }: { session: SessionJson }) {
       <div class="row">
         <h1>{name}</h1>
         <a href={`#/play/${encodeURIComponent(name)}`}>Try backgrounds</a>
-        <a
-          href={matteUrl(name, frame)}
-          download={frame === undefined ? `${name}.exr` : `${name}-${String(frame).padStart(4, "0")}.exr`}
-        >
-          Download the matte
-        </a>
         <a href="#/matte">Other sessions</a>
         {matte?.modeChannels === 3 && (
           <label>
@@ -72,6 +67,13 @@ function Viewer({ session }: { session: SessionJson }) {
         )}
         {frame !== undefined && <FrameSlider frames={frames} frame={frame} onChange={setFrame} />}
       </div>
+      <Downloads
+        session={name}
+        captured={isCaptured(session)}
+        matte="done"
+        frame={frame}
+        monitors={matte?.metadata.monitors.map((monitor) => monitor.name) ?? []}
+      />
       {error !== undefined && <Failure error={error} />}
       {progress < 1 && <progress value={progress} aria-label="Loading the matte" />}
       {matte?.metadata.warnings?.map((warning) => (

@@ -20,3 +20,10 @@ export async function manifestOf(
   );
   return manifest;
 }
+
+const kCapturing = new Set<SessionJson["state"]>(["SESSION_STATE_CREATED", "SESSION_STATE_CAPTURING", "SESSION_STATE_PAUSED"]);
+
+/** Whether the session has frames and gets no more. */
+export function isCaptured({ state, archiveAddress }: SessionJson): boolean {
+  return Boolean(archiveAddress) && !kCapturing.has(state);
+}

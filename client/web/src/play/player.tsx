@@ -2,6 +2,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import { loadDrawable, matteUrl } from "../light/load";
 import { Failure } from "../parts/failure";
 import { FrameSlider } from "../parts/frame_slider";
+import { countText } from "../parts/words";
 import { kBuiltIn, openPicture, paint, type BuiltIn } from "./backgrounds";
 import { listenToGestures } from "./gestures";
 import { kStill, Stage } from "./stage";
@@ -98,6 +99,8 @@ export function Player({ session, frames }: { session: string; frames: number[] 
   const [choices, setChoices] = useState<Choice[]>([]);
   const [exposure, setExposure] = useState(0);
   const [over, setOver] = useState(false);
+  const [unsolved, setUnsolved] = useState(0);
+  const [fill, setFill] = useState(true);
   const chosen = useRef(monitor);
   chosen.current = monitor;
 
@@ -107,6 +110,7 @@ export function Player({ session, frames }: { session: string; frames: number[] 
     loadDrawable(matteUrl(session, frame), { signal: cancel.signal, report: setProgress })
       .then((matte) => {
         setError(undefined);
+        setUnsolved(matte.unsolved.length);
         if (stage.current) return stage.current.setMatte(matte);
         const made = (stage.current = new Stage(canvas.current!, matte));
         made.monitors.forEach(({ width, height }, t) =>
@@ -159,7 +163,7 @@ export function Player({ session, frames }: { session: string; frames: number[] 
   };
   const download = (): void => {
     const name = frame === undefined ? `${session}.png` : `${session}-${String(frame).padStart(4, "0")}.png`;
-    stage.current!.picture().then((picture) => save(picture, name), setError);
+    stage.current!.picture(fill).then((picture) => save(picture, name), setError);
   };
 
   const choice = choices[monitor];
@@ -229,6 +233,12 @@ export function Player({ session, frames }: { session: string; frames: number[] 
             </output>
           </label>
           {frame !== undefined && <FrameSlider frames={frames} frame={frame} onChange={setFrame} />}
+          {unsolved > 0 && (
+            <label title="Pixels without a result, such as those that saw the id patch, from their neighbours">
+              <input type="checkbox" checked={fill} onChange={(event) => setFill(event.currentTarget.checked)} />
+              Fill {countText(unsolved, "unsolved pixel")} in the download
+            </label>
+          )}
           <button class="primary" onClick={download}>
             Download frame
           </button>

@@ -1,6 +1,7 @@
 // The backgrounds, one for each monitor, and the light. Coalesces changes into one drawing, which starts once the previous
 // one is done; on slow devices moving pictures are drawn coarser.
 import { Compositor, type Drawable, type Standing } from "../light/compositor";
+import { fillUnsolved } from "../light/fill_unsolved";
 import { Pace } from "./pace";
 
 export const kStill: Standing = { keepShape: false, dx: 0, dy: 0, scale: 1 };
@@ -14,6 +15,7 @@ export class Stage {
   private readonly standings: Standing[];
   private readonly moved = new Set<number>();
   private gain = 1;
+  private unsolved: Uint32Array;
   private readonly pace: Pace;
   /** A change is not drawn yet, or only coarsely. */
   private isOld = false;
@@ -27,6 +29,7 @@ export class Stage {
     matte: Drawable,
   ) {
     this.compositor = new Compositor(canvas, matte);
+    this.unsolved = matte.unsolved;
     this.pace = new Pace(Math.max(matte.width, matte.height));
     this.monitors = matte.metadata.monitors.map(({ name, width_px, height_px }) => ({
       name,
@@ -44,6 +47,7 @@ export class Stage {
   }
   setMatte(matte: Drawable): void {
     this.compositor.setMatte(matte);
+    this.unsolved = matte.unsolved;
     this.drawSoon();
   }
   setPicture(monitor: number, image: ImageBitmap): void {
@@ -60,15 +64,18 @@ export class Stage {
     this.drawSoon();
   }
 
-  /** The canvas as a PNG, once everything requested is drawn. */
-  picture(): Promise<Blob> {
+  /** The canvas as a PNG, once everything requested is drawn. `fill`: the unsolved pixels from their neighbours. */
+  picture(fill: boolean): Promise<Blob> {
     this.draw(1);
-    return new Promise((resolve, reject) => {
-      this.canvas.toBlob(
-        (blob) => (blob ? resolve(blob) : reject(new Error("the browser cannot write a PNG"))),
-        "image/png",
-      );
-    });
+    const copy = new OffscreenCanvas(this.canvas.width, this.canvas.height);
+    const pen = copy.getContext("2d")!;
+    pen.drawImage(this.canvas, 0, 0);
+    if (fill) {
+      const pixels = pen.getImageData(0, 0, copy.width, copy.height);
+      fillUnsolved(pixels, this.unsolved);
+      pen.putImageData(pixels, 0, 0);
+    }
+    return copy.convertToBlob({ type: "image/png" });
   }
 
   close(): void {

@@ -1,7 +1,8 @@
 import { useMemo, useState } from "preact/hooks";
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import type { WatchSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
-import { matteUrl } from "../light/load";
+import { isCaptured } from "../parts/archive";
+import { Downloads } from "../parts/downloads";
 import { FeedFailure } from "../parts/silence";
 import { useFeed, watched } from "../parts/feed";
 import { Message } from "../parts/message";
@@ -21,6 +22,12 @@ import { useTimeline } from "./use_timeline";
 
 const kLookAgain_s = 2;
 
+function matteOf(session: SessionJson): "done" | "partial" | undefined {
+  if (session.frameCount) return undefined; // a video has one for each frame, on the matte's page
+  if (session.state === "SESSION_STATE_SOLVING" && (session.tilesDone ?? 0) > 0) return "partial";
+  return session.matteReady ? "done" : undefined;
+}
+
 function Head({ session }: { session: SessionJson }) {
   const name = session.name ?? "";
   const looks = session.matteReady || (session.solvedFrames?.length ?? 0) > 0;
@@ -33,16 +40,7 @@ function Head({ session }: { session: SessionJson }) {
         {session.startedBy && `, by ${session.startedBy}`}
       </span>
       <span class="spacer" />
-      {session.state === "SESSION_STATE_SOLVING" && !session.frameCount && (session.tilesDone ?? 0) > 0 && (
-        <a href={`${matteUrl(name)}?partial=1`} download={`${name}-partial.exr`}>
-          Download what is solved so far
-        </a>
-      )}
-      {session.matteReady && !session.frameCount && (
-        <a href={matteUrl(name)} download={`${name}.exr`}>
-          Download the matte
-        </a>
-      )}
+      <Downloads session={name} captured={isCaptured(session)} matte={matteOf(session)} />
       {looks && (
         <>
           <a href={`#/matte/${encodeURIComponent(name)}`}>View the matte</a>

@@ -74,7 +74,7 @@ try {
       theirs = join(folder, "composite.png");
     await drawn.saveAs(ours);
     const behind = monitors.flatMap((monitor) => ["--background", `${monitor.name}=${picture}`]);
-    execFileSync(glasswing, ["composite", matte, ...behind, ...shift, "-o", theirs], { stdio: "pipe" });
+    execFileSync(glasswing, ["composite", matte, "--fill", ...behind, ...shift, "-o", theirs], { stdio: "pipe" });
     const { mean, most, x, y } = await difference(page, ours, theirs);
     failed ||= !(mean <= kMaxMean);
     worst_mean = Math.max(worst_mean, mean);

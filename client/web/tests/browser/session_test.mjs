@@ -5,7 +5,9 @@
 // The page is compared with the output of `glasswing`. Viewers must find no enabled controls. After the server is killed during a
 // capture, the page must show nothing wrong and recover by itself. axe-core must find nothing serious. GLASSWING_PICTURES names a directory for a picture of every page.
 import { strict as assert } from "node:assert";
-import { mkdirSync } from "node:fs";
+import { execFileSync } from "node:child_process";
+import { mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
 import { join } from "node:path";
 import axe from "axe-core";
 import { open_browser } from "./browser.mjs";
@@ -178,6 +180,35 @@ async function capture_and_solve(page, rig) {
   const objects = Number(rig.session("first").object_pixel_count).toLocaleString("en");
   assert.ok((await page.locator(".figures").textContent()).includes(`${objects} pixels`));
   told("solved, pixels of object by both", objects);
+}
+
+/** The downloads are what `glasswing` writes. */
+async function download_all(page, rig) {
+  await look(page, "#/matte/first", ".panels");
+  const folder = mkdtempSync(join(tmpdir(), "downloads-"));
+  const take = async (name, file) => {
+    const [download] = await Promise.all([
+      page.waitForEvent("download"),
+      page.locator(".downloads").getByRole("link", { name }).click(),
+    ]);
+    await download.saveAs(join(folder, file));
+    return download.suggestedFilename();
+  };
+  const bytes = (file) => readFileSync(join(folder, file));
+  assert.equal(await take("the matte", "matte.exr"), "first.exr");
+  rig.glasswing("fetch", "first", "-o", join(folder, "fetched.exr"));
+  assert.ok(bytes("matte.exr").equals(bytes("fetched.exr")));
+  assert.equal(await take("its STMap", "stmap.exr"), "first-stmap-back.exr");
+  rig.glasswing("stmap", join(folder, "fetched.exr"), "-o", join(folder, "written.exr"));
+  assert.ok(bytes("stmap.exr").equals(bytes("written.exr")));
+  assert.equal(await take("the archive", "first.tar"), "first.tar");
+  execFileSync("tar", ["-xf", "first.tar"], { cwd: folder });
+  rig.glasswing("export", "first", join(folder, "exported"));
+  const frames = readdirSync(join(folder, "exported/frames"));
+  assert.deepEqual(readdirSync(join(folder, "first/frames")).sort(), frames.sort());
+  for (const frame of frames) assert.ok(bytes(`first/frames/${frame}`).equals(bytes(`exported/frames/${frame}`)));
+  rmSync(folder, { recursive: true });
+  told("downloaded as glasswing writes them", `matte, STMap, ${frames.length} frames`);
 }
 
 async function open_matte(page) {
@@ -422,6 +453,7 @@ try {
   const { page, errors } = await visit(context, link);
   await capture_and_solve(page, rig);
   await open_matte(page);
+  await download_all(page, rig);
   await hold_and_release(page, rig);
   await read_rig_view(page, rig);
   await annotate_and_delete(page, rig);
