@@ -3,15 +3,12 @@
 
 #include <iostream>
 
-#include "client/cli/rpc.h"
 #include "client/rig/commands.h"
+#include "client/rig/shown_pattern.h"
 #include "core/base/status.h"
-#include "glasswing/v1/rig_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
-
-constexpr std::chrono::hours kLongest(24);
 
 struct PatternArguments {
   std::string pattern;
@@ -19,18 +16,11 @@ struct PatternArguments {
 };
 
 absl::Status show_pattern(const Client& client, const PatternArguments& arguments) {
-  const Peer<v1::RigService> server(client.server_title(), client.server);
-  v1::ShowPatternRequest request;
-  request.set_pattern(arguments.pattern);
-  for (const std::string& monitor : arguments.monitors) request.add_monitors(monitor);
-  grpc::ClientContext context;
-  set_deadline(context, kLongest);
-  const auto reader = server.stub->ShowPattern(&context, request);
-  for (v1::ShowPatternResponse response; reader->Read(&response);)
-    std::cout << fmt::format("{} on {}; Ctrl-C ends it\n", arguments.pattern,
-                             fmt::join(response.monitors(), ", "))
-              << std::flush;
-  return status_from(reader->Finish(), server.title);
+  ShownPattern shown(client, arguments.pattern, arguments.monitors);
+  GW_ASSIGN_OR_RETURN(const std::vector<std::string> monitors, shown.wait());
+  std::cout << fmt::format("{} on {}; Ctrl-C ends it\n", arguments.pattern, fmt::join(monitors, ", "))
+            << std::flush;
+  return shown.wait_for_end();
 }
 
 }  // namespace

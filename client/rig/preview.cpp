@@ -9,10 +9,10 @@
 #include "client/cli/output.h"
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
+#include "client/rig/shown_pattern.h"
 #include "core/base/status.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
-#include "glasswing/v1/rig_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
@@ -50,41 +50,6 @@ absl::StatusOr<std::string> camera_address(const Client& client, const std::stri
   return absl::FailedPreconditionError(
       fmt::format("the rig has several cameras, {}; name one by --camera", all));
 }
-
-// A test pattern on all monitors until this is destroyed.
-class ShownPattern {
- public:
-  ShownPattern(const Client& client, const std::string& pattern)
-      : server_(client.server_title(), client.server) {
-    v1::ShowPatternRequest request;
-    request.set_pattern(pattern);
-    set_deadline(context_, kPreviewTimeout);
-    reader_ = server_.stub->ShowPattern(&context_, request);
-  }
-  ~ShownPattern() {
-    if (ended_) return;
-    context_.TryCancel();
-    for (v1::ShowPatternResponse response; reader_->Read(&response);) {
-    }
-    (void)reader_->Finish();
-  }
-  ShownPattern(const ShownPattern&) = delete;
-  ShownPattern& operator=(const ShownPattern&) = delete;
-
-  // Returns when the pattern is visible.
-  absl::Status wait() {
-    v1::ShowPatternResponse shown;
-    if (reader_->Read(&shown)) return absl::OkStatus();
-    ended_ = true;
-    return status_from(reader_->Finish(), server_.title);
-  }
-
- private:
-  const Peer<v1::RigService> server_;
-  grpc::ClientContext context_;
-  std::unique_ptr<grpc::ClientReader<v1::ShowPatternResponse>> reader_;
-  bool ended_ = false;
-};
 
 // Replaces the file atomically, so that viewers never see half a picture. Not flushed to disk.
 absl::Status replace_file(const fs::path& path, const std::string& bytes) {
@@ -124,8 +89,8 @@ absl::Status preview(const Client& client, const PreviewArguments& arguments) {
   const Peer<v1::CameraService> camera("camera node at " + address, address);
   std::optional<ShownPattern> pattern;
   if (!arguments.pattern.empty()) {
-    pattern.emplace(client, arguments.pattern);
-    GW_RETURN_IF_ERROR(pattern->wait());
+    pattern.emplace(client, arguments.pattern, std::vector<std::string>());
+    GW_RETURN_IF_ERROR(pattern->wait().status());
   }
   v1::PreviewRequest request;
   request.set_max_fps(arguments.fps);
