@@ -11,9 +11,7 @@
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
-#include "client/cli/rig_view.h"
 #include "client/cli/rpc.h"
-#include "client/rig/calibration_plan.h"
 #include "client/rig/curve_chart.h"
 #include "client/sessions/capture.h"
 #include "client/sessions/watch.h"
@@ -21,15 +19,12 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/pattern/plan.h"
-#include "core/radiometry/tone_curve.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
 
 constexpr std::chrono::minutes kFitTimeout(10);
-constexpr double kLongestMs = 16.0;      // longest exposure of the ladder, unless the plan has a longer one
-constexpr double kUnknownWhiteMs = 5.0;  // white_ms of an uncalibrated camera
 
 constexpr const char* kCameraGuide =
     "Measuring which light the camera's codes stand for. Nothing on the stage, the room dark or its light "
@@ -221,8 +216,21 @@ absl::StatusOr<v1::ListCalibrationsResponse> known(const Client& client) {
   return call_pages(server, &v1::RigService::Stub::ListCalibrations, {});
 }
 
-void tell(const Client& client, const std::string& guide) {
+// Captures what the server plans for this request, and fits it.
+absl::Status calibrate(const Client& client, const CalibrateArguments& arguments, v1::MakePlanRequest request,
+                       const char* guide) {
+  for (const std::string& name : arguments.monitors) request.add_monitors(name);
+  request.set_camera(arguments.camera);
+  const Peer<v1::RigService> server(client.server_title(), client.server);
+  GW_ASSIGN_OR_RETURN(const v1::MakePlanResponse made,
+                      call(server, &v1::RigService::Stub::MakePlan, request, kLongCallTimeout));
+  if (!client.json) {
+    for (const std::string& note : made.notes()) std::cerr << note << "\n";
+  }
+  if (!made.has_plan()) return absl::OkStatus();
   if (!client.json) std::cerr << guide;
+  GW_ASSIGN_OR_RETURN(const std::string session, captured(client, made.plan()));
+  return fit(client, session, arguments.charts);
 }
 
 }  // namespace
@@ -231,45 +239,20 @@ absl::Status calibrate_camera_light(const Client& client, const CalibrateArgumen
   if (!given.session.empty()) return fit(client, given.session, given.charts);
   CalibrateArguments arguments = given;
   GW_ASSIGN_OR_RETURN(const v1::Plan plan, plan_of(arguments));
-  double longest_ms = kLongestMs;
-  for (const double exposure_ms : plan.exposure_ms()) longest_ms = std::max(longest_ms, exposure_ms);
-  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, arguments.camera));
-  GW_ASSIGN_OR_RETURN(v1::Plan own, camera_plan(rig, arguments.monitors, longest_ms));
-  own.set_camera(arguments.camera);
-  tell(client, kCameraGuide);
-  GW_ASSIGN_OR_RETURN(const std::string session, captured(client, own));
-  return fit(client, session, arguments.charts);
+  v1::MakePlanRequest request;
+  request.set_purpose(v1::PLAN_PURPOSE_CALIBRATE_CAMERA);
+  for (const double exposure_ms : plan.exposure_ms())
+    request.set_longest_exposure_ms(std::max(request.longest_exposure_ms(), exposure_ms));
+  return calibrate(client, arguments, std::move(request), kCameraGuide);
 }
 
 absl::Status calibrate_display_light(const Client& client, const CalibrateArguments& given) {
   if (!given.session.empty()) return fit(client, given.session, given.charts);
   CalibrateArguments arguments = given;
   GW_RETURN_IF_ERROR(plan_of(arguments).status());
-  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, arguments.camera));
-  GW_ASSIGN_OR_RETURN(const v1::ListCalibrationsResponse calibrations, known(client));
-  if (arguments.monitors.empty()) {
-    for (const v1::Monitor& monitor : rig.monitors) {
-      if (monitor.bits() <= kMaxCurveBits) {
-        arguments.monitors.push_back(monitor.name());
-      } else {
-        tell(
-            client,
-            fmt::format("Monitor {} has codes of {} bits, which are light as they are: nothing to measure.\n",
-                        monitor.name(), monitor.bits()));
-      }
-    }
-    if (arguments.monitors.empty() && !rig.monitors.empty()) return absl::OkStatus();
-  }
-  double white_ms = kUnknownWhiteMs;
-  for (const v1::CameraCalibration& camera : calibrations.cameras()) {
-    const bool own = rig.camera && camera.camera() == rig.camera->camera().name();
-    if (own && camera.white_ms() > 0.0) white_ms = camera.white_ms();
-  }
-  GW_ASSIGN_OR_RETURN(v1::Plan own, display_plan(rig, arguments.monitors, white_ms));
-  own.set_camera(arguments.camera);
-  tell(client, kDisplayGuide);
-  GW_ASSIGN_OR_RETURN(const std::string session, captured(client, own));
-  return fit(client, session, arguments.charts);
+  v1::MakePlanRequest request;
+  request.set_purpose(v1::PLAN_PURPOSE_CALIBRATE_DISPLAYS);
+  return calibrate(client, arguments, std::move(request), kDisplayGuide);
 }
 
 absl::Status list_calibrations(const Client& client, const std::string& charts) {

@@ -61,6 +61,7 @@ constexpr MethodAccess kTable[] = {
     {"NodeService/ReleaseNode", kOperator, kAudited},
     {"RigService/CalibrateSync", kOperator, kAudited},
     {"RigService/CheckRig", kOperator, kAudited},
+    {"RigService/MakePlan", kPeople},
     {"RigService/FitCalibration", kOperator, kAudited},
     {"RigService/ListCalibrations", kPeople},
     {"RigService/ForgetCalibration", kOperator, kAudited},

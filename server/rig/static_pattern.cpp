@@ -11,8 +11,8 @@
 namespace glasswing {
 namespace {
 
-constexpr std::chrono::milliseconds kPoll(10);
-constexpr std::chrono::milliseconds kStartLead(200);  // from the command to the picture
+constexpr std::chrono::milliseconds kCheckInterval(10);
+constexpr std::chrono::milliseconds kPictureLead(200);  // from the command to the picture
 // The longest step that displays accept, and the number of steps that last a day at 60 Hz.
 constexpr int kHoldRefreshes = 600, kSteps = 8640;
 constexpr int kBars = 8, kLines = 24;
@@ -50,7 +50,7 @@ absl::StatusOr<std::unique_ptr<StaticPattern>> StaticPattern::start(
     GW_RETURN_IF_ERROR(
         from_grpc(display->stub->LoadProgram(&context, request, &response), display->link.title()));
   }
-  const nanoseconds start = monotonic_now() + kStartLead;
+  const nanoseconds start = monotonic_now() + kPictureLead;
   nanoseconds there = start;
   for (const DisplayLink* display : lit) {
     show->playing_.push_back(std::make_unique<PresentationStream>(*display, program, start));
@@ -59,7 +59,7 @@ absl::StatusOr<std::unique_ptr<StaticPattern>> StaticPattern::start(
   while (monotonic_now() < there) {
     if (stop.stop_requested()) return absl::CancelledError("stopped");
     GW_RETURN_IF_ERROR(show->check());
-    std::this_thread::sleep_for(kPoll);
+    std::this_thread::sleep_for(kCheckInterval);
   }
   return show;
 }

@@ -11,6 +11,7 @@
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "server/rig/caller.h"
 #include "server/rig/embed_calibrations.h"
+#include "server/rig/plan_for_rig.h"
 #include "server/rig/ramp_show.h"
 #include "server/rig/rig_check.h"
 #include "server/rig/rig_findings.h"
@@ -204,6 +205,20 @@ grpc::Status RigServiceImpl::HoldRig(grpc::ServerContext* context, const v1::Hol
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   spdlog::info("the rig's hold lost a call client=\"{}\"", caller.client);
   return stopping_ ? to_grpc(absl::UnavailableError("the server is stopping")) : grpc::Status::OK;
+}
+
+grpc::Status RigServiceImpl::MakePlan(grpc::ServerContext*, const v1::MakePlanRequest* request,
+                                      v1::MakePlanResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  absl::StatusOr<v1::MakePlanResponse> made = [&]() -> absl::StatusOr<v1::MakePlanResponse> {
+    GW_ASSIGN_OR_RETURN(const RigLinks rig,
+                        connect(server_.rig(), server_.calibrations(), request->camera(),
+                                {request->monitors().begin(), request->monitors().end()}));
+    return plan_for_rig(*request, rig, server_.calibrations());
+  }();
+  if (!made.ok()) return to_grpc(made.status());
+  *response = *std::move(made);
+  return grpc::Status::OK;
 }
 
 grpc::Status RigServiceImpl::ReleaseRig(grpc::ServerContext* context, const v1::ReleaseRigRequest*,

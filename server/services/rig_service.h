@@ -30,6 +30,7 @@ class RigServiceImpl final : public v1::RigService::Service {
                            grpc::ServerWriter<v1::ShowPatternResponse>*) override;
   grpc::Status HoldRig(grpc::ServerContext*, const v1::HoldRigRequest*,
                        grpc::ServerWriter<v1::HoldRigResponse>*) override;
+  grpc::Status MakePlan(grpc::ServerContext*, const v1::MakePlanRequest*, v1::MakePlanResponse*) override;
   grpc::Status ReleaseRig(grpc::ServerContext*, const v1::ReleaseRigRequest*,
                           v1::ReleaseRigResponse*) override;
 

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <map>
 
 #include "camera-node/backends/emission_client.h"
@@ -13,6 +14,7 @@
 #include "camera-node/services/camera_service.h"
 #include "camera-node/services/stage_service.h"
 #include "core/archive/archive_store.h"
+#include "core/pattern/plan.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "display-node/backends/light_tap.h"
@@ -230,6 +232,37 @@ TEST_F(RigTest, AHoldLastsAsLongAsItsCall) {
   EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
   while (server_->rig_lock().holder()) std::this_thread::yield();
   EXPECT_TRUE(check().status.ok());
+}
+
+TEST_F(RigTest, PlansAreMadeForTheRig) {
+  start();
+  const auto make = [&](v1::PlanPurpose purpose,
+                        const std::function<void(v1::MakePlanRequest&)>& change = {}) {
+    v1::MakePlanRequest request;
+    request.set_purpose(purpose);
+    if (change) change(request);
+    grpc::ClientContext context;
+    v1::MakePlanResponse made;
+    const grpc::Status status = stub_->MakePlan(&context, request, &made);
+    return status.ok()
+               ? absl::StatusOr<v1::MakePlanResponse>(made)
+               : absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+  };
+  const auto draft = make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_quality("draft"); });
+  ASSERT_TRUE(draft.ok()) << draft.status();
+  EXPECT_EQ(draft->plan().monitors(0).name(), "back");
+  const v1::Plan read = parse_plan(draft->text(), "draft").value();
+  EXPECT_EQ(read.SerializeAsString(), draft->plan().SerializeAsString());
+  const auto camera = make(v1::PLAN_PURPOSE_CALIBRATE_CAMERA);
+  ASSERT_TRUE(camera.ok()) << camera.status();
+  EXPECT_EQ(camera->plan().calibration().of(), "camera");
+  EXPECT_EQ(make(v1::PLAN_PURPOSE_UNSPECIFIED).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(
+      make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.add_monitors("roof"); }).status().message(),
+      "there is no monitor \"roof\"");
+  EXPECT_EQ(
+      make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_quality("fine"); }).status().message(),
+      "quality is \"fine\"; it must be draft, good or best");
 }
 
 TEST_F(RigTest, AHoldCanBeTakenUpAgainAndReleased) {

@@ -5,7 +5,7 @@
 // T is read from the pyramid level (pyramid.ts) that suits each footprint (footprints.ts). It is black beyond a monitor's edge.
 import { kListWidth, type Footprints } from "./footprints";
 import { NoWebGl, Program, makeTexture, openContext } from "./gl";
-import type { MatteMetadata } from "./matte";
+import type { Box, MatteMetadata } from "./matte";
 import { primaryMix, type PrimaryMix } from "./primary_mix";
 import { Pyramids, type Picture, type Placement } from "./pyramid";
 import { kBorder, pyramidShape, type PyramidShape } from "./pyramid_shape";
@@ -20,6 +20,8 @@ export interface Drawable {
   footprints: Footprints;
   /** Pixels without a result. */
   unsolved: Uint32Array<ArrayBuffer>;
+  /** The pixels that see a monitor's picture: not, for instance, the id patches below it. */
+  seeing: Box;
 }
 
 /** The placement of a picture on its monitor: stretched, or in its own aspect ratio and cropped. */

@@ -92,6 +92,27 @@ export function strongestMode(matte: MatteData, pixel: number, channel: number):
   return best < 0 ? undefined : modeAt(matte, best);
 }
 
+/** Pixels of a picture. */
+export interface Box {
+  x: number;
+  y: number;
+  width: number;
+  height: number;
+}
+
+/** The smallest box around all pixels with modes; the whole picture if there are none. */
+export function seeingBox({ width, height, modeChannels, firstMode }: MatteData): Box {
+  let [left, top, right, bottom] = [width, height, -1, -1];
+  for (let pixel = 0; pixel < width * height; ++pixel) {
+    if (firstMode[pixel * modeChannels] === firstMode[(pixel + 1) * modeChannels]) continue;
+    const [x, y] = [pixel % width, Math.floor(pixel / width)];
+    [left, right] = [Math.min(left, x), Math.max(right, x)];
+    [top, bottom] = [Math.min(top, y), Math.max(bottom, y)];
+  }
+  if (right < 0) return { x: 0, y: 0, width, height };
+  return { x: left, y: top, width: right - left + 1, height: bottom - top + 1 };
+}
+
 function readMetadata(exr: Exr): MatteMetadata {
   const text = exr.parts[0]?.attributes.get("glasswing");
   if (text === undefined) throw new NotAMatte('its header has no attribute "glasswing"');

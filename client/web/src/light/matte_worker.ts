@@ -2,7 +2,7 @@
 import { unsolvedPixels } from "./fill_unsolved";
 import { packFootprints } from "./footprints";
 import type { LoadMessage, LoadRequest } from "./load";
-import { readMatte } from "./matte";
+import { readMatte, seeingBox } from "./matte";
 
 /** Calls `report` with the fraction received, if the server gave the size. */
 async function fetchBytes(url: string, report: (done: number) => void): Promise<Uint8Array<ArrayBuffer>> {
@@ -44,7 +44,8 @@ onmessage = async ({ data: { url, wants } }: MessageEvent<LoadRequest>) => {
     const { metadata, width, height, foreground } = matte;
     const footprints = packFootprints(matte);
     const unsolved = unsolvedPixels(matte.flags);
-    say({ drawable: { metadata, width, height, foreground, footprints, unsolved } }, [
+    const seeing = seeingBox(matte);
+    say({ drawable: { metadata, width, height, foreground, footprints, unsolved, seeing } }, [
       foreground.buffer,
       footprints.index.buffer,
       footprints.list.buffer,

@@ -216,7 +216,8 @@ function logarithmic(matte: MatteData, name: string, title: string, get: (pixel:
   if (values.length === 0) return { name, title, picture, keys: [keyOf(kNoValue, "not known")] };
   const parts = high / low > 150 ? [1] : [1, 2, 5];
   const ticks: { place: number; label: string }[] = [];
-  for (let ten = 10 ** Math.floor(Math.log10(low) + 1e-9); ten <= high * 1.001; ten *= 10) {
+  const next = high / low > 3e4 ? 100 : 10; // so that labels have room on a phone
+  for (let ten = 10 ** Math.floor(Math.log10(low) + 1e-9); ten <= high * 1.001; ten *= next) {
     for (const value of parts.map((part) => part * ten)) {
       if (value >= low * 0.999 && value <= high * 1.001)
         ticks.push({ place: share(value), label: label(value) });

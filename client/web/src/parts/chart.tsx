@@ -31,13 +31,16 @@ function axisOf(grid: boolean): uPlot.Axis {
 }
 
 const kMaxTimes = 5,
-  kMinValueSpace_px = 22;
+  kMinTimeSpace_px = 64,
+  kMinValueSpace_px = 22,
+  kValueAxis_px = 76;
 
 /** Times at round distances from the newest one. */
 function timesBack(plot: uPlot): number[] {
   const times = plot.data[0];
   const [first = 0, last = 0] = [times[0], times.at(-1)];
-  return ticksTo(last - first, timeStepOf(last - first, kMaxTimes))
+  const room = Math.max(1, Math.floor((plot.width - kValueAxis_px) / kMinTimeSpace_px) - 1);
+  return ticksTo(last - first, timeStepOf(last - first, Math.min(kMaxTimes, room)))
     .map((back) => last - back)
     .reverse();
 }
@@ -60,7 +63,7 @@ function optionsOf(props: ChartProps, width: number): uPlot.Options {
         splits: timesBack,
         values: (plot, times) => times.map((time) => agoText(plot.data[0].at(-1)! - time)),
       },
-      { ...axisOf(true), size: 76, space: kMinValueSpace_px, values: (_, values) => values.map(props.text) },
+      { ...axisOf(true), size: kValueAxis_px, space: kMinValueSpace_px, values: (_, values) => values.map(props.text) },
     ],
     scales: {
       y: {

@@ -7,6 +7,8 @@ interface ConfirmProps {
   title: string;
   /** The button's text. */
   action: string;
+  /** The other button's text; default: "Keep". Then nothing is lost by the action. */
+  refusal?: string;
   run: () => Promise<unknown>;
   /** Called after `run` succeeded and the dialog was closed. */
   done: () => void;
@@ -14,8 +16,8 @@ interface ConfirmProps {
   children: ComponentChildren;
 }
 
-/** Asks before something is lost. */
-export function Confirm({ title, action, run, done, close, children }: ConfirmProps) {
+/** Asks before something is lost, or before the rig is used. */
+export function Confirm({ title, action, refusal, run, done, close, children }: ConfirmProps) {
   const { busy, error, act } = useAction();
   const confirm = async (): Promise<void> => {
     if (!(await act(run))) return;
@@ -32,9 +34,9 @@ export function Confirm({ title, action, run, done, close, children }: ConfirmPr
       )}
       <div class="row ends">
         <button type="button" onClick={close}>
-          Keep
+          {refusal ?? "Keep"}
         </button>
-        <button type="button" class="danger" disabled={busy} onClick={() => void confirm()}>
+        <button type="button" class={refusal ? "primary" : "danger"} disabled={busy} onClick={() => void confirm()}>
           {action}
         </button>
       </div>

@@ -85,7 +85,11 @@ const kForms: [RegExp, (...words: string[]) => Offer][] = [
     }),
   ],
   [/^calibrate camera/, () => calibrations("Calibrate the camera")],
-  [/^calibrate sync/, () => calibrations("Calibrate the monitors' timing")],
+  [
+    new RegExp(`^calibrate sync(?: --monitor ${kName})?`),
+    (monitor) => calibrations(monitor ? `Measure the timing of ${monitor}` : "Measure the monitors' timing"),
+  ],
+  [/^preview --pattern lines/, () => ({ place: { label: "Test pattern", hash: "#/rig/pattern" } })],
   [
     new RegExp(`^calibrate display(?: --monitor ${kName})?`),
     (monitor) => calibrations(monitor ? `Calibrate ${monitor}` : "Calibrate the monitors"),

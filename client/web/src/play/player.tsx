@@ -2,6 +2,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import { loadDrawable, matteUrl } from "../light/load";
 import { Failure } from "../parts/failure";
 import { FrameSlider } from "../parts/frame_slider";
+import { save } from "../parts/save";
 import { countText } from "../parts/words";
 import { kBuiltIn, openPicture, paint, type BuiltIn } from "./backgrounds";
 import { listenToGestures } from "./gestures";
@@ -16,14 +17,6 @@ interface Choice {
 }
 
 const kFirstChoice: Choice = { kind: "landscape", name: "", colour: "#2f7d8c", keepShape: false };
-
-function save(picture: Blob, name: string): void {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(picture);
-  link.download = name;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
-}
 
 interface ControlsProps {
   choice: Choice;
@@ -101,6 +94,8 @@ export function Player({ session, frames }: { session: string; frames: number[] 
   const [over, setOver] = useState(false);
   const [unsolved, setUnsolved] = useState(0);
   const [fill, setFill] = useState(true);
+  const [seesAll, setSeesAll] = useState(true);
+  const [crop, setCrop] = useState(true);
   const chosen = useRef(monitor);
   chosen.current = monitor;
 
@@ -111,6 +106,7 @@ export function Player({ session, frames }: { session: string; frames: number[] 
       .then((matte) => {
         setError(undefined);
         setUnsolved(matte.unsolved.length);
+        setSeesAll(matte.seeing.width === matte.width && matte.seeing.height === matte.height);
         if (stage.current) return stage.current.setMatte(matte);
         const made = (stage.current = new Stage(canvas.current!, matte));
         made.monitors.forEach(({ width, height }, t) =>
@@ -163,7 +159,7 @@ export function Player({ session, frames }: { session: string; frames: number[] 
   };
   const download = (): void => {
     const name = frame === undefined ? `${session}.png` : `${session}-${String(frame).padStart(4, "0")}.png`;
-    stage.current!.picture(fill).then((picture) => save(picture, name), setError);
+    stage.current!.picture(fill, crop).then((picture) => save(picture, name), setError);
   };
 
   const choice = choices[monitor];
@@ -236,7 +232,13 @@ export function Player({ session, frames }: { session: string; frames: number[] 
           {unsolved > 0 && (
             <label title="Pixels without a result, such as those that saw the id patch, from their neighbours">
               <input type="checkbox" checked={fill} onChange={(event) => setFill(event.currentTarget.checked)} />
-              Fill {countText(unsolved, "unsolved pixel")} in the download
+              Fill {countText(unsolved, "unsolved pixel")}
+            </label>
+          )}
+          {!seesAll && (
+            <label title="Without the rows and columns that see no picture on a monitor, such as its id patch">
+              <input type="checkbox" checked={crop} onChange={(event) => setCrop(event.currentTarget.checked)} />
+              Crop the id patch
             </label>
           )}
           <button class="primary" onClick={download}>

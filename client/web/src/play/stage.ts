@@ -2,6 +2,7 @@
 // one is done; on slow devices moving pictures are drawn coarser.
 import { Compositor, type Drawable, type Standing } from "../light/compositor";
 import { fillUnsolved } from "../light/fill_unsolved";
+import type { Box } from "../light/matte";
 import { Pace } from "./pace";
 
 export const kStill: Standing = { keepShape: false, dx: 0, dy: 0, scale: 1 };
@@ -16,6 +17,7 @@ export class Stage {
   private readonly moved = new Set<number>();
   private gain = 1;
   private unsolved: Uint32Array;
+  private seeing: Box;
   private readonly pace: Pace;
   /** A change is not drawn yet, or only coarsely. */
   private isOld = false;
@@ -29,7 +31,7 @@ export class Stage {
     matte: Drawable,
   ) {
     this.compositor = new Compositor(canvas, matte);
-    this.unsolved = matte.unsolved;
+    [this.unsolved, this.seeing] = [matte.unsolved, matte.seeing];
     this.pace = new Pace(Math.max(matte.width, matte.height));
     this.monitors = matte.metadata.monitors.map(({ name, width_px, height_px }) => ({
       name,
@@ -47,7 +49,7 @@ export class Stage {
   }
   setMatte(matte: Drawable): void {
     this.compositor.setMatte(matte);
-    this.unsolved = matte.unsolved;
+    [this.unsolved, this.seeing] = [matte.unsolved, matte.seeing];
     this.drawSoon();
   }
   setPicture(monitor: number, image: ImageBitmap): void {
@@ -64,8 +66,11 @@ export class Stage {
     this.drawSoon();
   }
 
-  /** The canvas as a PNG, once everything requested is drawn. `fill`: the unsolved pixels from their neighbours. */
-  picture(fill: boolean): Promise<Blob> {
+  /**
+   * The canvas as a PNG, once everything requested is drawn. `fill`: the unsolved pixels from their neighbours. `crop`: to
+   * the pixels that see a monitor's picture.
+   */
+  picture(fill: boolean, crop: boolean): Promise<Blob> {
     this.draw(1);
     const copy = new OffscreenCanvas(this.canvas.width, this.canvas.height);
     const pen = copy.getContext("2d")!;
@@ -75,7 +80,11 @@ export class Stage {
       fillUnsolved(pixels, this.unsolved);
       pen.putImageData(pixels, 0, 0);
     }
-    return copy.convertToBlob({ type: "image/png" });
+    if (!crop) return copy.convertToBlob({ type: "image/png" });
+    const { x, y, width, height } = this.seeing;
+    const part = new OffscreenCanvas(width, height);
+    part.getContext("2d")!.drawImage(copy, -x, -y);
+    return part.convertToBlob({ type: "image/png" });
   }
 
   close(): void {

@@ -7,6 +7,8 @@ import type {
 } from "../gen/glasswing/v1/calibration_pb";
 import type { ListCalibrationsResponseJson } from "../gen/glasswing/v1/rig_service_pb";
 import { Failure } from "../parts/failure";
+import { Calibrate } from "./calibrate";
+import { CurveCharts, type Curves } from "./curves";
 import { nanosecondsText, timeText } from "../parts/words";
 
 interface Row {
@@ -55,12 +57,25 @@ function syncRow({ monitor = "", lagNs, settleNs, errorNs, measured = "" }: Moni
   return { device: monitor, what: "monitor timing", found, measured, warnings: [] };
 }
 
+function curvesOf({ cameras = [], displays = [] }: ListCalibrationsResponseJson): Curves[] {
+  return [
+    ...cameras.map(({ camera = "", curves = [] }) => ({
+      device: camera,
+      lines: curves.map(({ light = [] }) => light.map(Number)),
+    })),
+    ...displays.map(({ monitor = "", primaries = [] }) => ({
+      device: monitor,
+      lines: primaries.map(({ radiance = [] }) => radiance.map(Number)),
+    })),
+  ];
+}
+
 export function Calibrations() {
   const [known, setKnown] = useState<ListCalibrationsResponseJson>();
   const [error, setError] = useState<unknown>();
-  useEffect(() => {
-    call<ListCalibrationsResponseJson>("RigService/ListCalibrations").then(setKnown, setError);
-  }, []);
+  const look = (): void =>
+    void call<ListCalibrationsResponseJson>("RigService/ListCalibrations").then(setKnown, setError);
+  useEffect(look, []);
   const rows = known && [
     ...(known.cameras ?? []).map(cameraRow),
     ...(known.displays ?? []).map(displayRow),
@@ -69,6 +84,7 @@ export function Calibrations() {
   return (
     <section id="calibrations" class="card">
       <h2>Calibrations</h2>
+      <Calibrate done={look} />
       {error !== undefined && <Failure error={error} />}
       {rows?.length === 0 && (
         <p class="note">
@@ -106,6 +122,7 @@ export function Calibrations() {
           </tbody>
         </table>
       )}
+      {known && <CurveCharts curves={curvesOf(known)} />}
     </section>
   );
 }

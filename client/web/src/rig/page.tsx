@@ -20,7 +20,7 @@ async function* nodesWithHistory(signal: AbortSignal): AsyncGenerator<ListNodesR
   }
 }
 
-/** `path`: the section to show: "check" or "calibrations". */
+/** `path`: the section to show: "check", "pattern" or "calibrations". */
 export default function Page({ path: [section = ""] }: PageProps) {
   useEffect(() => document.getElementById(section)?.scrollIntoView(), [section]);
   const { value, live, error } = useFeed(nodesWithHistory, []);

@@ -27,7 +27,7 @@ export function Pattern() {
     }
   };
   return (
-    <section class="card">
+    <section id="pattern" class="card">
       <div class="row">
         <h2>Test pattern</h2>
         <label>

@@ -4,6 +4,8 @@ import type { GetCameraResponseJson, PreviewResponseJson } from "../gen/glasswin
 import { Chart } from "../parts/chart";
 import { FeedFailure } from "../parts/silence";
 import { follow } from "../parts/feed";
+import { Message } from "../parts/message";
+import { save } from "../parts/save";
 import { State } from "../parts/state";
 import { Histogram } from "./histogram_view";
 import { drawPeaking, drawZebra, histogram } from "./picture_figures";
@@ -20,10 +22,11 @@ interface Seen {
 }
 
 const kFocusSeconds = 30;
+const kMaxWidth_px = 4096; // of a preview: more than most cameras have
 
-async function decode(base64: string): Promise<ImageBitmap> {
-  const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
-  return createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
+function jpegOf({ jpeg = "" }: PreviewResponseJson): Blob {
+  const bytes = Uint8Array.from(atob(jpeg), (letter) => letter.charCodeAt(0));
+  return new Blob([bytes], { type: "image/jpeg" });
 }
 
 /** Follows the camera's preview while `on`; draws each picture on the canvas. */
@@ -47,7 +50,7 @@ function usePreview(
     setFocus([[], []]);
     const cancel = new AbortController();
     const show = async (picture: PreviewResponseJson): Promise<void> => {
-      const image = await decode(picture.jpeg ?? "");
+      const image = await createImageBitmap(jpegOf(picture));
       const pen = canvas.current?.getContext("2d", { willReadFrequently: true });
       if (!pen || cancel.signal.aborted) return;
       [pen.canvas.width, pen.canvas.height] = [image.width, image.height];
@@ -129,6 +132,7 @@ export function Preview({ cameras }: { cameras: string[] }) {
   const [settings, setSettings] = useState<Settings>({ exposureMs: 4, maxFps: 5, maxWidthPx: 640 });
   const [zebra, setZebra] = useState(false);
   const [peaking, setPeaking] = useState(false);
+  const [actual, setActual] = useState(false);
   const camera = useCamera(node);
   const { canvas, seen, live, error, focus } = usePreview(node, on, settings, { zebra, peaking }, () =>
     setOn(false),
@@ -153,7 +157,10 @@ export function Preview({ cameras }: { cameras: string[] }) {
         )}
       </div>
       <div class="preview-body">
-        <div class={on && live ? "screen" : "screen waiting"}>
+        <div
+          class={`screen${on && live ? "" : " waiting"}${actual ? " actual" : ""}`}
+          tabIndex={actual && seen ? 0 : undefined}
+        >
           <canvas ref={canvas} role="img" aria-label="The camera's picture" hidden={!seen} />
           {!seen && (
             <p class="note">
@@ -211,12 +218,20 @@ export function Preview({ cameras }: { cameras: string[] }) {
                 value={settings.maxWidthPx}
                 onChange={(event) => change({ maxWidthPx: Number(event.currentTarget.value) })}
               >
-                {[320, 640, 1280, 2560].map((width) => (
+                {[320, 640, 1280, 2560, kMaxWidth_px].map((width) => (
                   <option key={width} value={width}>
-                    {width} px
+                    {width === kMaxWidth_px ? "the camera's" : `${width} px`}
                   </option>
                 ))}
               </select>
+            </label>
+            <label title="A pixel of the picture for a pixel of the screen; scroll to see the rest">
+              <input
+                type="checkbox"
+                checked={actual}
+                onChange={(event) => setActual(event.currentTarget.checked)}
+              />
+              Actual size
             </label>
             <label>
               <input
@@ -238,6 +253,9 @@ export function Preview({ cameras }: { cameras: string[] }) {
           {seen && (
             <>
               <Figures picture={seen.picture} />
+              <div>
+                <button onClick={() => save(jpegOf(seen.picture), `${node}.jpg`)}>Save this picture</button>
+              </div>
               <Histogram counts={seen.counts} />
               {focus[0].length > 1 && (
                 <Chart
@@ -249,9 +267,11 @@ export function Preview({ cameras }: { cameras: string[] }) {
                 />
               )}
               <p class="note" role="status">
-                {seen.picture.focusHint
-                  ? `Focus: ${seen.picture.focusHint}.`
-                  : "Focus: 1 is an edge as sharp as the pixels, 0.5 one that is blurred by about a pixel."}
+                {seen.picture.focusHint ? (
+                  <Message text={`Focus: ${seen.picture.focusHint}.`} />
+                ) : (
+                  "Focus: 1 is an edge as sharp as the pixels, 0.5 one that is blurred by about a pixel."
+                )}
               </p>
             </>
           )}

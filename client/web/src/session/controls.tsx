@@ -7,6 +7,7 @@ import { Dialog } from "../parts/dialog";
 import { Failure } from "../parts/failure";
 import { useAction } from "../parts/use_action";
 import { bytesText } from "../parts/words";
+import { fitCalibration } from "../rig/calibrate";
 import { SolveDialog } from "./solve";
 import { allows } from "./states";
 
@@ -52,6 +53,7 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
 /** A button for each action that the server allows now; viewers get none. */
 export function Controls({ session }: { session: SessionJson }) {
   const [asked, setAsked] = useState<"solve" | "retry" | "remove">();
+  const [fitted, setFitted] = useState(false);
   const { busy, error, act } = useAction();
   if (!mayOperate.value)
     return <p class="note">You are logged in as a viewer and cannot change anything.</p>;
@@ -78,6 +80,16 @@ export function Controls({ session }: { session: SessionJson }) {
         <button class={session.matteReady ? "" : "primary"} onClick={() => setAsked("solve")}>
           {session.matteReady ? "Solve again…" : "Solve…"}
         </button>
+      )}
+      {session.plan?.calibration && session.state === "SESSION_STATE_CAPTURED" && (
+        <button class="primary" disabled={busy} onClick={() => void act(() => fitCalibration(name)).then(setFitted)}>
+          Fit the calibration
+        </button>
+      )}
+      {fitted && (
+        <b role="status">
+          Fitted: <a href="#/rig/calibrations">Calibrations</a>
+        </b>
       )}
       {allows(session, "SESSION_ACTION_CANCEL") && (
         <button disabled={busy} onClick={change("CancelSession")}>

@@ -226,6 +226,13 @@ async function read_rig_view(page, rig) {
   await look(page, "#/rig", ".nodes tbody tr");
   await page.getByRole("button", { name: "Start" }).click();
   await page.locator(".preview .state.good").waitFor();
+  await page.getByLabel("Actual size").check();
+  const shown = await page.locator(".preview .screen canvas").evaluate((it) => [it.clientWidth, it.width]);
+  assert.equal(shown[0], shown[1]);
+  await page.getByLabel("Actual size").uncheck();
+  const save = page.getByRole("button", { name: "Save this picture" });
+  const [saved] = await Promise.all([page.waitForEvent("download"), save.click()]);
+  assert.equal(saved.suggestedFilename(), "camera-1.jpg");
   await page.getByLabel("Mark sharp edges").check();
   await page.getByRole("button", { name: "Check", exact: true }).click();
   await page.locator(".doctor b[role=status]").waitFor();
@@ -262,6 +269,24 @@ async function hold_and_release(page, rig) {
   await held.waitFor({ state: "detached" });
   await page.getByText("The rig is free.").waitFor();
   told("held over a reload, and released", "moving the camera");
+}
+
+async function calibrate(page, rig) {
+  await look(page, "#/rig/calibrations", "#calibrations");
+  await page.getByRole("button", { name: "Calibrate the camera…" }).click();
+  await page.getByRole("dialog").getByRole("button", { name: "Start" }).click();
+  await page.locator("#calibrations .curve polyline").nth(2).waitFor();
+  await photograph(page, "calibrations");
+  const { cameras } = JSON.parse(rig.glasswing("--json", "calibrate", "list"));
+  assert.deepEqual(
+    await page.locator("#calibrations .curve b").allTextContents(),
+    cameras.map(({ camera }) => camera),
+  );
+  await page.getByRole("button", { name: "Calibrate the monitors…" }).click();
+  await page.getByRole("dialog").getByRole("button", { name: "Start" }).click();
+  await page.getByText("monitor back has codes of 16 bits, which are light as they are").waitFor();
+  rig.glasswing("calibrate", "forget", cameras[0].camera);
+  told("calibrated, by the page and by glasswing", cameras[0].camera);
 }
 
 async function annotate_and_delete(page, rig) {
@@ -458,7 +483,9 @@ try {
   await read_rig_view(page, rig);
   await annotate_and_delete(page, rig);
   await survive_restart(page, rig);
+  await calibrate(page, rig);
   await look(page, "#/session", "table");
+  await page.locator(".thumbnail img").nth(1).waitFor();
   await photograph(page, "sessions");
   await check_accessible(page);
   await check_narrow(page);

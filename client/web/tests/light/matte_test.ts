@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { unpredict } from "../../src/light/exr";
-import { modesOf, readMatte, strongestMode, type Mode } from "../../src/light/matte";
+import { modesOf, readMatte, seeingBox, strongestMode, type Mode } from "../../src/light/matte";
 import { predict } from "./exr_bytes";
 import { matteBytes, type MatteText } from "./matte_bytes";
 import { random } from "./random";
@@ -96,5 +96,18 @@ test("no changed byte makes anything but a matte or an error of ours", async () 
     await read(bytes).catch((error: unknown) =>
       expect(String(error)).toContain("the file is damaged or no matte"),
     );
+  }
+});
+
+test("the box of the pixels that see a picture holds every mode and no empty side", async () => {
+  const mode: Mode = { weight: 1, x: 1, y: 1, xx: 1, xy: 0, yy: 1, texture: 0, weight_sd: 0, centre_sd: 0 };
+  for (const [lit, box] of [
+    [[8, 9, 16], { x: 1, y: 1, width: 2, height: 2 }],
+    [[34], { x: 6, y: 4, width: 1, height: 1 }],
+    [[], { x: 0, y: 0, width: 7, height: 5 }],
+  ] as const) {
+    const seen = new Set<number>(lit);
+    const text = { ...textOf(["R", "G", "B"]), modes: (pixel: number, c: number) => (seen.has(pixel) && c === 1 ? [mode] : []) };
+    expect(seeingBox(await read(matteBytes(text)))).toEqual(box);
   }
 });

@@ -1,4 +1,4 @@
-#include "client/rig/calibration_plan.h"
+#include "server/rig/calibration_plan.h"
 
 #include <fmt/format.h>
 
@@ -15,31 +15,25 @@ constexpr double kLadder[] = {43.0, 25.0, 15.0, 8.3, 5.1, 2.9, 1.6, 1.0};  // lo
 constexpr size_t kMinExposures = 4;
 constexpr double kWhiteShare = 0.8;  // of full scale
 
-absl::StatusOr<v1::Plan> plan_for(const RigView& rig, const std::vector<std::string>& names,
-                                  const std::string& of, const std::vector<double>& exposures_ms) {
+absl::StatusOr<v1::Plan> plan_for(const v1::GetCameraResponse& camera, const std::vector<v1::Monitor>& rig,
+                                  const std::vector<std::string>& names, const std::string& of,
+                                  const std::vector<double>& exposures_ms) {
+  if (rig.empty()) return absl::FailedPreconditionError("no display node is up; start glasswing-display");
   v1::Plan plan;
   plan.set_method(std::string(kCalibrationMethod));
   plan.mutable_calibration()->set_of(of);
   for (const std::string& name : names) plan.add_monitors()->set_name(name);
   double slowest_hz = 1e9;
-  for (const v1::Monitor& monitor : rig.monitors) slowest_hz = std::min(slowest_hz, monitor.refresh_hz());
+  for (const v1::Monitor& monitor : rig) slowest_hz = std::min(slowest_hz, monitor.refresh_hz());
   for (const double exposure_ms : exposures_ms) plan.add_exposure_ms(exposure_ms);
   // Exposure, readout, and up to one frame interval until an exposure begins; then one refresh for the
   // change, and one for lag and settling.
   const double needed_ms = *std::max_element(exposures_ms.begin(), exposures_ms.end()) +
-                           1e-6 * static_cast<double>(rig.camera->readout_ns()) +
-                           1e3 / rig.camera->frame_rate_hz();
+                           1e-6 * static_cast<double>(camera.readout_ns()) + 1e3 / camera.frame_rate_hz();
   plan.set_hold_refreshes(std::min(600, 2 + static_cast<int>(std::ceil(1e-3 * needed_ms * slowest_hz))));
   GW_RETURN_IF_ERROR(check_plan(plan));
-  GW_RETURN_IF_ERROR(expand(plan, rig.monitors).status());
+  GW_RETURN_IF_ERROR(expand(plan, rig).status());
   return plan;
-}
-
-absl::Status check_camera(const RigView& rig) {
-  if (rig.monitors.empty())
-    return absl::FailedPreconditionError("no display node is up; start glasswing-display");
-  if (!rig.camera) return absl::FailedPreconditionError("no camera node is up; start glasswing-camera");
-  return absl::OkStatus();
 }
 
 }  // namespace
@@ -56,25 +50,24 @@ std::vector<double> exposure_ladder_ms(const v1::GetCameraResponse& camera, doub
   return exposures_ms;
 }
 
-absl::StatusOr<v1::Plan> camera_plan(const RigView& rig, const std::vector<std::string>& monitors,
-                                     double longest_ms) {
-  GW_RETURN_IF_ERROR(check_camera(rig));
-  const std::vector<double> exposures_ms = exposure_ladder_ms(*rig.camera, longest_ms);
+absl::StatusOr<v1::Plan> camera_plan(const v1::GetCameraResponse& camera, const std::vector<v1::Monitor>& rig,
+                                     const std::vector<std::string>& names, double longest_ms) {
+  const std::vector<double> exposures_ms = exposure_ladder_ms(camera, longest_ms);
   if (exposures_ms.size() < kMinExposures) {
     return absl::FailedPreconditionError(
         fmt::format("the camera takes exposures of {:.3g} to {:.3g} ms; too few to measure its curve from: a "
                     "lower frame rate allows longer ones",
-                    rig.camera->min_exposure_ms(), rig.camera->max_exposure_ms()));
+                    camera.min_exposure_ms(), camera.max_exposure_ms()));
   }
-  return plan_for(rig, monitors, "camera", exposures_ms);
+  return plan_for(camera, rig, names, "camera", exposures_ms);
 }
 
-absl::StatusOr<v1::Plan> display_plan(const RigView& rig, const std::vector<std::string>& monitors,
-                                      double white_ms) {
-  GW_RETURN_IF_ERROR(check_camera(rig));
+absl::StatusOr<v1::Plan> display_plan(const v1::GetCameraResponse& camera,
+                                      const std::vector<v1::Monitor>& rig,
+                                      const std::vector<std::string>& names, double white_ms) {
   const double exposure_ms =
-      std::clamp(kWhiteShare * white_ms, rig.camera->min_exposure_ms(), rig.camera->max_exposure_ms());
-  return plan_for(rig, monitors, "display", {exposure_ms});
+      std::clamp(kWhiteShare * white_ms, camera.min_exposure_ms(), camera.max_exposure_ms());
+  return plan_for(camera, rig, names, "display", {exposure_ms});
 }
 
 }  // namespace glasswing
