@@ -32,6 +32,7 @@ from glasswing.errors import (
 )
 from glasswing.fleet import Fleet, Lease, Solve, Solver
 from glasswing.instruments import Finding, Level, LivePicture, MonitorLatency
+from glasswing.live import LiveComposite
 from glasswing.matte import Matte, Modes, PixelFlag
 from glasswing.pictures import Picture, linear_to_srgb, read_picture, resized, srgb_to_linear, write_picture
 from glasswing.plan import (
@@ -70,6 +71,7 @@ __all__ = [
     "InvalidInput",
     "Lease",
     "Level",
+    "LiveComposite",
     "LivePicture",
     "Matte",
     "Modes",

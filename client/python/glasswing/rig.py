@@ -10,17 +10,19 @@ import os
 import pathlib
 import time
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import TracebackType
 from typing import Any
 
 import grpc
+import numpy.typing as npt
 
-from glasswing import pictures
+from glasswing import live, pictures
 from glasswing.connection import CHUNK_BYTES, LONG_CALL_SECONDS, Connection, Hold
 from glasswing.errors import Error, Refused, TimedOut, Unavailable
 from glasswing.fleet import Fleet
 from glasswing.instruments import Finding, LivePicture, MonitorLatency
+from glasswing.live import LiveComposite
 from glasswing.plan import Plan
 from glasswing.session import Session, SessionInfo, State
 from glasswing.settings import load_settings
@@ -323,6 +325,60 @@ class Rig:
                 yield LivePicture.from_message(picture)
         finally:
             connection.close()
+
+    def live(
+        self,
+        background: npt.ArrayLike,
+        *,
+        monitor: str = "",
+        camera: str = "",
+        exposure_ms: float = 4.0,
+        options: Mapping[str, str] | None = None,
+        ask: Callable[[str], object] = lambda what: input(f"{what}, then press Enter "),
+    ) -> Iterator[LiveComposite]:
+        """Yields the object in front of ``background`` (linear, H x W x 3) as the camera sees it, until the loop is left.
+
+        The server shows the ramp on ``monitor`` and a listening solver learns the empty stage; then the object comes. Holds
+        the rig. ``exposure_ms``: of each frame. ``options``: of method ``ramp``. ``ask`` is called where a person must move
+        the object, with what to do, and returns when that is done. InvalidInput: an option, or no such monitor. Refused: no
+        solver offers live composites, or names the rig's holder.
+        """
+        return live.composites(
+            self._connection,
+            background,
+            monitor=monitor,
+            camera=camera,
+            exposure_ms=exposure_ms,
+            options=options or {},
+            ask=ask,
+        )
+
+    def make_plan(
+        self,
+        quality: str = "good",
+        *,
+        images: int | None = None,
+        monitors: Iterable[str] = (),
+        camera: str = "",
+        blur_px: float = 0.0,
+    ) -> Plan:
+        """Makes a plan of method ``gaussian`` that fits the rig's monitors and camera, as ``glasswing plan make --for-rig``.
+
+        ``quality``: "draft" (about a hundred images), "good", or "best" (finer stripes, and a second exposure for highlights).
+        ``images``: at most so many with the object at each exposure, 1 to 20000. ``monitors``: default all. ``blur_px``: how
+        far camera and monitor blur (sigma on the monitor, 0 to 200), as ``glasswing blur`` tells. InvalidInput: ``images`` are
+        too few.
+        """
+        request = rig_service_pb2.MakePlanRequest(
+            purpose=rig_service_pb2.PLAN_PURPOSE_CAPTURE,
+            monitors=list(monitors),
+            camera=camera,
+            quality=quality,
+            image_count=images or 0,
+            blur_px=blur_px,
+        )
+        answer: rig_service_pb2.MakePlanResponse = self._connection.call(self._rig.MakePlan, request, LONG_CALL_SECONDS)
+        return Plan.from_message(answer.plan)
 
     def upload(self, picture: pictures.Picture) -> str:
         """Uploads a picture (linear, H x W x 3) for plans and returns its name, for ``Photo.file``."""

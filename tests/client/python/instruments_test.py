@@ -1,9 +1,10 @@
-"""The doctor, calibrations, patterns and previews against a server and a camera node that this test plays, and the errors
+"""The doctor, calibrations, patterns, previews and live composites against a server and a camera node that this test plays, and the errors
 of a server that cannot do what it is asked."""
 
 import concurrent.futures
 import struct
 import threading
+import time
 import unittest
 import zlib
 
@@ -13,11 +14,17 @@ import numpy as np
 import glasswing
 from glasswing.pictures import encode_png8
 from glasswing.v1 import (
+    archive_pb2,
     calibration_pb2,
     camera_service_pb2,
     camera_service_pb2_grpc,
+    clock_service_pb2,
+    clock_service_pb2_grpc,
+    live_service_pb2,
+    live_service_pb2_grpc,
     node_service_pb2,
     node_service_pb2_grpc,
+    plan_pb2,
     rig_service_pb2,
     rig_service_pb2_grpc,
     session_service_pb2_grpc,
@@ -30,18 +37,25 @@ class Server(
     node_service_pb2_grpc.NodeServiceServicer,
     rig_service_pb2_grpc.RigServiceServicer,
     camera_service_pb2_grpc.CameraServiceServicer,
+    clock_service_pb2_grpc.ClockServiceServicer,
+    live_service_pb2_grpc.LiveServiceServicer,
     session_service_pb2_grpc.SessionServiceServicer,
 ):
-    """A server, and its camera node at the same address."""
+    """A server, and its camera node and solver at the same address."""
 
     def __init__(self) -> None:
         self.asked: list[object] = []
         self.two_cameras = False
+        self.needs_operator = False
         self.pattern_ended = threading.Event()
+        self.object_brought = threading.Event()
+        self.ramp_ended = threading.Event()
         self.server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
         node_service_pb2_grpc.add_NodeServiceServicer_to_server(self, self.server)
         rig_service_pb2_grpc.add_RigServiceServicer_to_server(self, self.server)
         camera_service_pb2_grpc.add_CameraServiceServicer_to_server(self, self.server)
+        clock_service_pb2_grpc.add_ClockServiceServicer_to_server(self, self.server)
+        live_service_pb2_grpc.add_LiveServiceServicer_to_server(self, self.server)
         session_service_pb2_grpc.add_SessionServiceServicer_to_server(self, self.server)
         self.address = f"127.0.0.1:{self.server.add_insecure_port('127.0.0.1:0')}"
         self.server.start()
@@ -78,6 +92,45 @@ class Server(
         while context.is_active():
             yield camera_service_pb2.PreviewResponse(jpeg=b"\xff\xd8\xff", width_px=8, height_px=6, focus=0.5, exposure_ms=2.0)
             yield camera_service_pb2.PreviewResponse(jpeg=b"\xff\xd8\xff", focus_hint="too dark to judge focus")
+
+    def MakePlan(self, request, context):
+        self.asked.append(request)
+        plan = plan_pb2.Plan(method="gaussian", monitors=[plan_pb2.PlanMonitor(name="back")])
+        return rig_service_pb2.MakePlanResponse(plan=plan)
+
+    def ShowRamp(self, requests, context):
+        context.add_callback(self.ramp_ended.set)
+        for request in requests:
+            self.asked.append(request)
+            if request.object:
+                self.object_brought.set()
+            yield rig_service_pb2.ShowRampResponse(
+                camera_address=self.address,
+                solver_address=self.address,
+                monitor=archive_pb2.Monitor(name="back", width_px=8, height_px=6),
+                needs_operator=self.needs_operator,
+            )
+
+    def Exchange(self, request, context):
+        return clock_service_pb2.ExchangeResponse(received_ns=1000, sent_ns=1001)
+
+    def RunLive(self, requests, context):
+        """Composites of 2 x 1 pixels: one of the empty stage, one exposed before the object came, then one in two parts."""
+        start, picture = next(requests), next(requests)
+        self.asked += [start, picture]
+        yield live_service_pb2.RunLiveResponse(empty_frames_left=1)
+        early = camera_service_pb2.FrameTaken(width_px=2, height_px=1, exposure_start_ns=5)
+        frame = live_service_pb2.LiveFrame(taken=early, picture=bytes(6))
+        yield live_service_pb2.RunLiveResponse(frame=frame)
+        yield live_service_pb2.RunLiveResponse()
+        self.object_brought.wait(30)
+        yield live_service_pb2.RunLiveResponse(frame=frame)
+        taken = camera_service_pb2.FrameTaken(width_px=2, height_px=1, exposure_start_ns=2000)
+        frame = live_service_pb2.LiveFrame(taken=taken, picture=bytes([1, 2, 3]), object_pixel_count=1, solve_ms=2.5)
+        yield live_service_pb2.RunLiveResponse(frame=frame)
+        yield live_service_pb2.RunLiveResponse(frame=live_service_pb2.LiveFrame(picture=bytes([4, 5, 6])))
+        while context.is_active():
+            time.sleep(0.01)
 
     def GetSession(self, request, context):
         context.abort(grpc.StatusCode.UNAVAILABLE, STORE_AWAY)
@@ -122,6 +175,29 @@ class InstrumentsTest(unittest.TestCase):
         self.server.two_cameras = True
         with self.assertRaisesRegex(glasswing.Refused, "several cameras, camera-1, camera-2"):
             next(self.rig.preview())
+
+    def test_a_plan_is_made_for_the_rig(self) -> None:
+        plan = self.rig.make_plan("best", images=800, blur_px=1.5)
+        self.assertEqual((plan.method, plan.monitors[0].name), ("gaussian", "back"))
+        (asked,) = self.server.asked
+        self.assertEqual((asked.quality, asked.image_count, asked.blur_px), ("best", 800, 1.5))
+
+    def test_live_composites_are_of_the_object_alone(self) -> None:
+        self.server.needs_operator = True
+        told: list[str] = []
+        live = self.rig.live(np.zeros((3, 4, 3)), monitor="back", exposure_ms=2, options={"light": "1"}, ask=told.append)
+        composite = next(live)
+        np.testing.assert_array_equal(composite.codes, [[[1, 2, 3], [4, 5, 6]]])
+        self.assertEqual((composite.object_pixels, composite.solve_ms), (1, 2.5))
+        self.assertEqual(told, ["Take the object off the stage", "The empty stage is known. Bring the object"])
+        self.assertFalse(self.server.ramp_ended.is_set())
+        live.close()
+        self.assertTrue(self.server.ramp_ended.wait(30))
+        ramp, start, picture, brought = self.server.asked[:4]
+        self.assertEqual((ramp.monitor, ramp.object, brought.object), ("back", False, True))
+        self.assertEqual((start.start.exposure_ms, start.start.monitor.width_px, dict(start.start.options)), (2.0, 8, {"light": "1"}))
+        self.assertTrue(picture.picture_ends)
+        self.assertEqual(struct.unpack(">II", picture.picture[16:24]), (8, 6))
 
     def test_the_servers_advice_is_not_lost(self) -> None:
         with self.assertRaises(glasswing.Unavailable) as caught:
