@@ -228,7 +228,7 @@ Candidates candidates_for(const CLI::App& program, const std::vector<std::string
 }
 
 void add_completion_commands(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("completion", "Write what a shell needs to complete commands.");
+  CLI::App& command = *app.add_subcommand("completion", "Write a script for command completion in a shell.");
   command.footer(
       "Examples:\n"
       "  source <(glasswing completion bash)\n"

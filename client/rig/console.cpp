@@ -92,9 +92,9 @@ void add_token_command(CLI::App& console, Client& client) {
 }
 
 void add_revoke_command(CLI::App& console, Client& client) {
-  CLI::App& command = *console.add_subcommand("revoke", "End tokens and everybody's logins with them.");
+  CLI::App& command = *console.add_subcommand("revoke", "Revoke tokens, and end every login made with them.");
   command.footer(
-      "Tokens that were made with a revoked one end too.\n\n"
+      "Tokens made with a revoked token are revoked too.\n\n"
       "Example:\n  glasswing console revoke 5f3a09c2d81e");
   auto ids = std::make_shared<std::vector<std::string>>();
   command.add_option("id", *ids, "of a token, from `glasswing console tokens`")->required();

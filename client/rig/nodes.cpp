@@ -79,8 +79,7 @@ void add_nodes_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("nodes", "List the rig's displays, cameras and solvers.");
   command.footer("Example:\n  glasswing nodes --json");
   command.callback([&client] { client.run = [&client] { return list_nodes(client); }; });
-  CLI::App& release =
-      *command.add_subcommand("release", "Forget a node that is away, and who owns its name.");
+  CLI::App& release = *command.add_subcommand("release", "Forget a node that is away, and release its name.");
   release.footer(
       "A display's or camera's name belongs to the certificate that registered it first. Once it is "
       "released, the\n"

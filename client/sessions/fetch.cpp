@@ -57,8 +57,11 @@ absl::StatusOr<Fetched> fetched(const Sessions& server, const v1::FetchMatteRequ
   return fetched;
 }
 
-int unsolved_rows(const Matte& matte) {
+// Rows of which nothing is solved yet. Only a partial matte has any: in a finished one, rows without a solved
+// pixel are those that saw the id patch.
+int unsolved_rows(const Matte& matte, bool partial) {
   int rows = 0;
+  if (!partial) return rows;
   for (int y = 0; y < matte.height_px(); ++y) {
     bool solved = false;
     for (int x = 0; x < matte.width_px() && !solved; ++x) solved = (matte.flags(x, y) & kFlagNoData) == 0;
@@ -82,16 +85,18 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Fetc
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const auto& warnings = whole.matte.metadata.warnings();
   if (client.json) {
-    nlohmann::ordered_json written = {
-        {"session", arguments.session},         {"file", arguments.output},
-        {"bytes", whole.bytes.size()},          {"width_px", whole.matte.width_px()},
-        {"height_px", whole.matte.height_px()}, {"unsolved_rows", unsolved_rows(whole.matte)}};
+    nlohmann::ordered_json written = {{"session", arguments.session},
+                                      {"file", arguments.output},
+                                      {"bytes", whole.bytes.size()},
+                                      {"width_px", whole.matte.width_px()},
+                                      {"height_px", whole.matte.height_px()},
+                                      {"unsolved_rows", unsolved_rows(whole.matte, arguments.partial)}};
     if (!warnings.empty()) written["warnings"] = std::vector<std::string>(warnings.begin(), warnings.end());
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format("{}: the matte of session {}, {}x{}\n", arguments.output, arguments.session,
                              whole.matte.width_px(), whole.matte.height_px());
-    if (const int rows = unsolved_rows(whole.matte); rows > 0)
+    if (const int rows = unsolved_rows(whole.matte, arguments.partial); rows > 0)
       std::cout << fmt::format("{} of its {} rows are not solved yet\n", rows, whole.matte.height_px());
     for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", warning);
   }

@@ -69,7 +69,7 @@ void add_plan_check_command(CLI::App& plan, Client& client) {
   CLI::App& command =
       *plan.add_subcommand("check", "Check a plan; an error names the file, the line and the wrong value.");
   command.footer(
-      "With --for-rig, or for monitors that are given, it also warns of what fits them badly.\n\n"
+      "With --for-rig, or for monitors that are given, it also warns about whatever does not suit them.\n\n"
       "Examples:\n"
       "  glasswing plan check deploy/plans/crystal.txtpb\n"
       "  glasswing plan check deploy/plans/crystal.txtpb --for-rig");

@@ -56,7 +56,7 @@ void add_plan_make_command(CLI::App& plan, Client& client) {
   CLI::App& command =
       *plan.add_subcommand("make", "Make a plan of method gaussian that fits the monitors and the camera.");
   command.footer(
-      "Without --monitor the server's monitors are taken; --for-rig also chooses exposures and "
+      "Without --monitor the server's monitors are used; --for-rig also chooses exposures and "
       "hold_refreshes by "
       "its camera.\n\n"
       "Examples:\n"

@@ -24,6 +24,8 @@ void print_what_is_retried(const v1::Session& session) {
   if (!session.refused_frames().empty()) {
     std::cout << fmt::format("session {}: solving frames {} again\n", name,
                              ranges_text(session.refused_frames()));
+  } else if (session.job() != 0 && session.tile_count() == 0) {
+    std::cout << fmt::format("session {}: solving it again from the start\n", name);
   } else if (session.job() != 0) {
     std::cout << fmt::format("session {}: solving the {} of {} tiles that are not done\n", name,
                              session.tile_count() - session.tiles_done(), session.tile_count());

@@ -21,7 +21,7 @@ struct FsckArguments {
 };
 
 inline constexpr int kDamage = 3;  // exit status: damage is left
-inline constexpr char kFsckDescription[] = "Check what lies on a disk, and repair it.";
+inline constexpr char kFsckDescription[] = "Check stored data, and repair it.";
 inline constexpr char kProgressLine[] = "progress ";  // a number in [0, 1] follows
 
 // Declares PATH and --repair, and the help below them, with `examples`, one a line.

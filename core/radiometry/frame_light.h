@@ -17,8 +17,7 @@ namespace glasswing {
 class FrameLight {
  public:
   // Without a calibration, samples are linear light above the camera's black level, and saturate at full
-  // scale. INVALID_ARGUMENT:
-  // check_calibration() refuses the calibration.
+  // scale. INVALID_ARGUMENT: check_calibration() refuses the calibration.
   static absl::StatusOr<FrameLight> create(const v1::CaptureManifest& manifest);
   static absl::StatusOr<FrameLight> create(const v1::CameraCalibration& calibration);
 

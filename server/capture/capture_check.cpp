@@ -60,7 +60,7 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
     for (const v1::DisplayMonitor& monitor : display->info.monitors()) {
       if (!shown.contains(monitor.name()) || display->sync.contains(monitor.name())) continue;
       estimate.add_warnings(
-          fmt::format("the delay of monitor \"{}\"'s light was not measured, so the declared one is used: "
+          fmt::format("the latency of monitor \"{}\" is not measured; the declared one is used: "
                       "glasswing calibrate sync",
                       monitor.name()));
     }

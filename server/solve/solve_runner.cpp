@@ -84,6 +84,20 @@ std::vector<TileRange> runs_of(const google::protobuf::RepeatedField<std::int32_
   return runs;
 }
 
+// What leads to a matte: "solve it first: glasswing solve vase --watch".
+std::string way_to_matte(const v1::Session& session) {
+  const std::string& name = session.name();
+  if (allows(session, v1::SESSION_ACTION_SOLVE))
+    return fmt::format("solve it first: glasswing solve {} --watch", name);
+  if (session.state() == v1::SESSION_STATE_SOLVING)
+    return fmt::format("wait for it: glasswing watch {}; --partial fetches what is solved so far", name);
+  if (rests_in_solve(session)) {
+    const char* verb = session.state() == v1::SESSION_STATE_PAUSED ? "resume" : "retry";
+    return fmt::format("go on with it: glasswing {} {}; --partial fetches what is solved so far", verb, name);
+  }
+  return "only a captured session can be solved";
+}
+
 absl::Status check_frame_is_solved(const v1::Session& session, int frame) {
   const std::string& name = session.name();
   if (!has_frame_files(session)) {
@@ -98,8 +112,9 @@ absl::Status check_frame_is_solved(const v1::Session& session, int frame) {
     return absl::NotFoundError(
         fmt::format("frame {} of session \"{}\" was lost: it was not captured", frame, name));
   if (has_number(session.solved_frames(), frame)) return absl::OkStatus();
-  return absl::FailedPreconditionError(fmt::format(
-      "frame {} of session \"{}\" is not solved; the session is {}", frame, name, state_of(session)));
+  return absl::FailedPreconditionError(fmt::format("frame {} of session \"{}\" is not solved; {} is {}; {}",
+                                                   frame, name, name, state_of(session),
+                                                   way_to_matte(session)));
 }
 
 }  // namespace
@@ -323,8 +338,8 @@ absl::StatusOr<fs::path> SolveRunner::matte(const std::string& name, std::option
                     name, session.frame_count(), name));
   }
   if (!session.matte_ready()) {
-    return absl::FailedPreconditionError(fmt::format(
-        "session \"{}\" is {}; solve it first: glasswing solve {} --watch", name, state_of(session), name));
+    return absl::FailedPreconditionError(
+        fmt::format("session \"{}\" is {}; {}", name, state_of(session), way_to_matte(session)));
   }
   return stores_.mattes.finished(name);
 }

@@ -44,7 +44,7 @@ for daemon in camera-1 display-1 server; do
   until_true 30 proven_at_least "$s" $(($(wc -l <"$work/proven") + 10)) || fail "$s did not continue"
   kill -KILL "$(cat "$work/rig/run/$daemon.pid")"
   "${rig[@]}" up --data "$work/rig" >/dev/null
-  glasswing resume "$s" >/dev/null
+  glasswing resume "$s" >/dev/null || [[ $(shown "$s" state) == SESSION_STATE_CAPTURED ]] || fail "$s is $(shown "$s" state)"
   glasswing watch "$s" || fail "$s did not finish after its $daemon was killed"
   [[ $(shown "$s" proven_count) == "$steps" ]] || fail "$s has $(shown "$s" proven_count) of $steps steps"
   (cd "$frames" && sha256sum --quiet -c "$work/proven") || fail "$s captured proven steps again"
@@ -67,10 +67,15 @@ refused "$(basename "$frame")" glasswing import "$work/s" --session missing
 cp "$work/good" "$frame"
 glasswing import "$work/s" --session flipped
 spooled=$(find "$work/rig/camera/archives/killed-server/frames" -type f | sort | tail -n 1)
+cp "$spooled" "$work/whole"
 printf 'x' | dd of="$spooled" bs=1 seek=1000 conv=notrunc status=none
 "${rig[@]}" down --data "$work/rig" >/dev/null
 "${rig[@]}" up --data "$work/rig" --port "$port" --solvers 2 >/dev/null
 refused "$(basename "$spooled")" glasswing solve killed-server --watch
+[[ $(shown killed-server state) == SESSION_STATE_FAILED ]] || fail "it is $(shown killed-server state)"
+cp "$work/whole" "$spooled"
+glasswing retry killed-server --watch || fail "the solve was not retried"
+[[ $(shown killed-server state) == SESSION_STATE_DONE ]] || fail "it is $(shown killed-server state)"
 glasswing fetch s -o "$work/again.exr"
 cmp "$work/s.exr" "$work/again.exr" || fail "the matte changed"
 echo "all checks passed"
