@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "core/base/status.h"
+#include "core/pattern/id_patch.h"
 
 namespace glasswing {
 namespace {
@@ -245,6 +246,12 @@ std::vector<std::string> misfits(const v1::Plan& plan, const RigLimits& rig) {
   return out;
 }
 
+int patch_rows_for(const RigLimits& rig) {
+  double rows = std::max(double{IdPatch::kMinRows}, 12.0 * rig.blur_px);
+  for (const v1::Monitor& monitor : rig.monitors) rows = std::max(rows, monitor.height_px() / 24.0);
+  return 2 * static_cast<int>(std::ceil(0.5 * rows));
+}
+
 std::string plan_text(const v1::Plan& plan, const RigLimits& rig) {
   std::vector<std::string> sizes;
   for (const v1::Monitor& monitor : rig.monitors)
@@ -278,8 +285,15 @@ std::string plan_text(const v1::Plan& plan, const RigLimits& rig) {
   text += rig.camera ? "\n# Exposure, readout and the time to the next frame fit into the time that a "
                        "picture stands still.\n"
                      : "\n# Not checked with a camera: `glasswing plan make --for-rig` does that.\n";
-  return text + fmt::format("hold_refreshes: {}\nexposure_ms: [{}]\n", plan.hold_refreshes(),
-                            fmt::join(plan.exposure_ms(), ", "));
+  text += fmt::format("hold_refreshes: {}\nexposure_ms: [{}]\n", plan.hold_refreshes(),
+                      fmt::join(plan.exposure_ms(), ", "));
+  const bool has_patches =
+      std::ranges::all_of(rig.monitors, [](const v1::Monitor& monitor) { return monitor.patch_rows() > 0; });
+  if (has_patches) return text;
+  return text + fmt::format(
+                    "\n# Without an id patch frames are proven by time alone. To show one:\n"
+                    "#   glasswing-display --patch-rows {}\n",
+                    patch_rows_for(rig));
 }
 
 }  // namespace glasswing

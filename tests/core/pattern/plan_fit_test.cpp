@@ -4,6 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
+
+#include "core/frame/image.h"
+#include "core/pattern/id_patch.h"
 
 namespace glasswing {
 namespace {
@@ -46,6 +50,58 @@ TEST(PlanFit, MakesPlansThatFitEverySizeAndReadBackAsTheyAre) {
       EXPECT_EQ(read->DebugString(), plan->DebugString());
     }
   }
+}
+
+// A camera pixel for a monitor pixel, blurred by a Gaussian of `sigma_px` along both axes.
+Image16 blurred(const RadianceImage& picture, double sigma_px) {
+  const int reach = static_cast<int>(std::ceil(3.0 * sigma_px));
+  RadianceImage from = picture;
+  for (const auto& [dx, dy] : {std::pair{1, 0}, std::pair{0, 1}}) {
+    RadianceImage to(picture.width_px, picture.height_px);
+    for (int y = 0; y < to.height_px; ++y) {
+      for (int x = 0; x < to.width_px; ++x) {
+        double light = 0.0, weight = 0.0;
+        for (int k = -reach; k <= reach; ++k) {
+          const int u = x + k * dx, v = y + k * dy;
+          const double own = k == 0 ? 1.0 : std::exp(-0.5 * k * k / (sigma_px * sigma_px));
+          weight += own;
+          if (u >= 0 && u < to.width_px && v >= 0 && v < to.height_px)
+            light += own * static_cast<double>(from.at(u, v, 0));
+        }
+        for (int c = 0; c < 3; ++c) to.at(x, y, c) = static_cast<float>(light / weight);
+      }
+    }
+    from = to;
+  }
+  Image16 frame(picture.width_px, picture.height_px);
+  for (size_t i = 0; i < frame.samples.size(); ++i) frame.samples[i] = code16_of(0.6f * from.samples[i]);
+  return frame;
+}
+
+TEST(PlanFit, AnIdPatchOfTheAdvisedRowsIsReadThroughTheBlur) {
+  for (const double blur_px : {0.0, 1.5, 4.0}) {
+    const RigLimits rig{.monitors = {monitor("back", 640, 96)}, .camera = {}, .blur_px = blur_px};
+    const int rows = patch_rows_for(rig);
+    EXPECT_EQ(rows % 2, 0);
+    const auto frame = [&](std::uint16_t id) {
+      RadianceImage picture(640, rows);
+      IdPatch{.width_px = 640, .first_row = 0, .rows = rows}.draw(id, picture);
+      return blurred(picture, blur_px);
+    };
+    std::vector<Image16> lessons;
+    for (const std::uint16_t id : patch_learning_ids()) lessons.push_back(frame(id));
+    const absl::StatusOr<PatchReader> reader = PatchReader::learn(lessons);
+    ASSERT_TRUE(reader.ok()) << blur_px << ": " << reader.status();
+    EXPECT_EQ(reader->read(frame(0xA5C3)), 0xA5C3) << blur_px;
+  }
+}
+
+TEST(PlanFit, ThePlansFileAdvisesAnIdPatchWhereThereIsNone) {
+  RigLimits rig{.monitors = {monitor("back", 1920, 1080)}, .camera = {}, .blur_px = 0.0};
+  const v1::Plan plan = *make_plan({}, rig);
+  EXPECT_NE(plan_text(plan, rig).find("glasswing-display --patch-rows 46"), std::string::npos);
+  rig.monitors[0].set_patch_rows(48);
+  EXPECT_EQ(plan_text(plan, rig).find("--patch-rows"), std::string::npos);
 }
 
 TEST(PlanFit, ADraftTakesAHundredImagesOnAnyMonitor) {
