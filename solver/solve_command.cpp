@@ -37,8 +37,8 @@ absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& ar
   GW_ASSIGN_OR_RETURN(const VideoLayout layout, lay_out_video(manifest));
   const int count = static_cast<int>(layout.frames.size());
   const ReadFrame read = [&](int frame) -> absl::StatusOr<std::vector<std::uint16_t>> {
-    const std::span<const std::uint16_t> rows = archive.rows(frame, 0, manifest.camera().height_px());
-    return std::vector<std::uint16_t>(rows.begin(), rows.end());
+    GW_ASSIGN_OR_RETURN(const FrameSamples whole, archive.read(frame, 0, manifest.camera().height_px()));
+    return std::vector<std::uint16_t>(whole.samples.begin(), whole.samples.end());
   };
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> source, read_ahead(manifest, 0, count, read));
   std::error_code failed;
@@ -77,7 +77,7 @@ absl::Status solve(const Solve& solve) {
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(solve.method, options));
   GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
   const bool watched = ::isatty(STDERR_FILENO) != 0;
-  GW_ASSIGN_OR_RETURN(const Matte matte, solve_archive(*method, archive, solve.threads, [&](double part) {
+  GW_ASSIGN_OR_RETURN(const Matte matte, solve_archive(*method, *archive, solve.threads, [&](double part) {
                         if (watched) std::cerr << fmt::format("\rsolved {:3.0f} %", 100.0 * part);
                       }));
   if (watched) std::cerr << "\n";

@@ -57,18 +57,34 @@ absl::StatusOr<std::vector<Archive::NewFrame>> FrameKeeper::find(const Frames& w
   return frames;
 }
 
+nanoseconds FrameKeeper::wait_of(const Frames& wanted) const {
+  const std::optional<CapturedFrame> newest = ring_.newest();
+  nanoseconds waited{};
+  for (const v1::Frame& record : wanted) {
+    const std::optional<CapturedFrame> found = ring_.find(record.sequence());
+    if (!newest || !found) continue;
+    waited = std::max(waited, nanoseconds(newest->taken.exposure_end_ns() - found->taken.exposure_end_ns()));
+  }
+  return waited;
+}
+
 absl::Status FrameKeeper::use_proof_of(const std::string& session, Archive& archive) {
   if (proof_session_ == session) return absl::OkStatus();
   proof_ = {};
   GW_RETURN_IF_ERROR(proof_.learn_from(archive));
+  of_calibration_ = archive.manifest().plan().has_calibration();
   proof_session_ = session;
   return absl::OkStatus();
 }
 
 absl::StatusOr<std::vector<v1::Frame>> FrameKeeper::store(Archive& archive,
-                                                          const std::vector<Archive::NewFrame>& frames) {
+                                                          const std::vector<Archive::NewFrame>& frames,
+                                                          nanoseconds waited) {
   GW_RETURN_IF_ERROR(store_.room().check(bytes_of(frames)));
-  GW_ASSIGN_OR_RETURN(std::vector<v1::Frame> stored, archive.add(frames));
+  const FrameForm form = of_calibration_ ? FrameForm::kPlain : form_.choose(waited);
+  const nanoseconds begin = monotonic_now();
+  GW_ASSIGN_OR_RETURN(std::vector<v1::Frame> stored, archive.add(frames, form));
+  form_.learn(form, frames.size() * tiff_size_bytes(archive.shape()), monotonic_now() - begin);
   camera_metrics().kept.Increment(static_cast<double>(stored.size()));
   return stored;
 }
@@ -77,6 +93,7 @@ absl::StatusOr<v1::KeepFramesResponse> FrameKeeper::keep(const v1::KeepFramesReq
   if (std::ranges::any_of(request.frames(), is_patch_learning_frame))
     return absl::InvalidArgumentError("KeepFrames got a frame of kind \"patch\"; send it with LearnPatches");
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store_.find(request.session()));
+  const nanoseconds waited = wait_of(request.frames());
   GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find(request.frames()));
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(use_proof_of(request.session(), *archive));
@@ -90,7 +107,7 @@ absl::StatusOr<v1::KeepFramesResponse> FrameKeeper::keep(const v1::KeepFramesReq
     }
   }
   response.set_refused(static_cast<int>(frames.size() - proven.size()));
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven, waited));
   for (const v1::Frame& frame : stored) *response.add_frames() = frame;
   camera_metrics().refused.Increment(response.refused());
   return response;
@@ -124,7 +141,8 @@ absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatch
     }
   }
   for (const int step : waiting) response.add_waiting_steps(step);
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven));
+  // They had to wait for each other.
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven, nanoseconds(0)));
   for (const v1::Frame& frame : stored) *response.add_frames() = frame;
   return response;
 }

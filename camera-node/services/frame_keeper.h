@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "camera-node/services/form_choice.h"
 #include "camera-node/services/frame_ring.h"
 #include "camera-node/services/patch_proof.h"
 #include "core/archive/archive_store.h"
@@ -29,14 +30,20 @@ class FrameKeeper {
   absl::StatusOr<std::vector<Archive::NewFrame>> find(const Frames& wanted) const;
   // Makes proof_ that of `session`: learned anew from its archive if another session's frames came before.
   absl::Status use_proof_of(const std::string& session, Archive& archive);
-  absl::StatusOr<std::vector<v1::Frame>> store(Archive& archive,
-                                               const std::vector<Archive::NewFrame>& frames);
+  // How long the oldest of them has been in the ring, beside the newest frame there.
+  nanoseconds wait_of(const Frames& wanted) const;
+  // `waited`: FormChoice's.
+  absl::StatusOr<std::vector<v1::Frame>> store(Archive& archive, const std::vector<Archive::NewFrame>& frames,
+                                               nanoseconds waited);
 
   ArchiveStore& store_;
   const FrameRing& ring_;
   std::mutex mutex_;           // held while frames are judged and stored
   std::string proof_session_;  // guarded by mutex_
   PatchProof proof_;           // of proof_session_; guarded by mutex_
+  // Whether proof_session_ is a calibration's, whose frames are read at single pixels; guarded by mutex_.
+  bool of_calibration_ = false;
+  FormChoice form_;  // guarded by mutex_
 };
 
 }  // namespace glasswing

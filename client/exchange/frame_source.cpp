@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <memory>
 
@@ -87,16 +86,21 @@ absl::Status settle_response(const fs::path& directory, double black, std::optio
   return absl::OkStatus();
 }
 
-// Whether an archive of ours stores the frame's file as it is. Its checksum is not verified.
-bool is_stored_form(const fs::path& directory, const v1::Camera& camera, const v1::Frame& frame) {
+// The size of the frame's file, if an archive of ours stores it as it is. Its checksum is not verified.
+std::optional<size_t> stored_bytes(const fs::path& directory, const v1::Camera& camera,
+                                   const v1::Frame& frame) {
   if (frame.checksum().empty() || !is_stored_name(frame.file()) ||
       fs::path(frame.file()).extension() != ".tif")
-    return false;
+    return std::nullopt;
   absl::StatusOr<FileReader> file = FileReader::open(directory / frame.file());
-  if (!file.ok() || file->size_bytes() != tiff_size_bytes(shape_of(camera))) return false;
-  std::array<char, kTiffPixelOffset> header;
-  const absl::StatusOr<size_t> got = file->read(header);
-  return got.ok() && check_tiff_header({header.data(), *got}, shape_of(camera)).ok();
+  if (!file.ok()) return std::nullopt;
+  const FrameShape shape = shape_of(camera);
+  std::string head(tiff_head_bytes(shape), '\0');
+  const absl::StatusOr<size_t> got = file->read(head);
+  if (!got.ok()) return std::nullopt;
+  head.resize(*got);
+  if (!check_tiff_head(head, file->size_bytes(), shape).ok()) return std::nullopt;
+  return file->size_bytes();
 }
 
 absl::Status pass_on(const fs::path& directory, const v1::Frame& frame, const TakeBytes& take) {
@@ -120,13 +124,14 @@ FrameSource source_of(v1::CaptureManifest manifest, const fs::path& directory) {
   FrameSource source{.manifest = std::move(manifest), .read = [shared, directory](int frame) {
                        return read_verified(directory, shared->camera(), shared->frames(frame));
                      }};
-  if (std::ranges::all_of(shared->frames(), [&](const v1::Frame& frame) {
-        return is_stored_form(directory, shared->camera(), frame);
-      })) {
-    source.pass_on = [shared, directory](int frame, const TakeBytes& take) {
-      return pass_on(directory, shared->frames(frame), take);
-    };
+  for (v1::Frame& frame : *source.manifest.mutable_frames()) {
+    const std::optional<size_t> size = stored_bytes(directory, shared->camera(), frame);
+    if (!size) return source;
+    frame.set_size_bytes(static_cast<std::int64_t>(*size));
   }
+  source.pass_on = [shared, directory](int frame, const TakeBytes& take) {
+    return pass_on(directory, shared->frames(frame), take);
+  };
   return source;
 }
 

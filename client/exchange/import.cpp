@@ -129,11 +129,10 @@ absl::Status store_frames(const FrameSource& source, const std::string& broken_o
     if (interrupted()) return absl::CancelledError(broken_off);
     v1::Frame frame = source.manifest.frames(i);
     if (source.pass_on) {
-      frame.set_size_bytes(static_cast<std::int64_t>(tiff_size_bytes(shape_of(source.manifest.camera()))));
       GW_RETURN_IF_ERROR(store(frame, [&](const TakeBytes& take) { return source.pass_on(i, take); }));
     } else {
       GW_ASSIGN_OR_RETURN(const Image16 image, source.read(i));
-      const std::string tiff = encode_tiff(image);
+      const std::string tiff = encode_tiff(image, FrameForm::kCompressed);
       if (!own_names) frame.set_file(fmt::format("frames/{:06d}.tif", i));
       frame.set_checksum(checksum_of(tiff));
       frame.set_size_bytes(static_cast<std::int64_t>(tiff.size()));

@@ -56,11 +56,12 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> LocalArchive::map(const std::s
   const std::lock_guard lock(mutex_);
   std::shared_ptr<const MappedFile>& known = mapped_[file];
   if (known == nullptr || known->identity() != identity || !known->intact()) {
-    GW_ASSIGN_OR_RETURN(known, MappedFile::open(path, tiff_size_bytes(shape)));
+    const auto size_bytes = static_cast<size_t>(identity.size_bytes);
+    if (size_bytes > tiff_size_bytes(shape) || size_bytes < kTiffPixelOffset)
+      return absl::OutOfRangeError(fmt::format("{} has another size", path.string()));
+    GW_ASSIGN_OR_RETURN(known, MappedFile::open(path, size_bytes));
   }
-  if (known->bytes().size() != tiff_size_bytes(shape))
-    return absl::OutOfRangeError(fmt::format("{} has another size", path.string()));
-  GW_RETURN_IF_ERROR(check_tiff_header(known->bytes(), shape));
+  GW_RETURN_IF_ERROR(check_tiff_head(known->bytes(), known->bytes().size(), shape));
   return known;
 }
 

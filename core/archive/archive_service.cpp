@@ -107,8 +107,12 @@ grpc::Status ArchiveServiceImpl::ReadFile(grpc::ServerContext*, const v1::ReadFi
   const absl::StatusOr<std::shared_ptr<const MappedFile>> mapped = (*archive)->map(request->file());
   if (!mapped.ok()) return to_grpc(mapped.status());
   const std::string_view bytes = (*mapped)->bytes();
+  if (request->offset_bytes() < 0 || request->offset_bytes() > static_cast<std::int64_t>(bytes.size())) {
+    return to_grpc(absl::OutOfRangeError(
+        fmt::format("offset_bytes is {}; it must be 0 to {}", request->offset_bytes(), bytes.size())));
+  }
   v1::ReadFileResponse response;
-  for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
+  for (size_t at = static_cast<size_t>(request->offset_bytes()); at < bytes.size(); at += kChunkBytes) {
     response.set_chunk(bytes.data() + at, std::min(kChunkBytes, bytes.size() - at));
     if (!writer->Write(response)) break;
   }

@@ -36,7 +36,7 @@ absl::Status ArrivingFrames::begin(const v1::Frame& record) {
   GW_ASSIGN_OR_RETURN(FileWriter file, FileWriter::create(path));
   file_.emplace(std::move(file));
   arrived_.push_back({.record = record, .file = path});
-  header_.clear();
+  head_.clear();
   size_bytes_ = 0;
   checksum_.start();
   return absl::OkStatus();
@@ -52,7 +52,7 @@ absl::Status ArrivingFrames::add(std::string_view bytes) {
         archive_->shape().channels, archive_->shape().channels == 1 ? "" : "s"));
   }
   size_bytes_ += bytes.size();
-  header_ += bytes.substr(0, kTiffPixelOffset - header_.size());
+  head_ += bytes.substr(0, tiff_head_bytes(archive_->shape()) - head_.size());
   checksum_.add(bytes);
   return file_->add(bytes);
 }
@@ -64,13 +64,9 @@ absl::Status ArrivingFrames::end_frame() {
     return absl::InvalidArgumentError(fmt::format("{} arrived with checksum {}; {} was announced",
                                                   record.file(), checksum, record.checksum()));
   }
-  const absl::Status header = check_tiff_header(header_, archive_->shape());
-  if (!header.ok())
-    return absl::InvalidArgumentError(fmt::format("{}: {}", record.file(), std::string(header.message())));
-  if (size_bytes_ != tiff_size_bytes(archive_->shape())) {
-    return absl::InvalidArgumentError(fmt::format("{} has {} bytes instead of {}", record.file(), size_bytes_,
-                                                  tiff_size_bytes(archive_->shape())));
-  }
+  const absl::Status head = check_tiff_head(head_, size_bytes_, archive_->shape());
+  if (!head.ok())
+    return absl::InvalidArgumentError(fmt::format("{}: {}", record.file(), std::string(head.message())));
   record.set_size_bytes(static_cast<std::int64_t>(size_bytes_));
   flushing_.add(*std::exchange(file_, std::nullopt));
   return absl::OkStatus();

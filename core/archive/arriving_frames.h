@@ -44,7 +44,7 @@ class ArrivingFrames {
   const std::shared_ptr<Archive> archive_;
   const DiskRoom& room_;
   std::optional<FileWriter> file_;  // of the frame that arrives; none: it is stored already
-  std::string header_;              // its first kTiffPixelOffset bytes
+  std::string head_;                // its first tiff_head_bytes()
   size_t size_bytes_ = 0;
   RunningChecksum checksum_;
   std::vector<Archive::ArrivedFrame> arrived_;

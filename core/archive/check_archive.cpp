@@ -183,7 +183,7 @@ class ArchiveCheck {
     if (frame.checksum().empty()) return absl::OkStatus();
     if (const std::string checksum = checksum_of(bytes); checksum != frame.checksum())
       return absl::DataLossError(fmt::format("its checksum is {} instead of {}", checksum, frame.checksum()));
-    return check_tiff_header(bytes, shape_of(header_->camera()));
+    return check_tiff_head(bytes, bytes.size(), shape_of(header_->camera()));
   }
 
   void check_frame_file(const v1::Frame& frame) {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/archive/remote_archive.h"
-#include "core/base/checksum.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 
@@ -26,18 +25,6 @@ absl::StatusOr<std::vector<int>> missing_in(Archive& archive, const v1::CaptureM
     if (!here.ok()) missing.push_back(i);
   }
   return missing;
-}
-
-absl::StatusOr<std::string> read_frame(const RemoteArchive& from, const v1::CaptureManifest& manifest,
-                                       int frame) {
-  const FrameShape shape = shape_of(manifest.camera());
-  Image16 image(shape.width_px, shape.height_px, shape.channels);
-  GW_ASSIGN_OR_RETURN(image.samples, from.samples(manifest, {frame}, 0, image.height_px));
-  std::string bytes = encode_tiff(image);
-  const v1::Frame& record = manifest.frames(frame);
-  if (checksum_of(bytes) == record.checksum()) return bytes;
-  return absl::DataLossError(fmt::format("{} came with checksum {} instead of {}", record.file(),
-                                         checksum_of(bytes), record.checksum()));
 }
 
 }  // namespace
@@ -74,7 +61,7 @@ absl::Status copy_archive(ArchiveStore& store, const v1::CopyArchiveRequest& req
     std::vector<Archive::CopiedFrame> batch;
     absl::Status read;
     for (size_t bytes = 0; next < missing.size() && bytes < kBatchBytes && !stop.stop_requested(); ++next) {
-      absl::StatusOr<std::string> frame = read_frame(from, manifest, missing[next]);
+      absl::StatusOr<std::string> frame = from.file(manifest, missing[next]);
       read = frame.status();
       if (!read.ok()) break;
       bytes += frame->size();

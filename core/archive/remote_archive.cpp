@@ -10,8 +10,9 @@
 #include <future>
 
 #include "core/archive/archive_metrics.h"
-#include "core/archive/row_call.h"
+#include "core/archive/raw_call.h"
 #include "core/archive/row_message.h"
+#include "core/base/checksum.h"
 #include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
@@ -159,15 +160,31 @@ absl::StatusOr<FrameRows> RemoteArchive::map(const Request& request, const Sourc
       verify.add_files(request.read.files(i));
     GW_RETURN_IF_ERROR(source.locate(verify, kLocateTime, stop_).status());
   }
+  struct Owner {
+    std::vector<std::shared_ptr<const MappedFile>> mapped;
+    std::vector<std::unique_ptr<std::uint16_t[]>> decompressed;
+  };
+  const auto owner = std::make_shared<Owner>();
   FrameRows rows;
-  const size_t begin = kTiffPixelOffset + static_cast<size_t>(request.read.first_row()) * request.row_bytes();
+  const size_t samples = request.frame_bytes() / 2;
+  const int first_row = request.read.first_row(), row_count = request.read.row_count();
   for (const std::string& file : request.read.files()) {
     GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> mapped, source.local->map(file, request.shape));
-    const auto* samples = reinterpret_cast<const std::uint16_t*>(mapped->bytes().data() + begin);
-    rows.rows.emplace_back(samples, request.frame_bytes() / 2);
-    rows.mapped.push_back(std::move(mapped));
+    GW_ASSIGN_OR_RETURN(const TiffRows stored, TiffRows::open(mapped->bytes(), request.shape));
+    if (!stored.plain().empty()) {
+      const size_t first = static_cast<size_t>(first_row) * request.shape.row_samples();
+      rows.rows.push_back(stored.plain().subspan(first, samples));
+      rows.mapped.push_back(mapped);
+      owner->mapped.push_back(std::move(mapped));
+      continue;
+    }
+    const auto& to =
+        owner->decompressed.emplace_back(std::make_unique_for_overwrite<std::uint16_t[]>(samples));
+    GW_RETURN_IF_ERROR(stored.read(first_row, row_count, to.get()));
+    if (!mapped->intact()) return absl::UnavailableError(file + " could not be read to its end");
+    rows.rows.emplace_back(to.get(), samples);
   }
-  rows.owner = std::make_shared<const std::vector<std::shared_ptr<const MappedFile>>>(rows.mapped);
+  rows.owner = owner;
   return rows;
 }
 
@@ -186,11 +203,22 @@ absl::StatusOr<FrameRows> RemoteArchive::map_any(const Request& request) const {
   return absl::NotFoundError("no archive on this machine");
 }
 
+// Of a call that ended before all was read.
+RemoteArchive::Outcome RemoteArchive::outcome_of(const grpc::Status& end, const Source& source,
+                                                 std::string_view what) {
+  if (end.ok()) {
+    return {absl::InternalError(fmt::format("{} sent fewer {} than requested", source.peer, what)),
+            Next::kOther};
+  }
+  if (!is_broken(from_grpc(end))) return {naming(source.peer, from_grpc(end)), Next::kOnlyOthers};
+  return {absl::UnavailableError(from_grpc(end, source.peer).message()), Next::kSame};
+}
+
 RemoteArchive::Outcome RemoteArchive::read_from(const Source& source, const Request& request,
                                                 std::span<char> rows, std::int64_t& done) const {
   v1::ReadRowsRequest read = request.read;
   read.set_offset_bytes(done);
-  RowCall call(source.channel, read, kSilenceTimeout, stop_);
+  RawCall call(source.channel, "ReadRows", read, kSilenceTimeout, stop_);
   for (grpc::ByteBuffer message; call.next(message); message.Clear()) {
     const std::string& file = request.file_at(done);
     archive_metrics().bytes_read_remote.Increment(static_cast<double>(message.Length()));
@@ -198,24 +226,71 @@ RemoteArchive::Outcome RemoteArchive::read_from(const Source& source, const Requ
     if (!taken.ok()) return {naming(fmt::format("{} from the {}", file, source.peer), taken), Next::kOther};
     if (done == static_cast<std::int64_t>(rows.size())) return {absl::OkStatus(), Next::kNone};
   }
+  return outcome_of(call.finish(), source, "rows");
+}
+
+RemoteArchive::Outcome RemoteArchive::read_file_from(const Source& source, const v1::Frame& record,
+                                                     std::span<char> bytes, std::int64_t& done) const {
+  v1::ReadFileRequest read;
+  read.set_session(session_);
+  read.set_file(record.file());
+  read.set_offset_bytes(done);
+  RawCall call(source.channel, "ReadFile", read, kSilenceTimeout, stop_);
+  const std::string what = fmt::format("{} from the {}", record.file(), source.peer);
+  for (grpc::ByteBuffer message; call.next(message); message.Clear()) {
+    archive_metrics().bytes_read_remote.Increment(static_cast<double>(message.Length()));
+    v1::ReadFileResponse piece;
+    const bool parsed = grpc::SerializationTraits<v1::ReadFileResponse>::Deserialize(&message, &piece).ok();
+    if (!parsed || piece.chunk().size() > bytes.size() - static_cast<size_t>(done)) {
+      done = 0;
+      return {absl::InternalError(fmt::format("{}: it sent more than {} bytes", what, bytes.size())),
+              Next::kOther};
+    }
+    std::ranges::copy(piece.chunk(), bytes.begin() + done);
+    done += static_cast<std::int64_t>(piece.chunk().size());
+  }
   const grpc::Status end = call.finish();
-  if (end.ok()) return {absl::InternalError(source.peer + " sent fewer rows than requested"), Next::kOther};
-  if (!is_broken(from_grpc(end))) return {naming(source.peer, from_grpc(end)), Next::kOnlyOthers};
-  const absl::Status why = from_grpc(end, source.peer);
-  return {absl::UnavailableError(why.message()), Next::kSame};
+  if (!end.ok() || done < static_cast<std::int64_t>(bytes.size())) return outcome_of(end, source, "bytes");
+  if (const std::string checksum = checksum_of({bytes.data(), bytes.size()}); checksum != record.checksum()) {
+    done = 0;
+    return {absl::DataLossError(
+                fmt::format("{} came with checksum {} instead of {}", what, checksum, record.checksum())),
+            Next::kOther};
+  }
+  return {absl::OkStatus(), Next::kNone};
 }
 
 absl::Status RemoteArchive::read(const Request& request, std::span<char> rows) const {
+  if (rows.empty()) return absl::OkStatus();
+  return read_any(
+      [&](const Source& source, std::int64_t& done) { return read_from(source, request, rows, done); });
+}
+
+absl::StatusOr<std::string> RemoteArchive::file(const v1::CaptureManifest& manifest, int frame) const {
+  const v1::Frame& record = manifest.frames(frame);
+  const size_t plain_bytes = tiff_size_bytes(shape_of(manifest.camera()));
+  const size_t size_bytes = record.size_bytes() > 0 ? static_cast<size_t>(record.size_bytes()) : plain_bytes;
+  if (size_bytes > plain_bytes) {
+    return absl::DataLossError(
+        fmt::format("{} is listed with {} bytes; a frame of this camera has at most {}", record.file(),
+                    size_bytes, plain_bytes));
+  }
+  std::string bytes(size_bytes, '\0');
+  GW_RETURN_IF_ERROR(read_any(
+      [&](const Source& source, std::int64_t& done) { return read_file_from(source, record, bytes, done); }));
+  return bytes;
+}
+
+absl::Status RemoteArchive::read_any(const Read& read) const {
   std::vector<Outcome> last(sources_.size());  // by node
   std::int64_t done = 0;
-  if (rows.empty()) return absl::OkStatus();
   for (int round = 0; round < kRounds; ++round) {
     for (size_t i = 0; i < sources_.size(); ++i) {
       for (int attempt = 0; attempt < kTries && !stop_.stop_requested(); ++attempt) {
         if (last[i].next == Next::kOnlyOthers) break;
         if (attempt > 0) pause(stop_, kFirstPause * (1 << (attempt - 1)));
         const std::int64_t before = done;
-        last[i] = read_from(*sources_[i], request, rows, done);
+        last[i] = read(*sources_[i], done);
         if (last[i].status.ok()) return absl::OkStatus();
         if (last[i].next != Next::kSame) break;
         if (done > before) attempt = 0;  // progress was made

@@ -1,11 +1,12 @@
-// A session's frames on the nodes that hold them. On the same machine their files are mapped; otherwise rows
-// are read in chunks with checksums, and a broken connection is resumed where it stopped, at the same node or
-// another copy. Damaged chunks are never used.
+// A session's frames on the nodes that hold them. On the same machine their files are mapped, and compressed
+// rows decompressed; otherwise rows are read in chunks with checksums, and a broken connection is resumed
+// where it stopped, at the same node or another copy. Damaged chunks are never used.
 #pragma once
 
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -22,7 +23,7 @@ namespace glasswing {
 struct FrameRows {
   std::vector<std::span<const std::uint16_t>> rows;       // by requested frame
   std::shared_ptr<const void> owner;                      // keeps the samples alive
-  std::vector<std::shared_ptr<const MappedFile>> mapped;  // the files that hold them; empty: they were read
+  std::vector<std::shared_ptr<const MappedFile>> mapped;  // files whose bytes some of them are
 
   // Check after using the samples. UNAVAILABLE: a file was truncated, or its disk failed, while it was
   // mapped; results computed from the samples are invalid, and requesting the rows again avoids that file.
@@ -50,6 +51,9 @@ class RemoteArchive {
                                                      const std::vector<int>& frames, int first_row,
                                                      int row_count) const;
 
+  // A frame's file, byte for byte. Verified by the record's checksum.
+  absl::StatusOr<std::string> file(const v1::CaptureManifest& manifest, int frame) const;
+
  private:
   struct Source;
   struct Request;
@@ -65,7 +69,12 @@ class RemoteArchive {
   absl::StatusOr<FrameRows> map(const Request& request, const Source& source) const;
   absl::StatusOr<FrameRows> map_any(const Request& request) const;
   absl::Status read(const Request& request, std::span<char> rows) const;
-  // Continues reading at `done`.
+  static Outcome outcome_of(const grpc::Status& end, const Source& source, std::string_view what);
+  // Calls `read`, which continues at its byte `done`, with one node after another until one succeeds.
+  using Read = std::function<Outcome(const Source&, std::int64_t& done)>;
+  absl::Status read_any(const Read& read) const;
+  Outcome read_file_from(const Source& source, const v1::Frame& record, std::span<char> bytes,
+                         std::int64_t& done) const;
   Outcome read_from(const Source& source, const Request& request, std::span<char> rows,
                     std::int64_t& done) const;
 

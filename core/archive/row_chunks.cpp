@@ -41,9 +41,24 @@ absl::StatusOr<std::unique_ptr<RowChunks>> RowChunks::create(ArchiveStore& store
   return std::unique_ptr<RowChunks>(new RowChunks(std::move(archive), std::move(request)));
 }
 
+absl::StatusOr<grpc::Slice> RowChunks::piece_of(const std::shared_ptr<const MappedFile>& mapped,
+                                                const std::string& file, size_t within, size_t size) const {
+  const size_t row = archive_->row_bytes(), first = static_cast<size_t>(request_.first_row());
+  const absl::StatusOr<TiffRows> rows = TiffRows::open(mapped->bytes(), archive_->shape());
+  absl::Status status = rows.status();
+  if (status.ok() && !rows->plain().empty())
+    return slice_of(mapped, mapped->bytes().substr(kTiffPixelOffset + row * first + within, size));
+  const size_t begin = within / row, end = (within + size + row - 1) / row;
+  std::vector<std::uint16_t> samples((end - begin) * row / 2);
+  if (status.ok())
+    status = rows->read(static_cast<int>(first + begin), static_cast<int>(end - begin), samples.data());
+  if (status.ok()) return grpc::Slice(reinterpret_cast<const char*>(samples.data()) + within % row, size);
+  return absl::DataLossError(fmt::format("{} is damaged: {}", (archive_->directory() / file).string(),
+                                         std::string(status.message())));
+}
+
 absl::StatusOr<std::optional<grpc::ByteBuffer>> RowChunks::next() {
   const size_t frame_bytes = archive_->row_bytes() * static_cast<size_t>(request_.row_count());
-  const size_t first = kTiffPixelOffset + archive_->row_bytes() * static_cast<size_t>(request_.first_row());
   std::vector<grpc::Slice> pieces;
   std::vector<Mapping> mappings;
   std::string copied;
@@ -55,15 +70,15 @@ absl::StatusOr<std::optional<grpc::ByteBuffer>> RowChunks::next() {
     if (frame == request_.files_size()) break;
     GW_ASSIGN_OR_RETURN(const Mapping mapped, archive_->map(request_.files(frame)));
     const size_t within = at % frame_bytes;
-    const std::string_view piece =
-        mapped->bytes().substr(first + within, std::min(frame_bytes - within, kChunkBytes - size));
+    const size_t piece_bytes = std::min(frame_bytes - within, kChunkBytes - size);
+    GW_ASSIGN_OR_RETURN(grpc::Slice piece, piece_of(mapped, request_.files(frame), within, piece_bytes));
     if (frame_bytes < kMinMappedPiece_bytes) {
-      copied += piece;
+      copied.append(reinterpret_cast<const char*>(piece.begin()), piece.size());
     } else {
-      pieces.push_back(slice_of(mapped, piece));
+      pieces.push_back(std::move(piece));
     }
     mappings.push_back(mapped);
-    size += piece.size();
+    size += piece_bytes;
   }
   if (size == 0) return std::nullopt;
   if (!copied.empty()) pieces.emplace_back(copied);

@@ -135,7 +135,7 @@ v1::CaptureManifest Archive::manifest() const {
   return manifest_;
 }
 
-absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>& frames) {
+absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>& frames, FrameForm form) {
   const std::lock_guard lock(mutex_);
   std::vector<v1::Frame> stored;
   std::vector<v1::Frame> fresh;
@@ -157,7 +157,7 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
     if (index_of_file_.contains(record.file()) || std::ranges::any_of(fresh, has_file))
       return absl::AlreadyExistsError(fmt::format("{} holds another {}", directory_.string(), record.file()));
     GW_RETURN_IF_ERROR(check_shape(record.file(), shape_of(frame.image), shape_));
-    const std::string bytes = encode_tiff(frame.image);
+    const std::string bytes = encode_tiff(frame.image, form);
     record.set_checksum(checksum_of(bytes));
     record.set_size_bytes(static_cast<std::int64_t>(bytes.size()));
     GW_RETURN_IF_ERROR(write_file_flushed(directory_ / record.file(), bytes));
@@ -235,7 +235,7 @@ absl::Status Archive::enter(const std::vector<v1::Frame>& fresh) {
 absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
   for (const auto& [record, bytes] : frames) {
     GW_RETURN_IF_ERROR(check_new_frame(record));
-    if (checksum_of(bytes) != record.checksum() || !check_tiff_header(bytes, shape_).ok()) {
+    if (checksum_of(bytes) != record.checksum() || !check_tiff_head(bytes, bytes.size(), shape_).ok()) {
       return absl::InvalidArgumentError(fmt::format("{} has checksum {}, announced was {}", record.file(),
                                                     checksum_of(bytes), record.checksum()));
     }
@@ -272,12 +272,12 @@ absl::StatusOr<v1::Frame> Archive::find(const std::string& file) const {
 
 absl::Status Archive::verify(const MappedFile& mapped, const v1::Frame& frame) const {
   const std::string checksum = checksum_of(mapped.bytes());
-  const absl::Status header = check_tiff_header(mapped.bytes(), shape_);
+  const absl::Status head = check_tiff_head(mapped.bytes(), mapped.bytes().size(), shape_);
   if (!mapped.intact()) return absl::DataLossError("it cannot be read to its end");
   if (checksum != frame.checksum()) {
     return absl::DataLossError(fmt::format("its checksum is {} instead of {}", checksum, frame.checksum()));
   }
-  return header;
+  return head;
 }
 
 absl::StatusOr<std::shared_ptr<const MappedFile>> Archive::map(const std::string& file) {
@@ -296,11 +296,17 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> Archive::map(const std::string
     const auto known = verified_.find(file);
     if (known != verified_.end()) verified = known->second;
   }
-  const absl::StatusOr<std::shared_ptr<const MappedFile>> mapped =
-      MappedFile::open(path, tiff_size_bytes(shape_));
+  const size_t plain_bytes = tiff_size_bytes(shape_);
+  const size_t listed_bytes = frame.size_bytes() > 0 ? static_cast<size_t>(frame.size_bytes()) : plain_bytes;
+  if (listed_bytes > plain_bytes) {
+    return absl::DataLossError(
+        fmt::format("{} is listed with {} bytes; a frame of this camera has at most {}", path.string(),
+                    listed_bytes, plain_bytes));
+  }
+  const absl::StatusOr<std::shared_ptr<const MappedFile>> mapped = MappedFile::open(path, listed_bytes);
   if (absl::IsOutOfRange(mapped.status()) && identity.ok()) {
     return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(),
-                                           identity->size_bytes, tiff_size_bytes(shape_)));
+                                           identity->size_bytes, listed_bytes));
   }
   if (absl::IsResourceExhausted(mapped.status()))
     return mapped;  // this process has too many files or mappings

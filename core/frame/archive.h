@@ -4,7 +4,7 @@
 //   header.json     the manifest without frames, written when the archive is created
 //   frames.jsonl    one line per frame, appended once its file is durable
 //   manifest.json   header and frames, written when the archive is sealed
-//   frames/*.tif    16-bit rgb or one channel (mosaic.h), uncompressed TIFF, linear, pixels contiguous
+//   frames/*.tif    16-bit TIFF, linear, of rgb or one channel (tiff.h)
 #pragma once
 
 #include <absl/status/status.h>
@@ -22,23 +22,13 @@
 #include "core/base/mapped_file.h"
 #include "core/frame/image.h"
 #include "core/frame/mosaic.h"
+#include "core/frame/tiff.h"
 #include "glasswing/v1/archive.pb.h"
 
 namespace glasswing {
 
 inline constexpr int kMaxSide_px = 16384;  // of cameras, monitors and pictures
 inline constexpr int kMaxMonitors = 64;
-
-// The format of frame files: little-endian TIFF, one strip at a fixed offset.
-inline constexpr size_t kTiffPixelOffset = 256;
-inline size_t tiff_size_bytes(const FrameShape& shape) {
-  return kTiffPixelOffset + 2 * shape.row_samples() * static_cast<size_t>(shape.height_px);
-}
-std::string encode_tiff(const Image16& image);
-// DATA_LOSS unless `bytes` is in the exact form that encode_tiff writes.
-absl::StatusOr<Image16> decode_tiff(std::string_view bytes);
-// DATA_LOSS unless `bytes` starts with the header that encode_tiff writes for a frame of this shape.
-absl::Status check_tiff_header(std::string_view bytes, const FrameShape& shape);
 
 // Validates a manifest from any source: sides of 1 to kMaxSide_px, 1 to kMaxMonitors monitors with distinct
 // names, frame files below the archive and each listed once, finite numbers. INVALID_ARGUMENT names the
@@ -75,7 +65,8 @@ class Archive {
   // RESOURCE_EXHAUSTED: the disk is full; INVALID_ARGUMENT: check_frame() or is_stored_name() refuses a
   // record, or a picture has the wrong size; ALREADY_EXISTS: a frame of another step has that file name;
   // FAILED_PRECONDITION: a new frame for a sealed archive.
-  absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames);
+  absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames,
+                                             FrameForm form = FrameForm::kPlain);
 
   // False: a frame of this step (or file, where there are no steps) is stored already. Errors as add();
   // ALREADY_EXISTS, too: the stored frame of that file has another checksum.

@@ -6,6 +6,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cassert>
 #include <cstring>
 
 #include "core/base/checksum.h"
@@ -17,33 +19,34 @@ namespace glasswing {
 
 absl::StatusOr<std::shared_ptr<MappedArchive>> MappedArchive::map(const std::filesystem::path& directory) {
   std::shared_ptr<MappedArchive> archive(new MappedArchive());
+  archive->directory_ = directory;
   GW_ASSIGN_OR_RETURN(archive->manifest_, read_any_manifest(directory));
   const v1::Camera& camera = archive->manifest_.camera();
   const FrameShape shape = shape_of(camera);
-  archive->file_bytes_ = tiff_size_bytes(shape);
   for (const v1::Frame& frame : archive->manifest_.frames()) {
     const std::filesystem::path path = directory / frame.file();
     const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a FIFO has another size
     struct stat status {};
-    const bool whole = file >= 0 && ::fstat(file, &status) == 0 &&
-                       static_cast<size_t>(status.st_size) == archive->file_bytes_;
-    void* mapping =
-        whole ? ::mmap(nullptr, archive->file_bytes_, PROT_READ, MAP_SHARED, file, 0) : MAP_FAILED;
+    const bool known = file >= 0 && ::fstat(file, &status) == 0;
+    const auto size = static_cast<size_t>(status.st_size);
+    // A frame's file of the camera is this long, or compressed.
+    const bool fits = known && size >= kTiffPixelOffset && size <= tiff_size_bytes(shape);
+    void* mapping = fits ? ::mmap(nullptr, size, PROT_READ, MAP_SHARED, file, 0) : MAP_FAILED;
     if (file >= 0) ::close(file);
     if (mapping == MAP_FAILED) {
       return absl::DataLossError(
-          fmt::format("{} is not a frame of {} x {} px ({} bytes): {}", path.string(), camera.width_px(),
-                      camera.height_px(), archive->file_bytes_,
+          fmt::format("{} is not a frame of {} x {} px ({} bytes, or fewer if compressed): {}", path.string(),
+                      camera.width_px(), camera.height_px(), tiff_size_bytes(shape),
                       file < 0 ? std::strerror(errno) : fmt::format("it has {} bytes", status.st_size)));
     }
-    archive->mappings_.push_back(mapping);
-    const std::string_view header(static_cast<const char*>(mapping), kTiffPixelOffset);
-    if (!check_tiff_header(header, shape).ok()) {
-      return absl::DataLossError(
-          fmt::format("{} is not in the format of archive frames; `glasswing import` converts other formats",
-                      path.string()));
+    const std::string_view bytes = archive->mappings_.emplace_back(static_cast<const char*>(mapping), size);
+    const absl::StatusOr<TiffRows> rows = TiffRows::open(bytes, shape);
+    if (!rows.ok()) {
+      return absl::DataLossError(fmt::format(
+          "{} is not in the format of archive frames ({}); `glasswing import` converts other formats",
+          path.string(), std::string(rows.status().message())));
     }
-    const std::string_view bytes(static_cast<const char*>(mapping), archive->file_bytes_);
+    archive->files_.push_back(*rows);
     if (!frame.checksum().empty() && checksum_of(bytes) != frame.checksum()) {
       return absl::DataLossError(fmt::format("{} is damaged: its checksum is {} instead of {}", path.string(),
                                              checksum_of(bytes), frame.checksum()));
@@ -62,32 +65,46 @@ absl::StatusOr<std::shared_ptr<const MappedArchive>> MappedArchive::open_interpo
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<MappedArchive> archive, map(directory));
   v1::Camera& camera = *archive->manifest_.mutable_camera();
   const std::optional<Mosaic> mosaic = mosaic_of(camera);
-  if (!mosaic) return archive;
-  std::vector<Image16> all;
-  Image16 frame(camera.width_px(), camera.height_px(), 1);
-  for (int i = 0; i < archive->manifest_.frames_size(); ++i) {
-    const std::span<const std::uint16_t> samples = archive->rows(i, 0, frame.height_px);
-    frame.samples.assign(samples.begin(), samples.end());
-    all.push_back(interpolated(frame, mosaic));
+  std::vector<Image16> all(archive->files_.size());
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (!mosaic && !archive->files_[i].plain().empty()) continue;
+    GW_ASSIGN_OR_RETURN(const FrameSamples stored, archive->read(static_cast<int>(i), 0, camera.height_px()));
+    Image16 frame(camera.width_px(), camera.height_px(), mosaic ? 1 : 3);
+    std::ranges::copy(stored.samples, frame.samples.begin());
+    all[i] = interpolated(frame, mosaic);
   }
-  archive->interpolated_ = std::move(all);
+  archive->in_memory_ = std::move(all);
   camera.clear_mosaic();
   return archive;
 }
 
 MappedArchive::~MappedArchive() {
-  for (void* mapping : mappings_) ::munmap(mapping, file_bytes_);
+  for (const std::string_view mapping : mappings_)
+    ::munmap(const_cast<char*>(mapping.data()), mapping.size());
+}
+
+std::span<const std::uint16_t> MappedArchive::samples_of(int frame) const {
+  const auto at = static_cast<size_t>(frame);
+  if (!in_memory_.empty() && !in_memory_[at].empty()) return in_memory_[at].samples;
+  return files_[at].plain();
 }
 
 std::span<const std::uint16_t> MappedArchive::rows(int frame, int first_row, int row_count) const {
   const size_t row = shape_of(manifest_.camera()).row_samples();
-  if (!interpolated_.empty()) {
-    return std::span(interpolated_[static_cast<size_t>(frame)].samples)
-        .subspan(row * static_cast<size_t>(first_row), row * static_cast<size_t>(row_count));
-  }
-  const auto* bytes = static_cast<const char*>(mappings_[static_cast<size_t>(frame)]) + kTiffPixelOffset;
-  return {reinterpret_cast<const std::uint16_t*>(bytes) + row * static_cast<size_t>(first_row),
-          row * static_cast<size_t>(row_count)};
+  const std::span<const std::uint16_t> samples = samples_of(frame);
+  assert(!samples.empty());
+  return samples.subspan(row * static_cast<size_t>(first_row), row * static_cast<size_t>(row_count));
+}
+
+absl::StatusOr<FrameSamples> MappedArchive::read(int frame, int first_row, int row_count) const {
+  if (!samples_of(frame).empty()) return FrameSamples{rows(frame, first_row, row_count), nullptr};
+  const size_t count = shape_of(manifest_.camera()).row_samples() * static_cast<size_t>(row_count);
+  const std::shared_ptr<std::uint16_t[]> samples = std::make_shared_for_overwrite<std::uint16_t[]>(count);
+  const absl::Status status = files_[static_cast<size_t>(frame)].read(first_row, row_count, samples.get());
+  if (status.ok()) return FrameSamples{{samples.get(), count}, samples};
+  return absl::DataLossError(fmt::format("{} is damaged: {}",
+                                         (directory_ / manifest_.frames(frame).file()).string(),
+                                         std::string(status.message())));
 }
 
 }  // namespace glasswing

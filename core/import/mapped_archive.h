@@ -1,5 +1,6 @@
 // The frames of an archive on this machine, memory-mapped: pages are loaded on access and evicted when memory
-// is short; nothing is copied.
+// is short. Rows of plain files are used where they lie; those of compressed ones are decompressed on
+// request.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -8,19 +9,27 @@
 #include <filesystem>
 #include <memory>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "core/frame/image.h"
+#include "core/frame/tiff.h"
 #include "glasswing/v1/archive.pb.h"
 
 namespace glasswing {
+
+struct FrameSamples {
+  std::span<const std::uint16_t> samples;
+  std::shared_ptr<const std::uint16_t[]> owner;  // null: they lie in a mapped file
+};
 
 class MappedArchive {
  public:
   // Verifies every frame. DATA_LOSS names a frame file that is missing, has the wrong size or format, or does
   // not match its checksum in the manifest.
   static absl::StatusOr<std::shared_ptr<const MappedArchive>> open(const std::filesystem::path& directory);
-  // The same, with all colours at each pixel: frames of a mosaic are interpolated, in memory.
+  // The same, with all colours at each pixel. Frames of a mosaic are interpolated, in memory, which holds
+  // compressed frames, too.
   static absl::StatusOr<std::shared_ptr<const MappedArchive>> open_interpolated(
       const std::filesystem::path& directory);
   ~MappedArchive();
@@ -29,16 +38,23 @@ class MappedArchive {
 
   const v1::CaptureManifest& manifest() const { return manifest_; }
   // The samples of rows [first_row, first_row + row_count) of a frame, by its index in the manifest.
+  // DATA_LOSS names the frame's file. Thread-safe.
+  absl::StatusOr<FrameSamples> read(int frame, int first_row, int row_count) const;
+  // The same, of open_interpolated().
   std::span<const std::uint16_t> rows(int frame, int first_row, int row_count) const;
 
  private:
   MappedArchive() = default;
   static absl::StatusOr<std::shared_ptr<MappedArchive>> map(const std::filesystem::path& directory);
 
+  // None: it is compressed, and not in memory.
+  std::span<const std::uint16_t> samples_of(int frame) const;
+
+  std::filesystem::path directory_;
   v1::CaptureManifest manifest_;
-  std::vector<void*> mappings_;
-  size_t file_bytes_ = 0;
-  std::vector<Image16> interpolated_;  // by frame, if they are not as they were stored
+  std::vector<std::string_view> mappings_;
+  std::vector<TiffRows> files_;     // by frame, in mappings_
+  std::vector<Image16> in_memory_;  // by frame; empty where it is as in its file
 };
 
 }  // namespace glasswing

@@ -2,32 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "core/base/status.h"
-#include "solver/method/brightness_drift.h"
-
 namespace glasswing {
-
-absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> archive) {
-  const v1::CaptureManifest& manifest = archive->manifest();
-  const int height = manifest.camera().height_px();
-  FrameStack stack{.width_px = manifest.camera().width_px(),
-                   .first_row = 0,
-                   .row_count = height,
-                   .rows = {},
-                   .owner = archive,
-                   .mosaic = mosaic_of(manifest.camera())};
-  for (int i = 0; i < manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, height));
-  const auto read_row = [&](int row, const std::vector<int>& frames) {
-    std::vector<std::uint16_t> samples;
-    for (const int frame : frames) {
-      const std::span<const std::uint16_t> own = archive->rows(frame, row, 1);
-      samples.insert(samples.end(), own.begin(), own.end());
-    }
-    return absl::StatusOr<std::vector<std::uint16_t>>(std::move(samples));
-  };
-  GW_ASSIGN_OR_RETURN(stack.brightness, measure_brightness_drift(manifest, read_row));
-  return stack;
-}
 
 absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& manifest,
                         const std::vector<int>& needed) {

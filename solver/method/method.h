@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "core/frame/mosaic.h"
-#include "core/import/mapped_archive.h"
 #include "core/matte/matte.h"
 #include "glasswing/v1/archive.pb.h"
 
@@ -87,9 +86,6 @@ struct FrameStack {
     return radiance(rows[static_cast<size_t>(frame)][sample_index(x, y, channel)]);
   }
 };
-
-// All rows of all frames, with the brightness drift of the monitors. The stack owns the mappings.
-absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> archive);
 
 // INVALID_ARGUMENT names a needed frame whose sample count is not that of the stack's rows.
 absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& manifest,

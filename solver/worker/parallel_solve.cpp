@@ -113,10 +113,39 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
                                                     const std::function<void(double)>& progress) const {
   const std::vector<int>& needed = frames_needed();
   GW_RETURN_IF_ERROR(check_rows(stack, manifest_, needed));
+  if (stack.row_count == 0) {
+    FrameStack none = stack;
+    if (interpolated_) none.mosaic.reset();
+    return method_->solve(linear_.of(std::move(none)));
+  }
+  const auto read = [&](int first, int count) -> absl::StatusOr<FrameStack> {
+    return interpolated_ ? interpolated_rows(stack, needed, first, count)
+                         : rows_of(stack, needed, first, count);
+  };
+  return solve_bands(stack.row_count, read, thread_count, std::move(stop), progress);
+}
+
+absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const ReadStack& read, int thread_count,
+                                                    const std::function<void(double)>& progress) const {
+  const int height = manifest_.camera().height_px();
+  const auto read_band = [&](int first, int count) -> absl::StatusOr<FrameStack> {
+    const int reach = interpolated_ ? kInterpolationReach : 0;
+    const int begin = std::max(first - reach, 0), end = std::min(first + count + reach, height);
+    GW_ASSIGN_OR_RETURN(FrameStack stack, read(begin, end - begin));
+    GW_RETURN_IF_ERROR(check_rows(stack, manifest_, frames_needed()));
+    if (!interpolated_) return stack;
+    return interpolated_rows(stack, frames_needed(), first - begin, count);
+  };
+  return solve_bands(height, read_band, thread_count, {}, progress);
+}
+
+absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, const ReadStack& read, int thread_count,
+                                                 std::stop_token stop,
+                                                 const std::function<void(double)>& progress) const {
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   // Small enough that the last bands keep all threads busy, large enough to amortise a solver's set-up.
-  const int band_rows = thread_count == 1 ? 16 : std::clamp(stack.row_count / (8 * thread_count), 2, 16);
-  const int band_count = (stack.row_count + band_rows - 1) / band_rows;
+  const int band_rows = thread_count == 1 ? 16 : std::clamp(row_count / (8 * thread_count), 2, 16);
+  const int band_count = (row_count + band_rows - 1) / band_rows;
   std::vector<std::optional<absl::StatusOr<Matte>>> bands(static_cast<size_t>(band_count));
   std::atomic<int> next = 0, done = 0;
   std::atomic<bool> failed = false;
@@ -124,11 +153,11 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
     for (int band = next++; band < band_count && !failed && !stop.stop_requested(); band = next++) {
       const int first = band * band_rows;
       auto& solved = bands[static_cast<size_t>(band)];
-      const int count = std::min(band_rows, stack.row_count - first);
-      FrameStack rows = interpolated_ ? interpolated_rows(stack, needed, first, count)
-                                      : rows_of(stack, needed, first, count);
-      rows.stage_maps = stage_maps_;
-      solved = method_->solve(linear_.of(std::move(rows)));
+      solved = [&]() -> absl::StatusOr<Matte> {
+        GW_ASSIGN_OR_RETURN(FrameStack rows, read(first, std::min(band_rows, row_count - first)));
+        rows.stage_maps = stage_maps_;
+        return method_->solve(linear_.of(std::move(rows)));
+      }();
       if (!solved->ok()) failed = true;
       ++done;
       if (progress) progress(static_cast<double>(done) / band_count);
@@ -143,13 +172,8 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
     if (band && !band->ok()) return band->status();
   }
   if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
-  if (band_count == 0) {
-    FrameStack none = stack;
-    if (interpolated_) none.mosaic.reset();
-    return method_->solve(linear_.of(std::move(none)));
-  }
   const Matte& first = **bands.front();
-  Matte whole(first.x0_px(), first.y0_px(), first.width_px(), stack.row_count, first.modes_per_channel());
+  Matte whole(first.x0_px(), first.y0_px(), first.width_px(), row_count, first.modes_per_channel());
   whole.metadata = first.metadata;
   linear_.describe(whole.metadata);
   if (stage_maps_ != nullptr) {
@@ -161,9 +185,9 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
     whole.metadata.add_warnings(
         "the sensor measures one colour at each pixel, and the others were interpolated before solving, "
         "which mixes neighbours' light; method gaussian solves what was measured");
-  } else if (stack.mosaic) {
+  } else if (const std::optional<Mosaic> mosaic = mosaic_of(manifest_.camera())) {
     whole.metadata.set_mosaic(manifest_.camera().mosaic());
-    fill_channels(whole, *stack.mosaic, thread_count);
+    fill_channels(whole, *mosaic, thread_count);
   }
   return whole;
 }
@@ -188,10 +212,40 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
   return prepared.solve_in_bands(stack, thread_count, std::move(stop), progress);
 }
 
-absl::StatusOr<Matte> solve_archive(const Method& method, std::shared_ptr<const MappedArchive> archive,
-                                    int thread_count, const std::function<void(double)>& progress) {
-  GW_ASSIGN_OR_RETURN(const FrameStack stack, whole_stack(archive));
-  return solve_in_bands(method, archive->manifest(), stack, thread_count, {}, progress);
+absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count,
+                                    const std::function<void(double)>& progress) {
+  const v1::CaptureManifest& manifest = archive.manifest();
+  const auto read_row = [&](int row,
+                            const std::vector<int>& frames) -> absl::StatusOr<std::vector<std::uint16_t>> {
+    std::vector<std::uint16_t> samples;
+    for (const int frame : frames) {
+      GW_ASSIGN_OR_RETURN(const FrameSamples own, archive.read(frame, row, 1));
+      samples.insert(samples.end(), own.samples.begin(), own.samples.end());
+    }
+    return samples;
+  };
+  GW_ASSIGN_OR_RETURN(const auto brightness, measure_brightness_drift(manifest, read_row));
+  GW_ASSIGN_OR_RETURN(PreparedSolve prepared, PreparedSolve::create(method, manifest));
+  GW_RETURN_IF_ERROR(prepared.map_stage(read_row, brightness));
+  const auto read = [&](int first_row, int row_count) -> absl::StatusOr<FrameStack> {
+    FrameStack stack{.width_px = manifest.camera().width_px(),
+                     .first_row = first_row,
+                     .row_count = row_count,
+                     .rows = {},
+                     .owner = nullptr,
+                     .brightness = brightness,
+                     .mosaic = mosaic_of(manifest.camera())};
+    stack.rows.resize(static_cast<size_t>(manifest.frames_size()));
+    const auto owner = std::make_shared<std::vector<FrameSamples>>();
+    for (const int frame : prepared.frames_needed()) {
+      GW_ASSIGN_OR_RETURN(FrameSamples rows, archive.read(frame, first_row, row_count));
+      stack.rows[static_cast<size_t>(frame)] = rows.samples;
+      owner->push_back(std::move(rows));
+    }
+    stack.owner = owner;
+    return stack;
+  };
+  return prepared.solve_in_bands(read, thread_count, progress);
 }
 
 }  // namespace glasswing

@@ -8,6 +8,7 @@
 #include <stop_token>
 #include <vector>
 
+#include "core/import/mapped_archive.h"
 #include "core/radiometry/shading.h"
 #include "solver/method/brightness_drift.h"
 #include "solver/method/linear_stack.h"
@@ -38,8 +39,17 @@ class PreparedSolve {
   absl::StatusOr<Matte> solve_in_bands(const FrameStack& stack, int thread_count = 0,
                                        std::stop_token stop = {},
                                        const std::function<void(double)>& progress = nullptr) const;
+  // The same of the whole picture, whose rows of the frames needed are read band by band. `read` is called
+  // from several threads at a time.
+  using ReadStack = std::function<absl::StatusOr<FrameStack>(int first_row, int row_count)>;
+  absl::StatusOr<Matte> solve_in_bands(const ReadStack& read, int thread_count,
+                                       const std::function<void(double)>& progress) const;
 
  private:
+  // `read` gives a band's rows as the method wants them, from the stack's row `first` on.
+  absl::StatusOr<Matte> solve_bands(int row_count, const ReadStack& read, int thread_count,
+                                    std::stop_token stop, const std::function<void(double)>& progress) const;
+
   PreparedSolve(v1::CaptureManifest manifest, LinearStack linear, Shading shading,
                 std::unique_ptr<PreparedMethod> method)
       : manifest_(std::move(manifest)),
@@ -60,9 +70,8 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
                                      const FrameStack& stack, int thread_count = 0, std::stop_token stop = {},
                                      const std::function<void(double)>& progress = nullptr);
 
-// Solves a whole archive.
-absl::StatusOr<Matte> solve_archive(const Method& method, std::shared_ptr<const MappedArchive> archive,
-                                    int thread_count = 0,
+// Solves a whole archive. No more of its compressed frames than the bands that are being solved is in memory.
+absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count = 0,
                                     const std::function<void(double)>& progress = nullptr);
 
 }  // namespace glasswing

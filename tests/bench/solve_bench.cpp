@@ -40,6 +40,8 @@ class BigArchive {
   BigArchive() : directory_(fs::temp_directory_path() / fmt::format("glasswing-bench-{}", ::getpid())) {
     fmt::print("writing an archive of {} x {} px and 604 frames, 3.3 GB\n", kWidth, kHeight);
     fs::create_directories(directory_ / "frames");
+    compressed_ = directory_ / "compressed";
+    fs::create_directories(compressed_ / "frames");
     std::mt19937 random(41);
     std::uniform_real_distribution<float> share(0.0f, 1.0f);
     std::normal_distribution<float> noise(0.0f, static_cast<float>(kNoise));
@@ -85,6 +87,7 @@ class BigArchive {
     }
     for (const double degrees : {0.0, 90.0, 45.0, -45.0}) add_sweep(degrees);
     write_manifest(directory_, manifest_);
+    write_manifest(compressed_, manifest_);
     // The same files under a second name: twice the frames, and every stripe taken twice.
     twice_ = directory_ / "twice";
     fs::create_directories(twice_);
@@ -110,10 +113,14 @@ class BigArchive {
     double seconds = 0.0;
     double peak_gib = 0.0;  // resident, mapped files not counted
   };
+  enum class Frames { kPlain, kTwice, kCompressed };
   // Runs the program, so that the memory measured is the solve's alone.
-  Solve solve(bool twice = false) const {
+  Solve solve(Frames frames) const {
     const std::string program = fs::read_symlink("/proc/self/exe").parent_path() / "glasswing-solver";
-    const std::string from = twice ? twice_ : directory_, to = directory_ / "matte.exr";
+    const std::string from = frames == Frames::kTwice        ? twice_
+                             : frames == Frames::kCompressed ? compressed_
+                                                             : directory_;
+    const std::string to = directory_ / "matte.exr";
     Solve solve;
     const Clock::time_point start = Clock::now();
     // Returns when the program has replaced this one: a forked child would still have this one's memory.
@@ -157,6 +164,7 @@ class BigArchive {
     frame.set_object(object);
     frame.set_exposure_ms(4.0);
     std::ofstream(directory_ / frame.file(), std::ios::binary) << encode_tiff(image);
+    std::ofstream(compressed_ / frame.file(), std::ios::binary) << encode_tiff(image, FrameForm::kCompressed);
     frame.mutable_stimulus()->set_panel("back");
     return *frame.mutable_stimulus();
   }
@@ -213,7 +221,7 @@ class BigArchive {
   }
 
   const fs::path directory_;
-  fs::path twice_;
+  fs::path twice_, compressed_;
   std::vector<Footprint> modes_;
   std::array<float, 65537> noise_;
   v1::CaptureManifest manifest_;
@@ -227,20 +235,26 @@ const BigArchive& archive() {
 
 struct Figures {
   double ratio = 0.0, peak_gib = 0.0;
+  double compressed_ratio = 0.0, compressed_peak_gib = 0.0;  // of compressed frames; time over plain ones
 };
 
 Figures measure() {
-  std::vector<double> cat, solve;
+  using Frames = BigArchive::Frames;
+  std::vector<double> cat, solve, compressed;
   Figures figures;
   for (int i = 0; i < 5; ++i) {
     cat.push_back(archive().cat_seconds());
-    const BigArchive::Solve one = archive().solve();
+    const BigArchive::Solve one = archive().solve(Frames::kPlain),
+                            other = archive().solve(Frames::kCompressed);
     solve.push_back(one.seconds);
+    compressed.push_back(other.seconds);
     figures.peak_gib = std::max(figures.peak_gib, one.peak_gib);
-    fmt::print("cat {:.2f} s, solve {:.2f} s, {:.2f} GiB\n", cat.back(), one.seconds, one.peak_gib);
+    figures.compressed_peak_gib = std::max(figures.compressed_peak_gib, other.peak_gib);
+    fmt::print("cat {:.2f} s, solve {:.2f} s, {:.2f} GiB; compressed frames {:.2f} s, {:.2f} GiB\n",
+               cat.back(), one.seconds, one.peak_gib, other.seconds, other.peak_gib);
   }
-  std::sort(cat.begin(), cat.end());
-  std::sort(solve.begin(), solve.end());
+  for (std::vector<double>* seconds : {&cat, &solve, &compressed}) std::ranges::sort(*seconds);
+  figures.compressed_ratio = compressed[compressed.size() / 2] / solve[solve.size() / 2];
   figures.ratio = solve[solve.size() / 2] / cat[cat.size() / 2];
   return figures;
 }
@@ -260,7 +274,13 @@ void add_solve_rows(std::vector<Row>& rows) {
                     return figures().peak_gib;
                   }});
   rows.push_back({"whole solve: the same with twice the frames", "GiB", {}, [](const Rates&) {
-                    return archive().solve(true).peak_gib;
+                    return archive().solve(BigArchive::Frames::kTwice).peak_gib;
+                  }});
+  rows.push_back({"whole solve of compressed frames: time over plain ones", "x", {}, [](const Rates&) {
+                    return figures().compressed_ratio;
+                  }});
+  rows.push_back({"whole solve of compressed frames: peak resident memory", "GiB", {}, [](const Rates&) {
+                    return figures().compressed_peak_gib;
                   }});
 }
 

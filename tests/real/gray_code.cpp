@@ -148,7 +148,7 @@ absl::Status draw(const Matte& matte, const std::string& folder) {
 
 absl::StatusOr<bool> check(const std::string& archive_path, const std::string& matte_path,
                            const std::string& pictures) {
-  GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(archive_path));
+  GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open_interpolated(archive_path));
   GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(matte_path));
   GW_ASSIGN_OR_RETURN(Bits across, bits_of(archive->manifest(), "vertical_bars"));
   GW_ASSIGN_OR_RETURN(Bits down, bits_of(archive->manifest(), "horizontal_bars"));

@@ -188,10 +188,22 @@ void write_mirrored_picture(const Solved& solved, const fs::path& pictures) {
   if (!written.ok()) fmt::print(stderr, "{}\n", std::string(written.message()));
 }
 
+FrameStack whole_stack(const MappedArchive& archive) {
+  const v1::Camera& camera = archive.manifest().camera();
+  FrameStack stack{.width_px = camera.width_px(),
+                   .first_row = 0,
+                   .row_count = camera.height_px(),
+                   .rows = {},
+                   .owner = nullptr};
+  for (int i = 0; i < archive.manifest().frames_size(); ++i)
+    stack.rows.push_back(archive.rows(i, 0, camera.height_px()));
+  return stack;
+}
+
 bool check(const std::string& folder, const std::string& matte_file, const fs::path& pictures) {
-  const auto archive = MappedArchive::open(folder).value();
+  const auto archive = MappedArchive::open_interpolated(folder).value();
   const Solved solved{.manifest = archive->manifest(),
-                      .stack = whole_stack(archive).value(),
+                      .stack = whole_stack(*archive),
                       .matte = read_matte(matte_file).value()};
   const Comparison result = compare(solved);
   const double ratio = median(result.ratios);

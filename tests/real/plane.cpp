@@ -217,7 +217,7 @@ bool compare(const char* name, const std::vector<Pixel>& pixels, const Plane& pl
 
 absl::StatusOr<bool> check(const std::string& archive_path, const std::string& matte_path,
                            const std::array<int, 4>& left_out) {
-  GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(archive_path));
+  GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open_interpolated(archive_path));
   GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(matte_path));
   const std::vector<Pixel> pixels = decode(*archive, left_out);
   if (pixels.empty()) return absl::InvalidArgumentError("no pixel can be decoded");

@@ -149,7 +149,7 @@ TEST_F(PhotographLists, AnArchiveIsWrittenWithoutAServer) {
                                  {"--archive", archive_.string()});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_EQ(outcome.out, archive_.string() + ": 2 frames\n");
-  const auto archive = MappedArchive::open(archive_).value();
+  const auto archive = MappedArchive::open_interpolated(archive_).value();
   EXPECT_EQ(archive->manifest().session(), "vase");
   EXPECT_EQ(archive->manifest().camera().bits(), 16);
   ASSERT_EQ(archive->manifest().frames_size(), 2);
@@ -176,7 +176,7 @@ TEST_F(PhotographLists, CodesBecomeLight) {
   ASSERT_EQ(
       import(table, {"--archive", archive_.string(), "--response", "gamma:2", "--black", "655.35"}).status,
       0);
-  const auto archive = MappedArchive::open(archive_).value();
+  const auto archive = MappedArchive::open_interpolated(archive_).value();
   const std::span<const std::uint16_t> rows = archive->rows(0, 0, kHeight);
   for (size_t i = 0; i < rows.size(); ++i) {
     const double u = std::max(0.0, (picture(0).samples[i] / 65535.0 - 0.01) / 0.99);

@@ -71,7 +71,7 @@ TEST_F(LayoutImport, AnUndeclaredResponseIsEstimated) {
     EXPECT_LT(error, 0.1);
     // Green is linear in the archive: the light of complements sums to that of white and black. Codes of 8
     // bits are 1/255 apart, 2.2 times that of light where it is steepest; four of them.
-    const auto archive = MappedArchive::open(archive_).value();
+    const auto archive = MappedArchive::open_interpolated(archive_).value();
     const auto at_row = [&](int frame) { return archive->rows(frame, 100, 1); };
     for (size_t x = 1; x < at_row(0).size(); x += 3) {
       const auto light = [&](int frame) { return at_row(frame)[x] / 65535.0; };

@@ -63,6 +63,18 @@ TEST_F(CopyArchive, IsTheSameByteForByteAndOutlivesTheNode) {
   EXPECT_EQ(to_->store.find("s").value()->manifest().frames_size(), MadeArchive::kFrames);
 }
 
+TEST_F(CopyArchive, CompressedFramesStaySo) {
+  from_ = nullptr;
+  std::filesystem::remove_all(root_ / "from");
+  from_ = std::make_unique<ArchiveNode>(root_ / "from");
+  MadeArchive::fill(from_->store, FrameForm::kCompressed);
+  const grpc::Status status = copy();
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  expect_whole_copy();
+  EXPECT_LT(bytes_of(to_->archive() / MadeArchive::file(0)).size(),
+            MadeArchive::kRowBytes * MadeArchive::kHeight);
+}
+
 TEST_F(CopyArchive, WhatBrokeOffIsTakenUp) {
   // The other node cannot read its frame 3; the frames before it stay.
   const std::filesystem::path bad = from_->archive() / MadeArchive::file(3);

@@ -31,7 +31,8 @@ struct MadeArchive {
     manifest.mutable_camera()->set_height_px(kHeight);
     return manifest;
   }
-  static void fill(ArchiveStore& store) {
+  // Compressed frames are dim, as otherwise they would stay plain.
+  static void fill(ArchiveStore& store, FrameForm form = FrameForm::kPlain) {
     const std::shared_ptr<Archive> archive = store.create(header()).value();
     std::mt19937 random(7);
     std::vector<Archive::NewFrame> frames(kFrames);
@@ -40,9 +41,9 @@ struct MadeArchive {
       frames[static_cast<size_t>(i)].record.mutable_stimulus()->set_kind("solid");
       frames[static_cast<size_t>(i)].image = Image16(kWidth, kHeight);
       for (std::uint16_t& sample : frames[static_cast<size_t>(i)].image.samples)
-        sample = static_cast<std::uint16_t>(random());
+        sample = static_cast<std::uint16_t>(random() % (form == FrameForm::kPlain ? 65536 : 500));
     }
-    ASSERT_TRUE(archive->add(frames).ok());
+    ASSERT_TRUE(archive->add(frames, form).ok());
     ASSERT_TRUE(archive->seal().ok());
   }
   static std::string file(int frame) { return "frames/00000" + std::to_string(frame) + ".tif"; }

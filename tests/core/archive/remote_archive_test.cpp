@@ -290,6 +290,29 @@ TEST_F(RemoteArchiveTest, ANodeThatIsAwayMayHaveWhatTheOthersLack) {
   EXPECT_NE(status.message().find(away), std::string::npos) << status;
 }
 
+TEST_F(RemoteArchiveTest, CompressedRowsAreThoseThatWereStored) {
+  ArchiveNode node(root_ / "compressed");
+  MadeArchive::fill(node.store, FrameForm::kCompressed);
+  const v1::CaptureManifest manifest = node.store.find("s").value()->manifest();
+  for (const auto& [first, count] : {std::pair{0, MadeArchive::kHeight}, {kFirst, kCount}, {18, 1}}) {
+    std::string expected;
+    for (const int frame : all_) {
+      const Image16 image = decode_tiff(bytes_of(node.archive() / MadeArchive::file(frame))).value();
+      const size_t row = image.samples.size() / static_cast<size_t>(image.height_px);
+      const std::span<const std::uint16_t> rows =
+          std::span(image.samples)
+              .subspan(row * static_cast<size_t>(first), row * static_cast<size_t>(count));
+      expected.append(reinterpret_cast<const char*>(rows.data()), rows.size_bytes());
+    }
+    for (const Reading reading : {Reading::kMappedIfHere, Reading::kNeverMapped}) {
+      const auto rows = RemoteArchive({node.address()}, "s", {}, reading).rows(manifest, all_, first, count);
+      ASSERT_TRUE(rows.ok()) << rows.status();
+      EXPECT_TRUE(rows->intact().ok());
+      EXPECT_TRUE(text_of(*rows) == expected) << first;
+    }
+  }
+}
+
 TEST_F(RemoteArchiveTest, AMappedFileThatIsCutShortIsReadOtherwiseTheNextTime) {
   const RemoteArchive archive({a_->address(), b_->address()}, "s", {});
   const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, all_, kFirst, kCount);

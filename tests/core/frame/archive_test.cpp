@@ -373,35 +373,5 @@ TEST_F(ArchiveTest, ForeignManifestsAreTranslated) {
   }
 }
 
-TEST(Tiff, RoundTripsAndReadsElsewhere) {
-  const Image16 image = noise(7, 3, 1);
-  const std::string bytes = encode_tiff(image);
-  EXPECT_EQ(decode_tiff(bytes).value().samples, image.samples);
-  // OpenCV reads it through libtiff.
-  const fs::path path = fs::path(testing::TempDir()) / ("tiff_test." + std::to_string(::getpid()) + ".tif");
-  ASSERT_TRUE(write_file_durably(path, bytes).ok());
-  const RadianceImage read = read_radiance(path, Encoding::kLinear).value();
-  ASSERT_EQ(read.samples.size(), image.samples.size());
-  for (size_t i = 0; i < read.samples.size(); ++i) EXPECT_EQ(code16_of(read.samples[i]), image.samples[i]);
-  fs::remove(path);
-}
-
-TEST(Tiff, AHeaderAloneIsNotBelieved) {
-  const std::string header = encode_tiff(Image16(1, kMaxSide_px)).substr(0, kTiffPixelOffset);
-  EXPECT_TRUE(absl::IsDataLoss(decode_tiff(header).status()));
-  EXPECT_TRUE(check_tiff_header(header, {1, kMaxSide_px}).ok());
-  EXPECT_FALSE(check_tiff_header(header, {kMaxSide_px, 1}).ok());
-  EXPECT_FALSE(check_tiff_header(header.substr(0, 255), {1, kMaxSide_px}).ok());
-}
-
-TEST(Tiff, NoHeaderByteMayDiffer) {
-  const std::string good = encode_tiff(noise(4, 4, 2));
-  for (size_t i = 0; i < kTiffPixelOffset; ++i) {
-    std::string bad = good;
-    bad[i] = static_cast<char>(bad[i] ^ 0x40);
-    EXPECT_FALSE(decode_tiff(bad).ok()) << "byte " << i;
-  }
-}
-
 }  // namespace
 }  // namespace glasswing

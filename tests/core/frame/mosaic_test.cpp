@@ -76,8 +76,8 @@ TEST_F(MosaicFiles, FramesOfOneChannelAreATiffThatOthersRead) {
   const Image16 read = decode_tiff(bytes).value();
   EXPECT_EQ(read.samples, frame.samples);
   EXPECT_EQ(read.channels, 1);
-  EXPECT_TRUE(check_tiff_header(bytes, shape_of(frame)).ok());
-  EXPECT_FALSE(check_tiff_header(bytes, {.width_px = 7, .height_px = 5, .channels = 3}).ok());
+  EXPECT_TRUE(check_tiff_head(bytes, bytes.size(), shape_of(frame)).ok());
+  EXPECT_FALSE(check_tiff_head(bytes, bytes.size(), {.width_px = 7, .height_px = 5, .channels = 3}).ok());
   for (size_t i = 0; i < kTiffPixelOffset; ++i) {
     std::string bad = bytes;
     bad[i] = static_cast<char>(bad[i] ^ 0x40);

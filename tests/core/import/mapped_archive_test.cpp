@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <random>
+#include <span>
 
 #include "core/base/file.h"
 #include "core/frame/archive.h"
@@ -52,6 +54,36 @@ TEST_F(MappedArchiveTest, RowsAreThoseThatWereWritten) {
     const auto whole = mapped->rows(frame, 0, 5), band = mapped->rows(frame, 2, 2);
     EXPECT_TRUE(std::equal(whole.begin(), whole.end(), samples.begin(), samples.end()));
     EXPECT_TRUE(std::equal(band.begin(), band.end(), samples.begin() + 2 * 21, samples.begin() + 4 * 21));
+  }
+}
+
+TEST_F(MappedArchiveTest, CompressedRowsAreThoseThatWereWritten) {
+  fs::remove_all(directory_);
+  v1::CaptureManifest header;
+  header.set_session("s");
+  header.mutable_camera()->set_width_px(900);
+  header.mutable_camera()->set_height_px(50);
+  header.add_monitors()->set_name("back");
+  header.mutable_monitors(0)->set_width_px(8);
+  header.mutable_monitors(0)->set_height_px(6);
+  const auto archive = Archive::create(directory_, header).value();
+  Image16 image(900, 50);
+  std::mt19937 random(4);
+  for (std::uint16_t& sample : image.samples) sample = static_cast<std::uint16_t>(random() % 300);
+  v1::Frame record;
+  record.mutable_stimulus()->set_kind("solid");
+  const v1::Frame stored =
+      archive->add({{.record = record, .image = image}}, FrameForm::kCompressed).value().front();
+  ASSERT_TRUE(archive->seal().ok());
+  ASSERT_LT(stored.size_bytes(), 900 * 50 * 6);
+  const auto mapped = MappedArchive::open(directory_).value();
+  const auto in_memory = MappedArchive::open_interpolated(directory_).value();
+  const size_t row = size_t{3} * 900;
+  for (const auto& [first, count] : {std::pair{0, 50}, {0, 1}, {49, 1}, {11, 7}}) {
+    const auto expected =
+        std::span(image.samples).subspan(row * static_cast<size_t>(first), row * static_cast<size_t>(count));
+    EXPECT_TRUE(std::ranges::equal(mapped->read(0, first, count).value().samples, expected)) << first;
+    EXPECT_TRUE(std::ranges::equal(in_memory->rows(0, first, count), expected)) << first;
   }
 }
 

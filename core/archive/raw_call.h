@@ -1,7 +1,8 @@
-// One ReadRows call that receives messages as raw bytes.
+// One streaming call of an ArchiveService, whose messages are received as raw bytes.
 #pragma once
 
 #include <absl/status/status.h>
+#include <google/protobuf/message_lite.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 
@@ -9,19 +10,20 @@
 #include <functional>
 #include <memory>
 #include <stop_token>
-
-#include "glasswing/v1/archive_service.pb.h"
+#include <string>
 
 namespace glasswing {
 
-class RowCall {
+class RawCall {
  public:
-  // A node that sends nothing for `patience` counts as gone. Requesting `stop` ends the call.
-  RowCall(const std::shared_ptr<grpc::Channel>& channel, const v1::ReadRowsRequest& request,
-          std::chrono::milliseconds patience, std::stop_token stop);
-  ~RowCall();
-  RowCall(const RowCall&) = delete;
-  RowCall& operator=(const RowCall&) = delete;
+  // `method`: its name, as "ReadRows". A node that sends nothing for `patience` counts as gone. Requesting
+  // `stop` ends the call.
+  RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
+          const google::protobuf::MessageLite& request, std::chrono::milliseconds patience,
+          std::stop_token stop);
+  ~RawCall();
+  RawCall(const RawCall&) = delete;
+  RawCall& operator=(const RawCall&) = delete;
 
   // False: no more messages; finish() returns the reason.
   bool next(grpc::ByteBuffer& message);

@@ -1,27 +1,25 @@
-#include "core/archive/row_call.h"
-
-#include <grpcpp/impl/codegen/proto_utils.h>
+#include "core/archive/raw_call.h"
 
 #include <utility>
 
 namespace glasswing {
 
-RowCall::RowCall(const std::shared_ptr<grpc::Channel>& channel, const v1::ReadRowsRequest& request,
-                 std::chrono::milliseconds patience, std::stop_token stop)
+RawCall::RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
+                 const google::protobuf::MessageLite& request, std::chrono::milliseconds patience,
+                 std::stop_token stop)
     : patience_(patience),
-      call_(grpc::GenericStub(channel).PrepareCall(&context_, "/glasswing.v1.ArchiveService/ReadRows",
+      call_(grpc::GenericStub(channel).PrepareCall(&context_, "/glasswing.v1.ArchiveService/" + method,
                                                    &queue_)),
       cancel_(std::move(stop), [this] { context_.TryCancel(); }) {
-  grpc::ByteBuffer bytes;
-  bool own = false;
-  (void)grpc::SerializationTraits<v1::ReadRowsRequest>::Serialize(request, &bytes, &own);
+  const grpc::Slice serialized(request.SerializeAsString());
+  const grpc::ByteBuffer bytes(&serialized, 1);
   call_->StartCall(this);
   if (!wait()) return;
   call_->WriteLast(bytes, grpc::WriteOptions(), this);
   wait();
 }
 
-RowCall::~RowCall() {
+RawCall::~RawCall() {
   if (open_) {
     context_.TryCancel();
     finish();
@@ -33,7 +31,7 @@ RowCall::~RowCall() {
   }
 }
 
-bool RowCall::wait() {
+bool RawCall::wait() {
   void* tag = nullptr;
   bool ok = false;
   const auto deadline = std::chrono::system_clock::now() + patience_;
@@ -45,12 +43,12 @@ bool RowCall::wait() {
   return ok;
 }
 
-bool RowCall::next(grpc::ByteBuffer& message) {
+bool RawCall::next(grpc::ByteBuffer& message) {
   call_->Read(&message, this);
   return wait();
 }
 
-grpc::Status RowCall::finish() {
+grpc::Status RawCall::finish() {
   grpc::Status status;
   open_ = false;
   call_->Finish(&status, this);
