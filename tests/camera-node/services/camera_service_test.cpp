@@ -76,6 +76,44 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
   }
 }
 
+// The frames are dark, and kept as they come: one of many, on a machine that is busy, is not late.
+TEST_F(CameraNode, CompressesFramesButThoseOfCalibrations) {
+  const auto plain = static_cast<std::int64_t>(tiff_size_bytes({8, 6}));
+  v1::CaptureRequest request;
+  request.set_exposure_ms(4.0);
+  for (const bool of_calibration : {false, true}) {
+    v1::CreateArchiveRequest create;
+    v1::CaptureManifest& manifest = *create.mutable_manifest();
+    manifest.set_session(of_calibration ? "calibration" : "s");
+    manifest.mutable_camera()->set_width_px(8);
+    manifest.mutable_camera()->set_height_px(6);
+    if (of_calibration) manifest.mutable_plan()->mutable_calibration()->set_of("camera");
+    v1::CreateArchiveResponse created;
+    grpc::ClientContext create_context;
+    ASSERT_TRUE(archive_stub_->CreateArchive(&create_context, create, &created).ok());
+    grpc::ClientContext context;
+    const auto reader = camera_stub_->Capture(&context, request);
+    v1::CaptureResponse response;
+    ASSERT_TRUE(reader->Read(&response));
+    std::int64_t smallest = plain;
+    for (int step = 0; step < 100 && smallest == plain; ++step) {
+      ASSERT_TRUE(reader->Read(&response));
+      v1::KeepFramesRequest keep;
+      keep.set_session(manifest.session());
+      keep.add_frames()->set_sequence(response.frame().sequence());
+      keep.mutable_frames(0)->set_step(step);
+      v1::KeepFramesResponse kept;
+      grpc::ClientContext keep_context;
+      ASSERT_TRUE(camera_stub_->KeepFrames(&keep_context, keep, &kept).ok());
+      for (const v1::Frame& frame : kept.frames()) smallest = std::min(smallest, frame.size_bytes());
+    }
+    EXPECT_EQ(smallest == plain, of_calibration);
+    context.TryCancel();
+    while (reader->Read(&response)) {
+    }
+  }
+}
+
 TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
   auto picture = std::make_shared<Image16>(8, 6);
   for (int y = 0; y < 6; ++y) {

@@ -290,6 +290,47 @@ TEST_F(RemoteArchiveTest, ANodeThatIsAwayMayHaveWhatTheOthersLack) {
   EXPECT_NE(status.message().find(away), std::string::npos) << status;
 }
 
+// Serves one file: the first call breaks, and the second sends the rest with a wrong byte.
+class UnsteadyFileNode final : public v1::ArchiveService::Service {
+ public:
+  static constexpr size_t kSent = 700;
+
+  explicit UnsteadyFileNode(std::string file) : file_(std::move(file)) {
+    host_ = ServiceHost::start({}, {this}).value();
+  }
+  const std::string& address() const { return host_->address(); }
+  const std::vector<std::int64_t>& offsets_asked() const { return offsets_; }
+
+ private:
+  grpc::Status ReadFile(grpc::ServerContext*, const v1::ReadFileRequest* request,
+                        grpc::ServerWriter<v1::ReadFileResponse>* writer) override {
+    offsets_.push_back(request->offset_bytes());
+    std::string rest = file_.substr(static_cast<size_t>(request->offset_bytes()));
+    if (offsets_.size() == 1) rest.resize(kSent);
+    if (offsets_.size() == 2) rest.back() = static_cast<char>(rest.back() ^ 1);
+    v1::ReadFileResponse response;
+    response.set_chunk(rest);
+    writer->Write(response);
+    return offsets_.size() == 1 ? grpc::Status(grpc::StatusCode::UNAVAILABLE, "gone") : grpc::Status::OK;
+  }
+
+  const std::string file_;
+  std::vector<std::int64_t> offsets_;  // of one call after another
+  std::unique_ptr<ServiceHost> host_;
+};
+
+TEST_F(RemoteArchiveTest, AFileThatBreaksOffIsReadOnAndADamagedOneAgain) {
+  const std::string whole = bytes_of(a_->archive() / MadeArchive::file(2));
+  UnsteadyFileNode node(whole);
+  const auto file = RemoteArchive({node.address()}, "s", {}).file(manifest_, 2);
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_EQ(*file, whole);
+  EXPECT_EQ(node.offsets_asked(), (std::vector<std::int64_t>{0, UnsteadyFileNode::kSent, 0}));
+  v1::CaptureManifest lying = manifest_;
+  lying.mutable_frames(2)->set_size_bytes(std::int64_t{1} << 60);
+  EXPECT_TRUE(absl::IsDataLoss(RemoteArchive({node.address()}, "s", {}).file(lying, 2).status()));
+}
+
 TEST_F(RemoteArchiveTest, CompressedRowsAreThoseThatWereStored) {
   ArchiveNode node(root_ / "compressed");
   MadeArchive::fill(node.store, FrameForm::kCompressed);

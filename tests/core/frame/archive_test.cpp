@@ -255,6 +255,40 @@ TEST_F(ArchiveTest, AFrameOfAnotherShapeIsDamaged) {
   EXPECT_NE(std::string(status.message()).find(record.file()), std::string::npos) << status;
 }
 
+TEST_F(ArchiveTest, ASizeThatNoFrameHasIsRefused) {
+  const v1::Frame record = Archive::create(directory_, header_).value()->add({frame(0)}).value()[0];
+  std::string lines = read_file(directory_ / "frames.jsonl").value();
+  const std::string size = std::to_string(record.size_bytes());
+  lines.replace(lines.find(size, lines.find("size_bytes")), size.size(), "9223372036854775807");
+  lines.replace(lines.find(",\"record_checksum\""), std::string::npos, "}\n");
+  ASSERT_TRUE(write_file_durably(directory_ / "frames.jsonl", lines).ok());
+  const absl::Status status = Archive::open(directory_).value()->map(record.file()).status();
+  EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+  EXPECT_NE(std::string(status.message()).find(record.file() + " is listed with 9223372036854775807 bytes"),
+            std::string::npos)
+      << status;
+}
+
+TEST_F(ArchiveTest, CompressedFramesComeBack) {
+  header_.mutable_camera()->set_width_px(200);
+  header_.mutable_camera()->set_height_px(90);
+  Archive::NewFrame dim{.record = frame(0).record, .image = noise(200, 90, 5)};
+  for (std::uint16_t& sample : dim.image.samples) sample %= 100;
+  v1::Frame record;
+  {
+    const auto archive = Archive::create(directory_, header_).value();
+    record = archive->add({dim}, FrameForm::kCompressed).value()[0];
+  }
+  EXPECT_LT(static_cast<size_t>(record.size_bytes()), tiff_size_bytes({200, 90}));
+  const auto archive = Archive::open(directory_).value();
+  EXPECT_EQ(decode_tiff(archive->read_frame_bytes(record.file()).value()).value().samples, dim.image.samples);
+  const fs::path file = directory_ / record.file();
+  fs::resize_file(file, fs::file_size(file) - 1);
+  const absl::Status cut = Archive::open(directory_).value()->map(record.file()).status();
+  EXPECT_TRUE(absl::IsDataLoss(cut)) << cut;
+  EXPECT_NE(std::string(cut.message()).find(file.string()), std::string::npos) << cut;
+}
+
 TEST_F(ArchiveTest, AFileOfAnySizeIsNotReadToSeeThatItIsWrong) {
   const auto archive = Archive::create(directory_, header_).value();
   const std::string file = archive->add({frame(0)}).value()[0].file();
