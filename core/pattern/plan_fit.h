@@ -41,7 +41,8 @@ int images_of(const v1::Plan& plan, const RigLimits& rig);
 std::vector<std::string> misfits(const v1::Plan& plan, const RigLimits& rig);
 
 // Rows of an id patch (glasswing-display --patch-rows) whose cells a camera that sees the whole monitor can
-// tell apart: a 24th of the pattern's height, but at least six times the blur for each of the two cells. Even.
+// tell apart: a 24th of the pattern's height, but at least six times the blur for each of the two cells.
+// Even.
 int patch_rows_for(const RigLimits& rig);
 
 // The plan as a file, with comments. They advise an id patch if a monitor has none.
