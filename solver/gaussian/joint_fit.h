@@ -102,7 +102,8 @@ struct JointFit {
   int near_count = 0;
   double floor = 0.0;  // f
   bool converged = false;
-  // Standard errors, from the inverse of N times the residual's variance; infinite where N is singular.
+  // Standard errors, from the inverse of N times the residual's variance; infinite where N is singular. Of a
+  // mode that sees little more than one pixel, the pixel's own deviation bounds the centre's.
   std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
   double light_sd = 0.0;  // of the sum of all weights
 };

@@ -74,6 +74,42 @@ INSTANTIATE_TEST_SUITE_P(
         Footprint{
             .weight = 0.8, .x_px = 122.0, .y_px = 93.0, .xx_px2 = 90.0, .xy_px2 = -20.0, .yy_px2 = 40.0}));
 
+// Pixels are flat: of a point within one, stripes show the pixel's centre, wherever in it the point is. Its
+// centre is then uncertain by the pixel's deviation at most, and its weight by what noise makes of it.
+TEST(JointFit, APlaceWithinAPixelIsUncertainByThePixel) {
+  constexpr double kNoiseSd = 0.002, kWeight = 0.9;
+  constexpr int kDraws = 60;
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise(0.0, kNoiseSd);
+  double squares = 0.0, variance = 0.0;
+  JointWorkspace workspace;
+  for (int draw = 0; draw < kDraws; ++draw) {
+    PixelSamples samples = recorded({}, layout, 0.0, random);
+    for (const SampleLayout::Sweep& sweep : layout.sweeps) {
+      const double centre_px = 60.5 * sweep.axis.cos_phi + 45.5 * sweep.axis.sin_phi;
+      for (int i = 0; i < sweep.count; ++i) {
+        const auto at = static_cast<size_t>(sweep.first + i);
+        const double r = sweep.first_r_px + static_cast<double>(layout.offset_px[at]);
+        const double z = (r - centre_px) / sweep.axis.sigma_px;
+        samples.y[at] = static_cast<float>(kWeight * std::exp(-0.5 * z * z) + noise(random));
+      }
+    }
+    samples.areas.push_back({.lit = {}, .y = kWeight + noise(random), .weight = 1.0});  // white
+    Footprints start;
+    start.push_back(
+        {.weight = 0.8, .x_px = 60.3, .y_px = 45.8, .xx_px2 = 0.05, .xy_px2 = 0.0, .yy_px2 = 0.05});
+    const JointFit fit = fit_jointly(samples, start, kExtent, 60, workspace);
+    ASSERT_EQ(fit.modes.size(), 1);
+    EXPECT_GT(fit.centre_sd_px[0], 0.0);
+    EXPECT_LE(fit.centre_sd_px[0], std::sqrt(1.0 / 12.0) + 1e-6);
+    squares += std::pow(fit.modes[0].weight - kWeight, 2);
+    variance += std::pow(fit.weight_sd[0], 2);
+  }
+  // 60 draws tell a standard deviation to a tenth.
+  EXPECT_NEAR(std::sqrt(squares / variance), 1.0, 0.4);
+}
+
 // A peak of twice what the camera takes: the flanks say how high it is, and the cut samples only that it is
 // not lower. With one sweep's flanks gone too, the bounds are all there is.
 TEST(JointFit, SaturatedSamplesAreBounds) {
