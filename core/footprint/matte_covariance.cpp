@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/footprint/within_pixel.h"
+
 namespace glasswing {
 namespace {
 
@@ -186,6 +188,14 @@ Eigen::MatrixXd MatteCovariance::root(std::span<const Mode> modes) const {
       const double weight = s * s / (s * s * picture.noise + picture.error * picture.error);
       n.noalias() += weight * picture.by * picture.by.transpose();
       m.noalias() += weight * weight * picture.noise * picture.by * picture.by.transpose();
+    }
+    for (const Used& own : used) {
+      const std::array<double, 5> known = known_within_pixel(own.mode);
+      for (Eigen::Index i = 0; i < 5; ++i) {
+        const Eigen::Index at = own.column + 1 + i;
+        n(at, at) += s * s * known[static_cast<size_t>(i)];
+        m(at, at) += s * s * known[static_cast<size_t>(i)];
+      }
     }
     Eigen::MatrixXd scaled = unit.asDiagonal() * n * unit.asDiagonal();
     scaled.diagonal().array() += kRidge;

@@ -6,13 +6,11 @@
 #include <limits>
 
 #include "core/footprint/cone_step.h"
+#include "core/footprint/within_pixel.h"
 
 namespace glasswing {
 namespace {
 
-// Of a mode narrower than this along an axis little more than one pixel is seen, and pixels are flat: its
-// place within the pixel is uncertain by the pixel's own deviation, not more.
-constexpr double kNarrow_px2 = 0.25, kPixel_px2 = 1.0 / 12.0;
 // A hundredth of a pixel wide: effectively a point.
 constexpr double kMinCovariance_px2 = 1e-4;
 constexpr double kFinestStep = 1.0 / 65535.0;  // of the frames; a fit that moves by less has converged
@@ -108,15 +106,8 @@ void add_errors(const NormalEquations& at, JointFit& fit) {
   const double variance = at.near_chi2 / std::max(at.near_count - n, 1);
   const double unit = std::max(variance, kFinestStep * kFinestStep);
   for (int m = 0; m < fit.modes.size(); ++m) {
-    const Footprint& mode = fit.modes[m];
-    const double along_px2[2] = {mode.xx_px2, mode.yy_px2};
-    const int centre[2] = {6 * m + 1, 6 * m + 2}, spread[2] = {6 * m + 3, 6 * m + 5};
-    for (int a = 0; a < 2; ++a) {
-      if (along_px2[a] > kNarrow_px2) continue;
-      normal(centre[a], centre[a]) += unit / kPixel_px2;
-      normal(spread[a], spread[a]) += unit / (kPixel_px2 * kPixel_px2);
-      normal(6 * m + 4, 6 * m + 4) += unit / (kPixel_px2 * kPixel_px2);
-    }
+    const std::array<double, 5> known = known_within_pixel(fit.modes[m]);
+    for (int i = 0; i < 5; ++i) normal(6 * m + 1 + i, 6 * m + 1 + i) += unit * known[static_cast<size_t>(i)];
   }
   fit.weight_sd.fill(std::numeric_limits<double>::infinity());
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
