@@ -51,7 +51,9 @@ std::vector<std::string> RenderedScene::photograph_names() const {
   std::vector<std::string> names;
   for (const fs::directory_entry& entry : fs::directory_iterator(directory_ / "ref")) {
     const std::string file = entry.path().filename().string();
-    if (file.ends_with("_obj.png")) names.push_back(file.substr(0, file.size() - 8));
+    // clean_black and clean_white are solids without noise.
+    if (file.ends_with("_obj.png") && !file.starts_with("clean_"))
+      names.push_back(file.substr(0, file.size() - 8));
   }
   std::sort(names.begin(), names.end());
   return names;
