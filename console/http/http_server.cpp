@@ -1,6 +1,7 @@
 #include "console/http/http_server.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "core/base/descriptor.h"
@@ -94,10 +95,23 @@ class RequestStream final : public httplib::Stream {
   std::uint64_t body_left_ = 0;
 };
 
+// A body in chunks is never read to its end.
+std::uint64_t body_bytes(const httplib::Request& request) {
+  if (request.has_header("Transfer-Encoding")) return std::numeric_limits<std::uint64_t>::max();
+  return request.get_header_value<std::uint64_t>("Content-Length");
+}
+
+// What this thread reads.
+thread_local const RequestStream* request_stream = nullptr;
+
 }  // namespace
 
 HttpServer::HttpServer(const HttpLimits& limits, SSL_CTX* tls) : limits_(limits), tls_(tls) {
   new_task_queue = [this] { return new Threads(limits_, waiting_); };
+  // Otherwise a client might send its next request while the connection closes.
+  set_post_routing_handler([](const httplib::Request&, httplib::Response& response) {
+    if (!request_stream->is_read()) response.set_header("Connection", "close");
+  });
 }
 
 HttpServer::~HttpServer() {
@@ -137,12 +151,13 @@ void HttpServer::serve(HttpConnection& connection) {
         Clock::now() + limits_.idle, [&] { return is_first ? svr_sock_ == INVALID_SOCKET : others_wait(); });
     if (!comes) break;
     RequestStream stream(connection, limits_);
+    request_stream = &stream;
     bool is_closed = false;
     const bool is_answered = process_request(stream, left == 1, is_closed, [&](httplib::Request& request) {
       request.ssl = connection.ssl();
       // Many ranges of one file would be answered with many times its size.
       if (request.ranges.size() > 1) request.ranges.clear();
-      stream.begin_body(request.get_header_value<std::uint64_t>("Content-Length"));
+      stream.begin_body(body_bytes(request));
     });
     if (!is_answered || is_closed || !stream.is_read()) break;
   }

@@ -52,10 +52,13 @@ class Wire {
       if (!receive()) return 0;
     int status = 0;
     std::from_chars(&received_[9], &received_[12], status);
+    says_close_ = received_.find("\r\nConnection: close\r\n") < head;
     received_.erase(0, head + 4 + body);
     return status;
   }
   int status_of(std::string_view request) { return send(request) ? status() : 0; }
+  // Whether the last answer says that no other will come.
+  bool says_close() const { return says_close_; }
 
  private:
   bool receive() {
@@ -67,6 +70,7 @@ class Wire {
 
   const Descriptor socket_;
   std::string received_;
+  bool says_close_ = false;
 };
 
 class HttpHostTest : public testing::Test {
@@ -106,6 +110,7 @@ TEST_F(HttpHostTest, OrdinaryRequestsShareAConnection) {
   for (int i = 0; i < 3; ++i) {
     EXPECT_EQ(browser.status_of(get()), 200);
     EXPECT_EQ(browser.status_of(post("/small", "Content-Length: 5\r\n", "12345")), 200);
+    EXPECT_FALSE(browser.says_close());
   }
 }
 
@@ -135,14 +140,18 @@ TEST_F(HttpHostTest, ABodyIsRefusedBeforeItIsRead) {
   EXPECT_EQ(wire().status_of("PUT /small HTTP/1.1\r\nHost: x\r\nContent-Length: 5\r\n\r\n"), 405);
 }
 
-TEST_F(HttpHostTest, ARefusedBodyIsNeverTakenForARequest) {
+TEST_F(HttpHostTest, ABodyThatIsNotReadIsNeverTakenForARequest) {
   start();
-  Wire browser = wire();
-  EXPECT_EQ(browser.status_of(post("/small", "Content-Length: 500\r\n", get())), 413);
-  EXPECT_EQ(browser.status(), 0);
-  Wire other = wire();
-  EXPECT_EQ(other.status_of("GET /here HTTP/1.1\r\nHost: x\r\nContent-Length: 500\r\n\r\n" + get()), 200);
-  EXPECT_EQ(other.status(), 0);
+  const auto expect_last = [&](const std::string& request, int status) {
+    Wire browser = wire();
+    EXPECT_EQ(browser.status_of(request + get()), status) << request;
+    EXPECT_TRUE(browser.says_close()) << request;
+    EXPECT_EQ(browser.status(), 0) << request;
+  };
+  expect_last(post("/small", "Content-Length: 500\r\n"), 413);
+  expect_last(post("/small", "Transfer-Encoding: chunked\r\n"), 411);
+  expect_last(get("Content-Length: 500\r\n"), 200);
+  expect_last(get("Transfer-Encoding: chunked\r\n"), 200);
 }
 
 TEST_F(HttpHostTest, ASlowHeadLosesItsPlace) {
