@@ -1,5 +1,6 @@
 // Fills a composite's unsolved pixels, such as those that saw the id patch, as `glasswing composite --fill` does.
 import { kFlags } from "./matte";
+import { codeOf, lightOf } from "./srgb";
 
 /** A pixel's index for each unsolved pixel of `flags`. */
 export function unsolvedPixels(flags: Uint8Array): Uint32Array<ArrayBuffer> {
@@ -8,11 +9,7 @@ export function unsolvedPixels(flags: Uint8Array): Uint32Array<ArrayBuffer> {
   return Uint32Array.from(pixels);
 }
 
-const toLight = Float32Array.from({ length: 256 }, (_, code) =>
-  code <= 10 ? code / 255 / 12.92 : ((code / 255 + 0.055) / 1.055) ** 2.4,
-);
-const toCode = (light: number): number =>
-  255 * (light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055);
+const kLights = Float32Array.from({ length: 256 }, (_, code) => lightOf(code / 255));
 
 /**
  * Replaces `unsolved` in an sRGB picture of four channels, from the rim inwards: each becomes the mean light of those of its
@@ -31,10 +28,10 @@ export function fillUnsolved(picture: Pick<ImageData, "width" | "height" | "data
         const at = v * width + u;
         if (!known[at]) continue;
         ++count;
-        for (let c = 0; c < 3; ++c) sum[c]! += toLight[data[4 * at + c]!]!;
+        for (let c = 0; c < 3; ++c) sum[c]! += kLights[data[4 * at + c]!]!;
       }
     }
-    if (count > 0) data.set([...sum.map((light) => Math.round(toCode(light / count))), 255], 4 * pixel);
+    if (count > 0) data.set([...sum.map((light) => Math.round(255 * codeOf(light / count))), 255], 4 * pixel);
     return count > 0;
   };
   for (let open = [...unsolved]; open.length > 0; ) {

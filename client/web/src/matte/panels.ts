@@ -1,6 +1,7 @@
 // A matte's values as pictures, with the colours and scales of `glasswing view` (client/pictures/matte_panels);
 // tests/browser/panels_test.mjs compares the two.
 import { kChannels, kFlags, strongestMode, type MatteData, type MatteMetadata } from "../light/matte";
+import { codeOf } from "../light/srgb";
 
 export type Colour = readonly [number, number, number];
 
@@ -28,8 +29,6 @@ const kDarkestWhite = 0.02;
 
 const code = (share: number): number => Math.round(255 * Math.min(1, Math.max(0, share)));
 const gray = (share: number): Colour => [code(share), code(share), code(share)];
-const srgb = (light: number): number =>
-  light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055;
 
 // Dark blue to yellow; the stops are equally spaced in CIE L*.
 const kStops = [
@@ -124,7 +123,7 @@ function foregroundOf(matte: MatteData): Panel {
   const lights = valuesOf(matte, (pixel) => Math.max(...at(pixel)));
   const white =
     lights.length === 0 ? 1 : Math.min(1, Math.max(kDarkestWhite, roundUp(percentile(lights, 0.995))));
-  const level = (light: number): number => code(srgb(light / white));
+  const level = (light: number): number => code(codeOf(light / white));
   return {
     name: "foreground",
     title: "F: light without the monitors, of full scale",

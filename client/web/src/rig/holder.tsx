@@ -2,7 +2,7 @@ import { useState } from "preact/hooks";
 import { mayOperate } from "../api";
 import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
 import { Dialog } from "../parts/dialog";
-import { Failure } from "../parts/failure";
+import { FormEnd } from "../parts/form_end";
 import { hold, holdRig } from "../parts/hold";
 import { useAction } from "../parts/use_action";
 import { timeText } from "../parts/words";
@@ -32,15 +32,7 @@ function HoldDialog({ close }: { close: () => void }) {
             onInput={(event) => setReason(event.currentTarget.value)}
           />
         </label>
-        {error !== undefined && <Failure error={error} />}
-        <div class="row ends">
-          <button type="button" onClick={close}>
-            Cancel
-          </button>
-          <button class="primary" disabled={busy}>
-            Hold
-          </button>
-        </div>
+        <FormEnd action="Hold" busy={busy} error={error} close={close} />
       </form>
     </Dialog>
   );

@@ -5,6 +5,7 @@ import type { DeleteSessionResponseJson } from "../gen/glasswing/v1/session_serv
 import { Confirm } from "../parts/confirm";
 import { Dialog } from "../parts/dialog";
 import { Failure } from "../parts/failure";
+import { FormEnd } from "../parts/form_end";
 import { useAction } from "../parts/use_action";
 import { bytesText } from "../parts/words";
 import { fitCalibration } from "../rig/calibrate";
@@ -36,15 +37,7 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
           />{" "}
           times
         </label>
-        {error !== undefined && <Failure error={error} />}
-        <div class="row ends">
-          <button type="button" onClick={close}>
-            Cancel
-          </button>
-          <button class="primary" disabled={busy}>
-            Try again
-          </button>
-        </div>
+        <FormEnd action="Try again" busy={busy} error={error} close={close} />
       </form>
     </Dialog>
   );

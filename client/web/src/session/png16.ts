@@ -1,5 +1,6 @@
 // Encodes a linear PNG with 16 bits per colour, the format of uploaded photos. (Canvases write 8 bits, too few for dark linear
 // light.)
+import { lightOf } from "../light/srgb";
 
 const kSignature = [137, 80, 78, 71, 13, 10, 26, 10];
 
@@ -28,11 +29,6 @@ function chunk(kind: string, data: Uint8Array): Uint8Array<ArrayBuffer> {
 async function deflated(bytes: Uint8Array<ArrayBuffer>): Promise<Uint8Array> {
   const packed = new Blob([bytes]).stream().pipeThrough(new CompressionStream("deflate"));
   return new Uint8Array(await new Response(packed).arrayBuffer());
-}
-
-/** Linear light of an sRGB code, both 0 to 1 (IEC 61966-2-1). */
-export function lightOf(code: number): number {
-  return code <= 0.04045 ? code / 12.92 : ((code + 0.055) / 1.055) ** 2.4;
 }
 
 /** `codes`: sRGB r, g, b, alpha, 0 to 255, row by row; alpha is ignored. */

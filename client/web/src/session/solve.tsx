@@ -7,7 +7,7 @@ import type {
   SolveOptionJson,
 } from "../gen/glasswing/v1/session_service_pb";
 import { Dialog } from "../parts/dialog";
-import { Failure } from "../parts/failure";
+import { FormEnd } from "../parts/form_end";
 import { useAction } from "../parts/use_action";
 
 const isSwitch = (option: SolveOptionJson): boolean =>
@@ -97,15 +97,7 @@ export function SolveDialog({ session, close }: { session: SessionJson; close: (
         {session.matteReady && (
           <p class="note">The current matte stays available until the new one is done.</p>
         )}
-        {error !== undefined && <Failure error={error} />}
-        <div class="row ends">
-          <button type="button" onClick={close}>
-            Cancel
-          </button>
-          <button class="primary" disabled={busy}>
-            Solve
-          </button>
-        </div>
+        <FormEnd action="Solve" busy={busy} error={error} close={close} />
       </form>
     </Dialog>
   );

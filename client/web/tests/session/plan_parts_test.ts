@@ -1,7 +1,8 @@
 import { inflateSync } from "node:zlib";
 import { describe, expect, it } from "vitest";
+import { lightOf } from "../../src/light/srgb";
 import { missingPhotos, photoName } from "../../src/session/photos";
-import { lightOf, linearPng } from "../../src/session/png16";
+import { linearPng } from "../../src/session/png16";
 
 describe("photos", () => {
   it("are named by their files' stems unless the plan names them", () => {
