@@ -44,11 +44,10 @@ absl::StatusOr<Image16> read_picture(const std::filesystem::path& path, const v1
   };
   if (checksum_of(bytes) != frame.checksum())
     return damaged(fmt::format("its checksum is {} instead of {}", checksum_of(bytes), frame.checksum()));
-  const absl::StatusOr<TiffRows> rows = TiffRows::open(bytes, shape_of(camera));
-  if (!rows.ok()) return damaged(std::string(rows.status().message()));
-  Image16 image(camera.width_px(), camera.height_px(), shape_of(camera).channels);
-  const absl::Status read = rows->read(0, image.height_px, image.samples.data());
-  if (!read.ok()) return damaged(std::string(read.message()));
+  if (const absl::Status head = check_tiff_head(bytes, bytes.size(), shape_of(camera)); !head.ok())
+    return damaged(std::string(head.message()));
+  absl::StatusOr<Image16> image = decode_tiff(bytes);
+  if (!image.ok()) return damaged(std::string(image.status().message()));
   return image;
 }
 

@@ -268,13 +268,8 @@ absl::Status RemoteArchive::read(const Request& request, std::span<char> rows) c
 
 absl::StatusOr<std::string> RemoteArchive::file(const v1::CaptureManifest& manifest, int frame) const {
   const v1::Frame& record = manifest.frames(frame);
-  const size_t plain_bytes = tiff_size_bytes(shape_of(manifest.camera()));
-  const size_t size_bytes = record.size_bytes() > 0 ? static_cast<size_t>(record.size_bytes()) : plain_bytes;
-  if (size_bytes > plain_bytes) {
-    return absl::DataLossError(
-        fmt::format("{} is listed with {} bytes; a frame of this camera has at most {}", record.file(),
-                    size_bytes, plain_bytes));
-  }
+  GW_ASSIGN_OR_RETURN(const size_t size_bytes,
+                      listed_bytes(record, shape_of(manifest.camera()), record.file()));
   std::string bytes(size_bytes, '\0');
   GW_RETURN_IF_ERROR(read_any(
       [&](const Source& source, std::int64_t& done) { return read_file_from(source, record, bytes, done); }));

@@ -296,17 +296,11 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> Archive::map(const std::string
     const auto known = verified_.find(file);
     if (known != verified_.end()) verified = known->second;
   }
-  const size_t plain_bytes = tiff_size_bytes(shape_);
-  const size_t listed_bytes = frame.size_bytes() > 0 ? static_cast<size_t>(frame.size_bytes()) : plain_bytes;
-  if (listed_bytes > plain_bytes) {
-    return absl::DataLossError(
-        fmt::format("{} is listed with {} bytes; a frame of this camera has at most {}", path.string(),
-                    listed_bytes, plain_bytes));
-  }
-  const absl::StatusOr<std::shared_ptr<const MappedFile>> mapped = MappedFile::open(path, listed_bytes);
+  GW_ASSIGN_OR_RETURN(const size_t size_bytes, listed_bytes(frame, shape_, path.string()));
+  const absl::StatusOr<std::shared_ptr<const MappedFile>> mapped = MappedFile::open(path, size_bytes);
   if (absl::IsOutOfRange(mapped.status()) && identity.ok()) {
     return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(),
-                                           identity->size_bytes, listed_bytes));
+                                           identity->size_bytes, size_bytes));
   }
   if (absl::IsResourceExhausted(mapped.status()))
     return mapped;  // this process has too many files or mappings

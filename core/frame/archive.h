@@ -37,6 +37,9 @@ absl::Status check_manifest(const v1::CaptureManifest& manifest);
 // The same for its parts. A header has no frames yet, and may lack monitors.
 absl::Status check_manifest_header(const v1::CaptureManifest& manifest);
 absl::Status check_frame(const v1::Frame& frame);
+// The size of a frame's file: as it is listed, else a plain one's. DATA_LOSS, which names the file as `file`:
+// it is listed with more.
+absl::StatusOr<size_t> listed_bytes(const v1::Frame& frame, const FrameShape& shape, std::string_view file);
 // Whether an archive stores new frames under this name: frames/NAME, spelled just so (another spelling would
 // be another frame in the same file), and NAME without a dot at its start.
 bool is_stored_name(const std::string& file);

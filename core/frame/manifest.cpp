@@ -90,6 +90,14 @@ absl::Status check_manifest_header(const v1::CaptureManifest& manifest) {
   return check_finite("plan", manifest.plan());
 }
 
+absl::StatusOr<size_t> listed_bytes(const v1::Frame& frame, const FrameShape& shape, std::string_view file) {
+  const size_t plain_bytes = tiff_size_bytes(shape);
+  const size_t size_bytes = frame.size_bytes() > 0 ? static_cast<size_t>(frame.size_bytes()) : plain_bytes;
+  if (size_bytes <= plain_bytes) return size_bytes;
+  return absl::DataLossError(fmt::format("{} is listed with {} bytes; a frame of this camera has at most {}",
+                                         file, size_bytes, plain_bytes));
+}
+
 absl::Status check_frame(const v1::Frame& frame) {
   const std::filesystem::path file(frame.file());
   const bool climbs = std::find(file.begin(), file.end(), "..") != file.end();

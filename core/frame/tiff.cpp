@@ -270,11 +270,15 @@ size_t tiff_head_bytes(const FrameShape& shape) {
   return Strips(shape).begin();
 }
 
-absl::Status check_tiff_head(std::string_view head, size_t file_bytes, const FrameShape& shape) {
+namespace {
+
+// As check_tiff_head; the predictor of a compressed file, or none of a plain one.
+absl::StatusOr<std::optional<std::uint16_t>> checked_predictor(std::string_view head, size_t file_bytes,
+                                                               const FrameShape& shape) {
   GW_ASSIGN_OR_RETURN(const std::optional<std::uint16_t> predictor,
                       predictor_in(head.substr(0, kTiffPixelOffset), shape));
   if (!predictor) {
-    if (file_bytes == tiff_size_bytes(shape)) return absl::OkStatus();
+    if (file_bytes == tiff_size_bytes(shape)) return predictor;
     return absl::DataLossError(fmt::format("holds {} bytes; {}x{} needs {}", file_bytes, shape.width_px,
                                            shape.height_px, tiff_size_bytes(shape)));
   }
@@ -292,16 +296,21 @@ absl::Status check_tiff_head(std::string_view head, size_t file_bytes, const Fra
     }
     end += place.size_bytes;
   }
-  if (end == file_bytes && file_bytes <= tiff_size_bytes(shape)) return absl::OkStatus();
+  if (end == file_bytes && file_bytes <= tiff_size_bytes(shape)) return predictor;
   return absl::DataLossError(fmt::format("holds {} bytes; its strips end at {}, and {}x{} needs at most {}",
                                          file_bytes, end, shape.width_px, shape.height_px,
                                          tiff_size_bytes(shape)));
 }
 
+}  // namespace
+
+absl::Status check_tiff_head(std::string_view head, size_t file_bytes, const FrameShape& shape) {
+  return checked_predictor(head, file_bytes, shape).status();
+}
+
 absl::StatusOr<TiffRows> TiffRows::open(std::string_view bytes, const FrameShape& shape) {
-  GW_RETURN_IF_ERROR(check_tiff_head(bytes, bytes.size(), shape));
   GW_ASSIGN_OR_RETURN(const std::optional<std::uint16_t> predictor,
-                      predictor_in(bytes.substr(0, kTiffPixelOffset), shape));
+                      checked_predictor(bytes, bytes.size(), shape));
   TiffRows rows(bytes, shape);
   rows.has_differences_ = predictor == kDifferences;
   if (!predictor) {
