@@ -196,26 +196,17 @@ void Console::add_routes(const std::filesystem::path& files) {
                                                    const std::string& body, Response& response) {
                 sessions_.store_image(login, body, response);
               }));
-  routes.Get(R"(/mattes/([A-Za-z0-9._-]+)\.exr)",
-             guarded([this](const Login& login, const Request& request, Response& response) {
-               sessions_.send_matte(login, request, response);
-             }));
-  routes.Get(R"(/stmaps/([A-Za-z0-9._-]+)\.exr)",
-             guarded([this](const Login& login, const Request& request, Response& response) {
-               sessions_.send_stmap(login, request, response);
-             }));
-  routes.Get(R"(/archives/([A-Za-z0-9._-]+)\.tar)",
-             guarded([this](const Login& login, const Request& request, Response& response) {
-               sessions_.send_archive(login, request, response);
-             }));
-  routes.Get(R"(/frames/([A-Za-z0-9._-]+)/(\w+)\.(tif|jpg))",
-             guarded([this](const Login& login, const Request& request, Response& response) {
-               sessions_.send_frame(login, request, response);
-             }));
-  routes.Get(R"(/pixels/([A-Za-z0-9._-]+))",
-             guarded([this](const Login& login, const Request& request, Response& response) {
-               sessions_.send_samples(login, request, response);
-             }));
+  using Send = void (SessionRoutes::*)(const Login&, const Request&, Response&) const;
+  const auto send = [&](const char* path, Send own) {
+    routes.Get(path, guarded([this, own](const Login& login, const Request& request, Response& response) {
+                 (sessions_.*own)(login, request, response);
+               }));
+  };
+  send(R"(/mattes/([A-Za-z0-9._-]+)\.exr)", &SessionRoutes::send_matte);
+  send(R"(/stmaps/([A-Za-z0-9._-]+)\.exr)", &SessionRoutes::send_stmap);
+  send(R"(/archives/([A-Za-z0-9._-]+)\.tar)", &SessionRoutes::send_archive);
+  send(R"(/frames/([A-Za-z0-9._-]+)/(\w+)\.(tif|jpg))", &SessionRoutes::send_frame);
+  send(R"(/pixels/([A-Za-z0-9._-]+))", &SessionRoutes::send_samples);
   routes.set_mount_point(
       "/assets", (files / "assets").string(),
       {{"Cache-Control", "public, max-age=31536000, immutable"}});  // names include checksums
