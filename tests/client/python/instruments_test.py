@@ -4,7 +4,6 @@ of a server that cannot do what it is asked."""
 import concurrent.futures
 import struct
 import threading
-import time
 import unittest
 import zlib
 
@@ -129,8 +128,9 @@ class Server(
         frame = live_service_pb2.LiveFrame(taken=taken, picture=bytes([1, 2, 3]), object_pixel_count=1, solve_ms=2.5)
         yield live_service_pb2.RunLiveResponse(frame=frame)
         yield live_service_pb2.RunLiveResponse(frame=live_service_pb2.LiveFrame(picture=bytes([4, 5, 6])))
-        while context.is_active():
-            time.sleep(0.01)
+        ended = threading.Event()
+        if context.add_callback(ended.set):
+            ended.wait()
 
     def GetSession(self, request, context):
         context.abort(grpc.StatusCode.UNAVAILABLE, STORE_AWAY)
