@@ -219,21 +219,17 @@ Interval BoxFitter::halo_side(size_t m, size_t halo, const Interval& box) const 
   return {.low_px = box.centre_px() - half_px, .high_px = box.centre_px() + half_px};
 }
 
-void BoxFitter::part_means(size_t m, size_t a, const PixelBox& box, Parts& v) const {
-  const WaveAxis& axis = axes_[m][a];
-  const WaveAxis::SoftMeans soft = axis.soft_means(soft_side(box.side[a]));
-  for (size_t k = 0; k < axis.wave_count(); ++k) v[0][k] = static_cast<double>(soft.v[k]);
-  for (size_t j = 0; j < halo_widths_px_[m].size(); ++j)
-    axis.means(inside(halo_side(m, j, box.side[a]), extent_px(monitors_[m], a)), v[1 + j]);
-}
-
 void BoxFitter::means(size_t m, size_t a, const PixelBox& box, Parts& parts, std::span<double> v) const {
+  const WaveAxis& axis = axes_[m][a];
   if (!box.soft) {
-    axes_[m][a].means(box.side[a], v);
+    axis.means(box.side[a], v);
     return;
   }
-  part_means(m, a, box, parts);
-  for (size_t k = 0; k < axes_[m][a].wave_count(); ++k) {
+  const WaveAxis::SoftMeans soft = axis.soft_means(soft_side(box.side[a]));
+  for (size_t k = 0; k < axis.wave_count(); ++k) parts[0][k] = static_cast<double>(soft.v[k]);
+  for (size_t j = 0; j < halo_widths_px_[m].size(); ++j)
+    axis.means(inside(halo_side(m, j, box.side[a]), extent_px(monitors_[m], a)), parts[1 + j]);
+  for (size_t k = 0; k < axis.wave_count(); ++k) {
     v[k] = box.core() * parts[0][k];
     for (size_t j = 0; j < halo_widths_px_[m].size(); ++j) v[k] += box.halo[j] * parts[1 + j][k];
   }
@@ -460,7 +456,7 @@ double BoxFitter::rms_of(const BoxPixel& pixel, const BoxFit& fit) const {
 void BoxFitter::settle(bool anew, bool straight_is_free, BoxFit& fit) {
   fit.chi_square = INFINITY;
   BoxFit next = fit;
-  see(next);
+  if (std::ranges::any_of(next.boxes, &PixelBox::soft)) see(next);  // spread() needs their parts
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::vector<PixelBox> before = next.boxes;
     place(anew, next);

@@ -60,10 +60,8 @@ class BoxFitter {
   void observe(const BoxFit& fit, size_t monitor);
   // Fits the shares of box and halos to seen_, then takes the halos out of seen_. Needs parts_.
   void spread(size_t monitor, PixelBox& box);
-  // v of a soft box alone, then of each halo.
+  // v of a box with its halos; of a soft one also of its parts: itself alone, then each halo.
   using Parts = std::array<std::array<double, WaveAxis::kMaxWaves>, kMaxParts>;
-  void part_means(size_t monitor, size_t axis, const PixelBox& box, Parts& v) const;
-  // v of a box with its halos, and of its parts if it is soft.
   void means(size_t monitor, size_t axis, const PixelBox& box, Parts& parts, std::span<double> v) const;
   // Whether no side is longer than so many finest bars.
   bool narrower(const BoxFit& fit, double bars) const;

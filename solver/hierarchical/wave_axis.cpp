@@ -34,6 +34,18 @@ internal::SoftPlace place_of(const WaveAxis::SoftSide& side) {
           .sigma_px = static_cast<float>(side.sigma_px)};
 }
 
+std::optional<double> period_of(std::span<const BarWave> waves, double extent_px) {
+  constexpr double kSame = 1e-6;  // periods
+  double period_px = 0.0;
+  for (const BarWave& wave : waves) period_px = std::max(period_px, 2.0 * wave.bar_px);
+  if (period_px >= extent_px) return std::nullopt;
+  for (const BarWave& wave : waves) {
+    const double periods = period_px / (2.0 * wave.bar_px);
+    if (std::abs(periods - std::round(periods)) > kSame) return std::nullopt;
+  }
+  return period_px;
+}
+
 }  // namespace
 
 struct WaveAxis::Lanes {
@@ -52,7 +64,8 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
       wave_count_(waves.size()),
       stride_((waves.size() + internal::kWaveLanes - 1) / internal::kWaveLanes * internal::kWaveLanes),
       extent_px_(extent_px),
-      finest_bar_px_(extent_px) {
+      finest_bar_px_(extent_px),
+      period_px_(period_of(waves, extent_px)) {
   assert(!waves.empty() && waves.size() <= kMaxWaves && extent_px > 0);
   bars_px_.resize(stride_, 1.0f);
   offsets_px_.resize(stride_, 0.0f);
@@ -179,18 +192,6 @@ std::optional<std::array<double, 2>> WaveAxis::alike_px() const {
     last->second = t_px;
   }
   return std::nullopt;
-}
-
-std::optional<double> WaveAxis::period_px() const {
-  constexpr double kSame = 1e-6;  // periods
-  double period_px = 0.0;
-  for (const BarWave& wave : waves_) period_px = std::max(period_px, 2.0 * wave.bar_px);
-  if (period_px >= extent_px_) return std::nullopt;
-  for (const BarWave& wave : waves_) {
-    const double periods = period_px / (2.0 * wave.bar_px);
-    if (std::abs(periods - std::round(periods)) > kSame) return std::nullopt;
-  }
-  return period_px;
 }
 
 void WaveAxis::means(const Interval& interval, std::span<double> v) const {

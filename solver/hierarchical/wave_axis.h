@@ -54,7 +54,7 @@ class WaveAxis {
   // was left out; none if all can be distinguished.
   std::optional<std::array<double, 2>> alike_px() const;
   // After so many pixels all waves begin anew; none if that is not on the monitor.
-  std::optional<double> period_px() const;
+  std::optional<double> period_px() const { return period_px_; }
 
   struct Seen {
     float u = 0.0f;
@@ -143,6 +143,7 @@ class WaveAxis {
   int per_px_ = 1;  // grid points per pixel
   int last_point_ = 0;
   double extent_px_ = 0.0, finest_bar_px_ = 0.0;
+  std::optional<double> period_px_;
   std::vector<float> sums_;         // [point][wave]: P in grid steps: integers
   std::vector<float> cells_;        // [level][cell][min, max][wave]
   std::vector<size_t> first_cell_;  // by level
