@@ -22,6 +22,7 @@ constexpr double kMinCore = 0.1;    // of the light: what the box keeps beside h
 constexpr double kBeyond = 3.0;     // standard deviations of chi-square that noise explains
 constexpr double kSurely = 9.0;     // chi-square by which a misreading is excluded
 constexpr double kSoftPrice = 1.4;  // of a soft box and of each halo, in log n
+constexpr double kClearly = 2.0;    // in n log chi-square: less says nothing (Kass and Raftery 1995)
 constexpr double kSeparable = 0.7;  // by which lit shares must differ to tell F from R
 constexpr double kUnlit = 0.1;      // where they differ by less, all light is F
 constexpr double kMaxSoft = 4.0;    // finest bars: wider footprints are boxes only
@@ -605,12 +606,15 @@ BoxFit BoxFitter::fit_whole(const BoxFit& start) {
   settle(!explained, false, box);
   if (!soft) return box;
   // The matte shows a Gaussian as a box, so that it and its halos have to explain more than one at the same
-  // place. A box that was looked for everywhere has to explain more than one at a certain position.
+  // place. A box that was looked for everywhere has to explain more than one at a certain position, unless
+  // neither explains the pixel.
   const bool same_place = near(box, *soft), refuted = !explains(*soft) && explains(box);
   const auto count = static_cast<double>(box.sample_count);
   const double gain = count * std::log(box.chi_square) - count * std::log(soft->chi_square);
-  const double price = same_place || !certain ? kSoftPrice * (1.0 + halo_count(*soft)) : 0.0;
-  const bool better = !refuted && (gain > price * std::log(count) || (enough && !same_place));
+  const double price = same_place || !certain ? kSoftPrice * (1.0 + halo_count(*soft)) * std::log(count)
+                       : explains(*soft)      ? 0.0
+                                              : kClearly;
+  const bool better = !refuted && (gain > price || (enough && !same_place));
   return better ? *soft : box;
 }
 
