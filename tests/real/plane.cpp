@@ -183,37 +183,64 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// True if the matte is closer to the plane than the decode, in the median of pixels of this contrast.
-bool compare(const char* name, const std::vector<Pixel>& pixels, const Plane& plane, const Matte& matte,
-             double from, double to) {
-  constexpr double kOfPlane_px = 20.0;  // decodes further off are of something else
-  std::vector<double> decoded, solved;
-  double flagged = 0.0, near = 0.0;
-  for (const Pixel& pixel : pixels) {
-    const Eigen::Vector2d truth = plane.at(pixel);
-    const double off_px = (pixel.decoded - truth).norm();
-    if (pixel.contrast < from || pixel.contrast >= to || off_px > kOfPlane_px) continue;
-    const int x = static_cast<int>(pixel.x), y = static_cast<int>(pixel.y);
-    decoded.push_back(off_px);
-    if (matte.flags(x, y) != kFlagNone) {
-      flagged += 1.0;
-      continue;
+// The matte's pixels of this contrast that the decode finds on the plane. Distances in monitor px.
+struct Comparison {
+  static constexpr double kNear_px = 1.5, kFar_px = 3.0;
+  static constexpr double kOfPlane_px = 20.0;  // decodes further off are of something else
+
+  Comparison(const std::vector<Pixel>& pixels, const Plane& plane, const Matte& matte, double from,
+             double to) {
+    for (const Pixel& pixel : pixels) {
+      const Eigen::Vector2d truth = plane.at(pixel);
+      const double decoded_px = (pixel.decoded - truth).norm();
+      if (pixel.contrast < from || pixel.contrast >= to || decoded_px > kOfPlane_px) continue;
+      const int x = static_cast<int>(pixel.x), y = static_cast<int>(pixel.y);
+      const Mode& mode = matte.modes(x, y, kGreen)[0];
+      if (mode.weight <= 0.0f) {
+        ++unseen;
+        continue;
+      }
+      const Eigen::Vector2d off_px =
+          Eigen::Vector2d(static_cast<double>(mode.x_px), static_cast<double>(mode.y_px)) - truth;
+      const bool is_flagged = matte.flags(x, y) != kFlagNone;
+      decoded.push_back(decoded_px);
+      all.push_back(off_px.norm());
+      if (off_px.norm() > kFar_px) ++(is_flagged ? far_flagged : far_unflagged);
+      if (is_flagged) continue;
+      solved.push_back(off_px.norm());
+      for (const double axis_px : off_px)
+        within_sd += std::abs(axis_px) < static_cast<double>(mode.centre_sd_px);
     }
-    const Mode& mode = matte.modes(x, y, kGreen)[0];
-    solved.push_back(
-        std::hypot(static_cast<double>(mode.x_px) - truth.x(), static_cast<double>(mode.y_px) - truth.y()));
-    near += solved.back() < 2.0 ? 1.0 : 0.0;
   }
-  if (decoded.empty()) return true;
-  const double count = static_cast<double>(solved.size());
-  fmt::print(
-      "    {}: {} pixels, {:.1f} % flagged; of the others {:.1f} % within 2 px, median {:.2f} px (plain "
-      "decode {:.2f} "
-      "px)\n",
-      name, decoded.size(), 100.0 * flagged / static_cast<double>(decoded.size()),
-      100.0 * near / std::max(count, 1.0), median(solved), median(decoded));
-  return median(solved) <= median(decoded);
-}
+  bool is_closer() const { return decoded.empty() || median(all) <= median(decoded); }
+  void print(const char* name) const {
+    const auto share = [](double count, size_t of) {
+      return 100.0 * count / std::max(1.0, static_cast<double>(of));
+    };
+    const auto near = [&](const std::vector<double>& off_px) {
+      return share(
+          static_cast<double>(std::ranges::count_if(off_px, [](double px) { return px < kNear_px; })),
+          off_px.size());
+    };
+    fmt::print(
+        "    {}: {} pixels, {:.1f} % flagged, {} more without light; within {} px {:.1f} % (plain decode "
+        "{:.1f} %), "
+        "median {:.2f} px ({:.2f} px)\n"
+        "      not flagged: within {} px {:.1f} %, within one standard error {:.0f} % of x and y; of {} more "
+        "than {} px off "
+        "{:.0f} % are flagged\n",
+        name, all.size(), share(static_cast<double>(all.size() - solved.size()), all.size()), unseen,
+        kNear_px, near(all), near(decoded), median(all), median(decoded), kNear_px, near(solved),
+        share(within_sd, 2 * solved.size()), far_flagged + far_unflagged, kFar_px,
+        share(far_flagged, static_cast<size_t>(far_flagged + far_unflagged)));
+  }
+
+ private:
+  std::vector<double> decoded, all, solved;  // distances from the plane; `solved`: of pixels without a flag
+  int unseen = 0;                            // pixels that the matte gives no light
+  int far_flagged = 0, far_unflagged = 0;
+  double within_sd = 0.0;  // of 2 solved.size() errors
+};
 
 absl::StatusOr<bool> check(const std::string& archive_path, const std::string& matte_path,
                            const std::array<int, 4>& left_out) {
@@ -222,9 +249,10 @@ absl::StatusOr<bool> check(const std::string& archive_path, const std::string& m
   const std::vector<Pixel> pixels = decode(*archive, left_out);
   if (pixels.empty()) return absl::InvalidArgumentError("no pixel can be decoded");
   const Plane plane(pixels, matte.width_px(), matte.height_px());
-  const bool bright = compare("much contrast", pixels, plane, matte, kBright, 2.0);
-  compare("8 to 60 codes", pixels, plane, matte, kDim, kBright);
-  return bright;
+  const Comparison bright(pixels, plane, matte, kBright, 2.0), dim(pixels, plane, matte, kDim, kBright);
+  bright.print("much contrast");
+  dim.print("8 to 60 codes");
+  return bright.is_closer();
 }
 
 }  // namespace
