@@ -127,6 +127,7 @@ def _read(stage: RelayedStage, files: list[str], rows: int, reset_at: int | None
 @case("network.clients", "8 clients ask at once to import, annotate and solve the same session", "it is done once, and all get an answer")
 def same_request_at_once(stage: RelayedStage) -> Report:
     """Each client has its own connection, and all call at the same time."""
+    until(stage.lab.camera_is_up, "the camera node, whose connections were reset, is up")
     name = stage.name()
     header = type(stage.captured.header)()
     header.CopyFrom(stage.captured.header)
