@@ -79,7 +79,7 @@ absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>&
 struct CaptureArguments {
   std::string plan, session, note;
   std::vector<std::string> tags;
-  bool watch = false, dry_run = false;
+  bool solve = false, watch = false, dry_run = false;
 };
 
 absl::Status dry_run(const Client& client, const Peer<v1::SessionService>& server,
@@ -107,6 +107,7 @@ absl::Status capture(const Client& client, const CaptureArguments& arguments) {
   GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
   GW_RETURN_IF_ERROR(upload_photos(client, server, arguments.plan, *request.mutable_plan()));
   request.set_name(arguments.session);
+  request.set_solve(arguments.solve);
   GW_ASSIGN_OR_RETURN(v1::Session session, create_session(client, std::move(request)));
   if (!arguments.note.empty() || !arguments.tags.empty()) {
     v1::AnnotateSessionRequest annotation;
@@ -117,7 +118,8 @@ absl::Status capture(const Client& client, const CaptureArguments& arguments) {
                         call(server, &v1::SessionService::Stub::AnnotateSession, annotation));
     session = annotated.session();
   }
-  if (arguments.watch) return follow_to_outcome(client, session.name());
+  if (arguments.watch)
+    return follow_to_outcome(client, session.name(), arguments.solve ? Goal::kDone : Goal::kCapturedOrDone);
   print_session(session, client.json);
   return absl::OkStatus();
 }
@@ -142,6 +144,7 @@ void add_capture_command(CLI::App& app, Client& client) {
   command.footer(
       "Examples:\n"
       "  glasswing capture deploy/plans/crystal.txtpb --session vase --watch\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --session vase --solve --watch\n"
       "  glasswing capture deploy/plans/crystal.txtpb --dry-run\n"
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<CaptureArguments>();
@@ -151,7 +154,10 @@ void add_capture_command(CLI::App& app, Client& client) {
   command.add_option("--note", arguments->note, "a note to keep with it");
   command.add_option("--tag", arguments->tags, "a tag to find it by; may be repeated")
       ->allow_extra_args(false);
-  command.add_flag("--watch", arguments->watch, "wait until it is captured; any other outcome is a failure");
+  command.add_flag("--solve", arguments->solve, "solve it by the plan's method as soon as it is captured");
+  command.add_flag(
+      "--watch", arguments->watch,
+      "wait until it is captured, with --solve until it is solved; any other outcome is a failure");
   command.add_flag("--dry-run", arguments->dry_run,
                    "capture nothing: check everything, and print the cost and who holds the rig");
   command.callback(

@@ -32,7 +32,7 @@ absl::Status solve(const Client& client, const SolveArguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::SolveSessionResponse started,
                       call(server, &v1::SessionService::Stub::SolveSession, request, kLongCallTimeout));
-  if (arguments.watch) return follow_to_outcome(client, arguments.session);
+  if (arguments.watch) return follow_to_outcome(client, arguments.session, Goal::kDone);
   print_session(started.session(), client.json);
   return absl::OkStatus();
 }

@@ -92,9 +92,12 @@ absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name
   }
 }
 
-absl::Status outcome_of(const v1::Session& session) {
+absl::Status outcome_of(const v1::Session& session, Goal goal) {
   switch (session.state()) {
     case v1::SESSION_STATE_CAPTURED:
+      if (goal == Goal::kCapturedOrDone) return absl::OkStatus();
+      return absl::FailedPreconditionError(
+          fmt::format("{}; solve it with: glasswing solve {} --watch", summary_of(session), session.name()));
     case v1::SESSION_STATE_DONE:
       return absl::OkStatus();
     case v1::SESSION_STATE_PAUSED: {
@@ -108,9 +111,9 @@ absl::Status outcome_of(const v1::Session& session) {
   }
 }
 
-absl::Status follow_to_outcome(const Client& client, const std::string& name) {
+absl::Status follow_to_outcome(const Client& client, const std::string& name, Goal goal) {
   GW_ASSIGN_OR_RETURN(const v1::Session session, follow(client, name));
-  const absl::Status outcome = outcome_of(session);
+  const absl::Status outcome = outcome_of(session, goal);
   if (outcome.ok() || client.json) print_session(session, client.json);
   return outcome;
 }

@@ -15,10 +15,14 @@ namespace glasswing {
 // CANCELLED: Ctrl-C was pressed; the session goes on, and the message says how to watch or end it.
 absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name);
 
-// OK for a captured or done session; otherwise an error that says why, and how to go on.
-absl::Status outcome_of(const v1::Session& session);
+// What the session is watched for.
+enum class Goal { kCapturedOrDone, kDone };
+
+// OK for a session that has reached its goal; otherwise an error that says why, and how to go on.
+absl::Status outcome_of(const v1::Session& session, Goal goal = Goal::kCapturedOrDone);
 
 // Follows the session, prints it, and returns its outcome.
-absl::Status follow_to_outcome(const Client& client, const std::string& name);
+absl::Status follow_to_outcome(const Client& client, const std::string& name,
+                               Goal goal = Goal::kCapturedOrDone);
 
 }  // namespace glasswing

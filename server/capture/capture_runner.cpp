@@ -88,6 +88,10 @@ absl::StatusOr<v1::Session> CaptureRunner::create(const v1::CreateSessionRequest
                                                   const Caller& caller) {
   const absl::StatusOr<v1::Session> before = sessions_.find_request(request.request_id());
   if (!absl::IsNotFound(before.status())) return before;
+  if (request.solve() && request.plan().has_calibration()) {
+    return absl::InvalidArgumentError(
+        "the plan measures devices and holds no object; it can be captured, but not solved");
+  }
   GW_ASSIGN_OR_RETURN(const CheckedCapture checked, check_capture(nodes_, calibrations_, request.plan()));
   v1::Session session;
   session.set_created(utc_now_rfc3339());
@@ -96,6 +100,7 @@ absl::StatusOr<v1::Session> CaptureRunner::create(const v1::CreateSessionRequest
   GW_RETURN_IF_ERROR(check_new_name(session.name()));
   *session.mutable_plan() = request.plan();
   session.set_method(request.plan().method());
+  session.set_solve_follows(request.solve());
   if (is_video(request.plan())) session.set_frame_count(ramp_frames_of(request.plan().ramp()));
   session.set_step_count(static_cast<int>(checked.steps.size()));
   const v1::Camera& camera = checked.estimate.camera();
@@ -219,6 +224,7 @@ void CaptureRunner::note_outcome(v1::Session session, const CaptureOutcome& outc
                session.proven_count(), session.step_count(), session.retaken_count(), session.reason());
   capturing_.clear();
   drive_.reset();
+  if (outcome.kind == Kind::kCaptured) captured_(session.name());
 }
 
 absl::StatusOr<v1::Session> CaptureRunner::stop(const std::string& name, Wish wish, const Caller& caller) {

@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -30,13 +31,16 @@ class CaptureRunner {
  public:
   enum class Wish { kNone, kPause, kCancel };
 
+  // `captured`: told the name of each session whose last step is proven; takes no lock of this class's order.
   CaptureRunner(SessionStore& sessions, const NodeRegistry& nodes, RigLock& rig_lock,
-                const CalibrationStore& calibrations, ImageFiles& images)
+                const CalibrationStore& calibrations, ImageFiles& images,
+                std::function<void(const std::string& session)> captured)
       : sessions_(sessions),
         nodes_(nodes),
         rig_lock_(rig_lock),
         calibrations_(calibrations),
-        images_(images) {}
+        images_(images),
+        captured_(std::move(captured)) {}
   ~CaptureRunner();  // pauses a running capture
 
   // Sessions that an earlier server left capturing are paused.
@@ -72,6 +76,7 @@ class CaptureRunner {
   RigLock& rig_lock_;
   const CalibrationStore& calibrations_;
   ImageFiles& images_;
+  const std::function<void(const std::string&)> captured_;
   StepLog steps_;
 
   std::mutex mutex_;                            // guards all below; taken after an Edit, never before

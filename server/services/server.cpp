@@ -61,9 +61,11 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
       mattes_(options.data),
       solves_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
               options.min_tile_seconds),
+      following_solves_(*stores_.sessions, solves_),
       tiles_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
              solves_.progress(), options.lease),
-      captures_(*stores_.sessions, rig_, rig_lock_, *stores_.calibrations, *stores_.images),
+      captures_(*stores_.sessions, rig_, rig_lock_, *stores_.calibrations, *stores_.images,
+                [this](const std::string& session) { following_solves_.look(session); }),
       control_(*stores_.sessions, captures_, solves_),
       importer_(*stores_.sessions, rig_),
       replicator_(*stores_.sessions, rig_),
@@ -80,6 +82,7 @@ absl::Status Server::take_up() {
     SessionStore::Edit edit = sessions().edit();
     GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> all, sessions().all_stored());
     captures_.take_up(edit, all);
+    following_solves_.take_up(all);
   }
   const absl::Status taken = take_up_solves();
   if (!absl::IsUnavailable(taken)) return taken;

@@ -22,6 +22,7 @@
 #include "server/rig/rig_lock.h"
 #include "server/services/session_control.h"
 #include "server/sessions/session_store.h"
+#include "server/solve/following_solves.h"
 #include "server/solve/solve_runner.h"
 #include "server/solve/tile_dispatcher.h"
 #include "server/solve/tile_sizes.h"
@@ -87,6 +88,7 @@ class Server {
   const Stores stores_;
   const MatteFiles mattes_;
   SolveRunner solves_;
+  FollowingSolves following_solves_;
   TileDispatcher tiles_;
   CaptureRunner captures_;  // after what it uses: its end pauses a running capture
   SessionControl control_;

@@ -16,8 +16,10 @@ namespace {
 
 constexpr size_t kEventsOfAMessage = 1000;
 
-bool rests(v1::SessionState state) {
-  return state == v1::SESSION_STATE_PAUSED || state == v1::SESSION_STATE_CAPTURED ||
+bool rests(const v1::Session& session) {
+  const v1::SessionState state = session.state();
+  return state == v1::SESSION_STATE_PAUSED ||
+         (state == v1::SESSION_STATE_CAPTURED && !session.solve_follows()) ||
          state == v1::SESSION_STATE_DONE || state == v1::SESSION_STATE_FAILED ||
          state == v1::SESSION_STATE_CANCELLED;
 }
@@ -132,7 +134,7 @@ grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
     const std::string bytes = response.SerializeAsString();
     if (bytes != last && !writer->Write(response)) break;
     last = bytes;
-    if (rests(response.session().state())) return grpc::Status::OK;
+    if (rests(response.session())) return grpc::Status::OK;
   }
   return grpc::Status(grpc::StatusCode::UNAVAILABLE, "the server is stopping");
 }

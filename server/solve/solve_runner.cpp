@@ -226,6 +226,7 @@ absl::StatusOr<v1::Session> SolveRunner::begin(SessionStore::Edit& edit, v1::Ses
   session.set_solve_seconds(0.0);
   session.set_state(v1::SESSION_STATE_SOLVING);
   session.clear_reason();
+  session.clear_solve_follows();
   clock_.start(session);
   GW_RETURN_IF_ERROR(stores_.mattes.drop_next(session.name()));
   GW_RETURN_IF_ERROR(edit.change(session));

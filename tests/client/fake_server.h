@@ -47,6 +47,11 @@ class FakeServer {
       response->mutable_session()->set_archive_address(archive_address);
       return grpc::Status::OK;
     }
+    grpc::Status SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest*,
+                              v1::SolveSessionResponse* response) override {
+      *response->mutable_session() = session;
+      return grpc::Status::OK;
+    }
     grpc::Status WatchSession(grpc::ServerContext*, const v1::WatchSessionRequest* request,
                               grpc::ServerWriter<v1::WatchSessionResponse>* writer) override {
       v1::WatchSessionResponse response;

@@ -214,8 +214,10 @@ class Rig:
         """A dry run: checks what ``capture`` would, with the same errors, and returns the cost."""
         return self._estimate(plan.to_message(), name)
 
-    def capture(self, plan: Plan, name: str = "") -> Session:
+    def capture(self, plan: Plan, name: str = "", *, solve: bool = False) -> Session:
         """Starts a capture and returns at once; the server chooses a ``name`` if none is given.
+
+        With ``solve`` it is solved by the plan's method as soon as it is captured.
 
         The plan's photos are scaled to the first monitor and uploaded. InvalidInput: the plan or the name is wrong; the
         message names the field. AlreadyExists: the name is taken. Refused: another client holds the rig, or it lacks what
@@ -223,7 +225,7 @@ class Rig:
         """
         message = plan.to_message()
         self._upload_photos(message)
-        request = pb.CreateSessionRequest(request_id=uuid.uuid4().hex, name=name, plan=message)
+        request = pb.CreateSessionRequest(request_id=uuid.uuid4().hex, name=name, plan=message, solve=solve)
         create = self._sessions.CreateSession
         try:
             answer: pb.CreateSessionResponse = self._connection.call(create, request, LONG_CALL_SECONDS)

@@ -181,6 +181,15 @@ TEST_F(SessionCommands, WatchSucceedsOnlyWhenCapturedOrDone) {
   }
 }
 
+TEST_F(SessionCommands, SolveWatchSucceedsOnlyWhenDone) {
+  v1::Session& session = server_.sessions_.session;
+  session.set_name("vase");
+  session.set_state(v1::SESSION_STATE_DONE);
+  EXPECT_EQ(run({"solve", "vase", "--watch"}).status, 0);
+  session.set_state(v1::SESSION_STATE_CAPTURED);  // as after glasswing cancel
+  expect_one_line_error(run({"solve", "vase", "--watch"}), "solve it with: glasswing solve vase --watch");
+}
+
 TEST_F(SessionCommands, JsonHasEveryPlainField) {
   server_.sessions_.session.set_name("vase");
   server_.sessions_.session.set_state(v1::SESSION_STATE_CAPTURED);

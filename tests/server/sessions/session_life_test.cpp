@@ -1,5 +1,6 @@
 // A session's life on a simulated rig: estimated, captured, solved again, paused, cancelled, retried,
 // deleted.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -45,11 +46,12 @@ class SessionLife : public testing::Test {
   }
   Server& server() { return rig_->server(); }
 
-  // Waits until the session rests.
-  v1::Session capture(const v1::Plan& plan) {
+  // Waits until the session rests, or is solved.
+  v1::Session capture(const v1::Plan& plan, bool solve = false) {
     v1::CreateSessionRequest create;
     create.set_name("s");
     *create.mutable_plan() = plan;
+    create.set_solve(solve);
     const absl::StatusOr<v1::Session> created =
         server().captures().create(create, {.client = "anna@lab3", .hold = ""});
     EXPECT_TRUE(created.ok()) << created.status();
@@ -108,6 +110,19 @@ class SessionLife : public testing::Test {
     request.set_name("s");
     if (retries) request.set_retries(*retries);
     return server().control().resume(request, {});
+  }
+  // What a server that starts with the captured session, which shall be solved, makes of it.
+  v1::Session followed_after_restart() {
+    v1::Session session = server().sessions().find("s").value();
+    session.set_solve_follows(true);
+    EXPECT_TRUE(server().sessions().edit().change(session).ok());
+    const auto again = Server::open({.data = data_ / "server"}).value();
+    const nanoseconds deadline = monotonic_now() + std::chrono::seconds(20);
+    std::int64_t seen = 0;
+    while ((session = again->sessions().find("s").value()).solve_follows() && monotonic_now() < deadline)
+      seen = again->sessions().wait_change(seen, std::chrono::milliseconds(100));
+    EXPECT_FALSE(session.solve_follows());
+    return session;
   }
   // Completes at most so many tiles.
   int complete(float mark, int most = 1 << 20) {
@@ -333,6 +348,43 @@ TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
   ASSERT_EQ(settled().state(), v1::SESSION_STATE_DONE);
   EXPECT_EQ(server().solves().partial_matte("s").value(),
             read_file(server().solves().matte("s", std::nullopt).value()).value());
+}
+
+TEST_F(SessionLife, ASolveThatFollowsTheCaptureNeedsNoOtherCall) {
+  start();
+  capture(small_plan(), true);
+  const v1::Session solving =
+      wait_until([](const v1::Session& session) { return session.state() == v1::SESSION_STATE_SOLVING; });
+  EXPECT_EQ(solving.method(), "alpha");
+  EXPECT_FALSE(solving.solve_follows());
+  EXPECT_GT(complete(1.0f), 0);
+  EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
+}
+
+TEST_F(SessionLife, ASolveThatFollowsIsBegunAfterARestart) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  const v1::Session session = followed_after_restart();
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_SOLVING);
+  EXPECT_EQ(session.reason(), "");
+}
+
+TEST_F(SessionLife, ASolveThatFollowsAndCannotBeBegunSaysWhy) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  fs::rename(data_ / "archives" / "s", data_ / "aside");
+  const v1::Session session = followed_after_restart();
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_CAPTURED);
+  EXPECT_THAT(session.reason(), testing::StartsWith("captured, but not solved: "));
+}
+
+TEST_F(SessionLife, NoSolveFollowsACalibration) {
+  start();
+  v1::CreateSessionRequest request;
+  *request.mutable_plan() = small_plan();
+  request.mutable_plan()->mutable_calibration();
+  request.set_solve(true);
+  EXPECT_TRUE(absl::IsInvalidArgument(server().captures().create(request, {}).status()));
 }
 
 TEST_F(SessionLife, ARefusedImportLeavesNothingAndOneThatWasBegunCanBeDeleted) {

@@ -90,6 +90,7 @@ export function NewSession() {
   const [name, setName] = useState("");
   const [note, setNote] = useState("");
   const [tags, setTags] = useState("");
+  const [solve, setSolve] = useState(true);
   const [photos, setPhotos] = useState<File[]>([]);
   const requestId = useRef(crypto.randomUUID()); // the same for every attempt, so that a lost answer creates no second session
   const { plan, estimate, error } = usePlan(text, name);
@@ -113,6 +114,7 @@ export function NewSession() {
         requestId: requestId.current,
         name,
         plan: full,
+        solve: solve && !plan?.calibration,
       });
       const addTags = tags.split(/\s+/).filter(Boolean);
       if (note || addTags.length > 0)
@@ -221,6 +223,12 @@ export function NewSession() {
           error === undefined && <p class="note">Checking the rig…</p>
         )}
         {start.error !== undefined && <Failure error={start.error} />}
+        {!plan?.calibration && (
+          <label>
+            <input type="checkbox" checked={solve} onChange={(event) => setSolve(event.currentTarget.checked)} />
+            Solve it as soon as it is captured
+          </label>
+        )}
         <button class="primary" disabled={start.busy || !estimate || missing.length > 0}>
           {start.busy ? "Starting…" : "Start"}
         </button>

@@ -146,6 +146,7 @@ async function capture_and_solve(page, rig) {
   const start = page.locator("button.primary:enabled", { hasText: "Start" });
   await start.waitFor();
   await photograph(page, "new-session");
+  await page.getByLabel("Solve it as soon as it is captured").uncheck(); // the captured session is looked at first
   await start.click();
   await page.waitForURL(/#\/session\/first$/);
   await until_state(page, "captured");
