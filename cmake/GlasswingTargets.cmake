@@ -125,6 +125,20 @@ function(glasswing_library)
   set_source_files_properties(${kernels} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()
 
+# glasswing_module(NAME SOURCES a.cpp ... USES library ... FOR target COMPONENT component)
+# A shared module that the library `target` loads at its first use (core/base/module.h), for libraries that take long
+# to load. It links none of ours.
+function(glasswing_module name)
+  cmake_parse_arguments(ARG "" "FOR;COMPONENT" "SOURCES;USES" ${ARGN})
+  add_library(${name} MODULE ${ARG_SOURCES})
+  set_target_properties(${name} PROPERTIES PREFIX "" LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib/glasswing)
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${name} PRIVATE absl::statusor ${ARG_USES})
+  glasswing_warnings(${name})
+  add_dependencies(${ARG_FOR} ${name})
+  install(TARGETS ${name} DESTINATION lib/glasswing COMPONENT ${ARG_COMPONENT})
+endfunction()
+
 # glasswing_program(NAME SOURCES main.cpp USES folder|library ...)
 function(glasswing_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;USES" ${ARGN})

@@ -9,7 +9,7 @@ set(GLASSWING_PACKAGE_CONTACT "Glasswing <glasswing@example.org>" CACHE STRING "
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME glasswing)
 set(CPACK_PACKAGE_CONTACT ${GLASSWING_PACKAGE_CONTACT})
-set(CPACK_COMPONENTS_ALL common server console display camera solver client python demo)
+set(CPACK_COMPONENTS_ALL common pictures server console display camera solver client python demo)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 # DESTDIR, because the configuration is installed outside the prefix.
 set(CPACK_SET_DESTDIR ON)
@@ -57,40 +57,45 @@ glasswing_package(common NAME glasswing-common ALL SCRIPTS common
   SUMMARY "capture of environment mattes - configuration of the daemons"
   TEXT "${about}\n.\nThis package contains what the daemons on a machine share: configuration, the\nuser that they run as, and alerts and a dashboard for Prometheus and Grafana."
   DEPENDS "systemd | systemd-sysusers")
+glasswing_package(pictures NAME glasswing-pictures
+  SUMMARY "capture of environment mattes - picture files"
+  TEXT "${about}\n.\nThis package contains the module with which the programs read and write PNG,\nJPEG and TIFF files. They load it with the first picture."
+)
+set(shared "glasswing-common (= THIS_VERSION), glasswing-pictures (= THIS_VERSION)")
 glasswing_package(server NAME glasswing-server SCRIPTS daemon UNIT glasswing-server
   SUMMARY "capture of environment mattes - server"
   TEXT "${about}\n.\nThis package contains the server, which runs sessions, proves which frame\nshows which pattern, hands work to solvers, and keeps finished mattes."
-  DEPENDS "glasswing-common (= THIS_VERSION)" RECOMMENDS "glasswing-client, glasswing-console")
+  DEPENDS "${shared}" RECOMMENDS "glasswing-client, glasswing-console")
 glasswing_package(console NAME glasswing-console SCRIPTS daemon UNIT glasswing-console
   SUMMARY "capture of environment mattes - console for browsers"
   TEXT "${about}\n.\nThis package contains the console, which shows a rig in browsers, with its\npage. It is a client of the server and runs as a user of its own."
-  DEPENDS "glasswing-common (= THIS_VERSION)")
+  DEPENDS "${shared}")
 # The page was part of the server's package.
 set(CPACK_DEBIAN_CONSOLE_PACKAGE_REPLACES "glasswing-server (<< THIS_VERSION)")
 set(CPACK_DEBIAN_CONSOLE_PACKAGE_BREAKS "glasswing-server (<< THIS_VERSION)")
 glasswing_package(display NAME glasswing-display SCRIPTS daemon UNIT glasswing-display
   SUMMARY "capture of environment mattes - display node"
   TEXT "${about}\n.\nThis package contains the display node, which shows patterns on the monitors\nof its machine and reports when each was visible."
-  DEPENDS "glasswing-common (= THIS_VERSION)")
+  DEPENDS "${shared}")
 glasswing_package(camera NAME glasswing-camera SCRIPTS daemon UNIT glasswing-camera
   SUMMARY "capture of environment mattes - camera node"
   TEXT "${about}\n.\nThis package contains the camera node, which records frames and reports when\neach was exposed."
-  DEPENDS "glasswing-common (= THIS_VERSION), libcamera-ipa")
+  DEPENDS "${shared}, libcamera-ipa")
 glasswing_package(solver NAME glasswing-solver SCRIPTS daemon UNIT glasswing-solver
   SUMMARY "capture of environment mattes - solver"
   TEXT "${about}\n.\nThis package contains the solver, which turns frames into a matte together\nwith the other solvers of the lab."
-  DEPENDS "glasswing-common (= THIS_VERSION)")
+  DEPENDS "${shared}")
 glasswing_package(client NAME glasswing-client
   SUMMARY "capture of environment mattes - command line"
   TEXT "${about}\n.\nThis package contains the program glasswing, which captures, solves, fetches\nand composites, with its manual pages, shell completion and example plans."
-  RECOMMENDS "bash-completion")
+  DEPENDS "glasswing-pictures (= THIS_VERSION)" RECOMMENDS "bash-completion")
 get_directory_property(python DIRECTORY client/python DEFINITION Python_VERSION_MAJOR)
 get_directory_property(minor DIRECTORY client/python DEFINITION Python_VERSION_MINOR)
 math(EXPR next "${minor} + 1")
 glasswing_package(python NAME python3-glasswing SCRIPTS python
   SUMMARY "capture of environment mattes - Python package"
   TEXT "${about}\n.\nThis package contains the Python module glasswing, with mattes as numpy\narrays."
-  DEPENDS "python3 (>= ${python}.${minor}), python3 (<< ${python}.${next}), python3-grpcio, python3-numpy, python3-protobuf")
+  DEPENDS "glasswing-pictures (= THIS_VERSION), python3 (>= ${python}.${minor}), python3 (<< ${python}.${next}), python3-grpcio, python3-numpy, python3-protobuf")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(programs server console display camera solver client)
 list(TRANSFORM programs REPLACE "(.+)" "glasswing-\\1 (= THIS_VERSION)")

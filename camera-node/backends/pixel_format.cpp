@@ -10,6 +10,7 @@
 
 #include "core/base/status.h"
 #include "core/frame/jpeg_header.h"
+#include "core/frame/picture_codecs.h"
 
 namespace glasswing {
 namespace {
@@ -200,16 +201,13 @@ absl::StatusOr<Image16> image_of_jpeg(const RawPicture& picture) {
   };
   const std::vector<std::uint8_t> none, &file = picture.planes.empty() ? none : picture.planes[0];
   const std::string_view bytes(reinterpret_cast<const char*>(file.data()), file.size());
-  // OpenCV also decodes other formats, and allocates whatever size a header claims. Check both first.
+  // The codecs also decode other formats. Check format and size first.
   if (!is_jpeg(bytes)) return bad("damaged");
   if (const PictureSize size = jpeg_size(bytes); size != PictureSize{picture.width_px, picture.height_px})
     return bad(size.width_px == 0 ? "damaged" : fmt::format("{} x {}", size.width_px, size.height_px));
-  cv::Mat bgr;
-  try {
-    bgr = cv::imdecode(file, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
-  } catch (const cv::Exception&) {
-    bgr.release();
-  }
+  absl::StatusOr<cv::Mat> decoded = decode_picture(bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  if (absl::IsDataLoss(decoded.status())) return bad("damaged");
+  GW_ASSIGN_OR_RETURN(const cv::Mat bgr, std::move(decoded));
   if (bgr.cols != picture.width_px || bgr.rows != picture.height_px) return bad("damaged");
   const DecodeTable& table = decode_table(picture.colour.transfer);
   Image16 image(picture.width_px, picture.height_px);

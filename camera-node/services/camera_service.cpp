@@ -215,10 +215,11 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
     due = std::max(due + period, monotonic_now());
     const absl::StatusOr<Image16> image = frame->image();
     if (!image.ok()) continue;  // the next frame may be intact
-    v1::PreviewResponse response =
+    absl::StatusOr<v1::PreviewResponse> response =
         preview_of(*image, mosaic, request->max_width_px(), full_scale_of(camera.camera()));
-    response.set_exposure_ms(frame->taken.exposure_ms());
-    if (!writer->Write(response)) break;
+    if (!response.ok()) return to_grpc(response.status());
+    response->set_exposure_ms(frame->taken.exposure_ms());
+    if (!writer->Write(*response)) break;
   }
   give_up();
   return grpc::Status::OK;

@@ -17,8 +17,8 @@ double clipped_fraction(const Image16& image, std::uint16_t full_scale) {
 
 }  // namespace
 
-v1::PreviewResponse preview_of(const Image16& frame, const std::optional<Mosaic>& mosaic, int max_width_px,
-                               std::uint16_t full_scale) {
+absl::StatusOr<v1::PreviewResponse> preview_of(const Image16& frame, const std::optional<Mosaic>& mosaic,
+                                               int max_width_px, std::uint16_t full_scale) {
   const Image16 image = interpolated(frame, mosaic);
   RadianceImage radiance(image.width_px, image.height_px);
   std::transform(image.samples.begin(), image.samples.end(), radiance.samples.begin(), radiance_of);
@@ -29,7 +29,8 @@ v1::PreviewResponse preview_of(const Image16& frame, const std::optional<Mosaic>
   response.set_height_px(std::max(static_cast<int>(std::lround(static_cast<double>(image.height_px) *
                                                                response.width_px() / image.width_px)),
                                   1));
-  response.set_jpeg(encode_jpeg(resized(radiance, response.width_px(), response.height_px())));
+  GW_ASSIGN_OR_RETURN(*response.mutable_jpeg(),
+                      encode_jpeg(resized(radiance, response.width_px(), response.height_px())));
   const Focus focus = focus_of(image, full_scale);
   response.set_focus(focus.value);
   response.set_focus_hint(focus.hint);

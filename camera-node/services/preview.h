@@ -9,8 +9,8 @@
 namespace glasswing {
 
 // Sets all fields but the exposure. `full_scale`: the lowest sample at which the sensor clips.
-v1::PreviewResponse preview_of(const Image16& frame, const std::optional<Mosaic>& mosaic, int max_width_px,
-                               std::uint16_t full_scale);
+absl::StatusOr<v1::PreviewResponse> preview_of(const Image16& frame, const std::optional<Mosaic>& mosaic,
+                                               int max_width_px, std::uint16_t full_scale);
 
 // Sets all fields but the sequence. Row means are of the light that `light` converts samples to; samples that
 // it calls saturated count as clipped too.

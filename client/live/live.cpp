@@ -72,6 +72,7 @@ class Live {
     GW_ASSIGN_OR_RETURN(clock_, CameraClock::follow(rig.camera_address()));
     const Peer<v1::CameraService> camera("camera node at " + rig.camera_address(), rig.camera_address());
     GW_ASSIGN_OR_RETURN(camera_, call(camera, &v1::CameraService::Stub::GetCamera, {}));
+    GW_ASSIGN_OR_RETURN(const std::string first_file, jpeg_for(rig.monitor(), first));
 
     const Interruptible ctrl_c([this] { context_.TryCancel(); });
     const Peer<v1::LiveService> solver("solver at " + rig.solver_address(), rig.solver_address());
@@ -84,7 +85,7 @@ class Live {
     start.mutable_options()->insert(options.begin(), options.end());
     if (rig.has_camera_calibration()) *start.mutable_camera_calibration() = rig.camera_calibration();
     stream_->Write(request);
-    send_picture(*stream_, encode_jpeg(resized(first, rig.monitor().width_px(), rig.monitor().height_px())));
+    send_picture(*stream_, first_file);
     std::jthread moving;
     if (!background.is_still()) {
       moving = std::jthread([&](std::stop_token stop) { move_background(background, rig.monitor(), stop); });
@@ -144,19 +145,27 @@ class Live {
     return absl::OkStatus();
   }
 
+  static absl::StatusOr<std::string> jpeg_for(const v1::Monitor& monitor, const RadianceImage& picture) {
+    return encode_jpeg(resized(picture, monitor.width_px(), monitor.height_px()));
+  }
+
+  static absl::StatusOr<std::string> next_file(MovingPicture& background, const v1::Monitor& monitor) {
+    GW_ASSIGN_OR_RETURN(const RadianceImage picture, background.next());
+    return jpeg_for(monitor, picture);
+  }
+
   void move_background(MovingPicture& background, const v1::Monitor& monitor, std::stop_token stop) {
     const nanoseconds period(static_cast<std::int64_t>(1e9 / kPictureRateHz));
     for (nanoseconds due = monotonic_now() + period; !stop.stop_requested(); due += period) {
-      const absl::StatusOr<RadianceImage> picture = background.next();
-      if (!picture.ok()) {
-        background_error_ = picture.status();
+      const absl::StatusOr<std::string> file = next_file(background, monitor);
+      if (!file.ok()) {
+        background_error_ = file.status();
         context_.TryCancel();
         return;
       }
-      const std::string file = encode_jpeg(resized(*picture, monitor.width_px(), monitor.height_px()));
       due = std::max(due, monotonic_now());
       sleep_until_monotonic(due);
-      if (!send_picture(*stream_, file)) return;
+      if (!send_picture(*stream_, *file)) return;
     }
   }
 

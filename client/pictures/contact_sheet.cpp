@@ -5,6 +5,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "core/frame/picture_codecs.h"
+
 namespace glasswing {
 namespace {
 
@@ -160,13 +162,7 @@ CodeImage contact_sheet(const std::vector<MattePanel>& panels, const std::string
 }
 
 absl::StatusOr<std::string> encode_png8(const CodeImage& image) {
-  std::vector<uchar> bytes;
-  try {
-    if (cv::imencode(".png", mat_of(image), bytes, {cv::IMWRITE_PNG_COMPRESSION, 9}))
-      return std::string(bytes.begin(), bytes.end());
-  } catch (const cv::Exception&) {
-  }
-  return absl::InternalError("the PNG cannot be encoded");
+  return encode_picture(".png", mat_of(image), {cv::IMWRITE_PNG_COMPRESSION, 9});
 }
 
 }  // namespace glasswing

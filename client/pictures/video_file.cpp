@@ -10,9 +10,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <opencv2/core/utils/logger.hpp>
-#include <opencv2/videoio.hpp>
-#include <opencv2/videoio/registry.hpp>
 
+#include "client/pictures/video_codecs.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
@@ -52,24 +51,19 @@ namespace {
 
 class VideoEncoder : public VideoWriter::Encoder {
  public:
-  VideoEncoder(const std::filesystem::path& file, const Container& container, cv::Size size,
-               double frame_rate_hz)
-      : writer_(file.string(),
-                cv::VideoWriter::fourcc(container.codec[0], container.codec[1], container.codec[2],
-                                        container.codec[3]),
-                frame_rate_hz, size) {}
-  bool is_open() const { return writer_.isOpened(); }
+  explicit VideoEncoder(cv::VideoWriter* writer) : writer_(writer) {}
+  bool is_open() const { return writer_->isOpened(); }
   bool add(const cv::Mat& frame) override {
-    writer_.write(frame);
+    writer_->write(frame);
     return true;
   }
   absl::Status finish() override {
-    writer_.release();
+    writer_->release();
     return absl::OkStatus();
   }
 
  private:
-  cv::VideoWriter writer_;
+  std::unique_ptr<cv::VideoWriter> writer_;
 };
 
 // A WebP that repeats for ever.
@@ -121,15 +115,19 @@ class AnimationEncoder : public VideoWriter::Encoder {
 };
 
 // Null: this file cannot be written.
-std::unique_ptr<VideoWriter::Encoder> encoder_of(const std::filesystem::path& file, cv::Size size,
-                                                 double frame_rate_hz) {
+absl::StatusOr<std::unique_ptr<VideoWriter::Encoder>> encoder_of(const std::filesystem::path& file,
+                                                                 cv::Size size, double frame_rate_hz) {
   const Container* container = container_of(file);
   if (container == nullptr) {
     auto animation = std::make_unique<AnimationEncoder>(file, size, frame_rate_hz);
-    return animation->is_open() ? std::move(animation) : nullptr;
+    if (!animation->is_open()) return nullptr;
+    return animation;
   }
-  auto video = std::make_unique<VideoEncoder>(file, *container, size, frame_rate_hz);
-  return video->is_open() ? std::move(video) : nullptr;
+  GW_ASSIGN_OR_RETURN(const VideoCodecs* codecs, video_codecs());
+  auto video =
+      std::make_unique<VideoEncoder>(codecs->writer(file.string(), container->codec, frame_rate_hz, size));
+  if (!video->is_open()) return nullptr;
+  return video;
 }
 
 }  // namespace
@@ -146,14 +144,12 @@ absl::StatusOr<VideoReader> VideoReader::open(const std::filesystem::path& path)
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored))
     return absl::NotFoundError(fmt::format("{}: no such file", path.string()));
+  GW_ASSIGN_OR_RETURN(const VideoCodecs* codecs, video_codecs());
   // Silences OpenCV's own messages; we report errors ourselves.
   ::setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   VideoReader reader;
-  // Only FFmpeg: the backends that OpenCV tries next write to the terminal.
-  const int decoder =
-      cv::videoio_registry::hasBackend(cv::CAP_FFMPEG) ? int{cv::CAP_FFMPEG} : int{cv::CAP_ANY};
-  reader.capture_ = std::make_shared<cv::VideoCapture>(path.string(), decoder);
+  reader.capture_.reset(codecs->reader(path.string()));
   if (!reader.capture_->isOpened())
     return absl::DataLossError(
         fmt::format("{}: it is damaged or no video that can be decoded", path.string()));
@@ -190,7 +186,7 @@ absl::StatusOr<VideoWriter> VideoWriter::create(const std::filesystem::path& pat
   // OpenCV chooses the container by the suffix.
   writer.partial_ = path.parent_path() / fmt::format("{}.partial-{}{}", path.stem().string(), ::getpid(),
                                                      path.extension().string());
-  writer.encoder_ = encoder_of(writer.partial_, {width_px, height_px}, frame_rate_hz);
+  GW_ASSIGN_OR_RETURN(writer.encoder_, encoder_of(writer.partial_, {width_px, height_px}, frame_rate_hz));
   if (!writer.encoder_) {
     return absl::InvalidArgumentError(
         fmt::format("{} cannot be written; pictures can: give a directory", path.string()));

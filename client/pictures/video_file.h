@@ -24,7 +24,7 @@ inline constexpr const char* kVideoSuffixes = ".mp4, .mov, .mkv, .avi, .webm or 
 
 class VideoReader {
  public:
-  // NOT_FOUND: no such file. DATA_LOSS: it cannot be decoded.
+  // NOT_FOUND: no such file. DATA_LOSS: it cannot be decoded. UNIMPLEMENTED: no codecs are installed.
   static absl::StatusOr<VideoReader> open(const std::filesystem::path& path);
   // Codes scaled to 16 bits; nullopt after the last frame. A truncated video ends where it cannot be decoded.
   std::optional<Image16> next();
@@ -44,7 +44,8 @@ class VideoWriter {
  public:
   class Encoder;
 
-  // INVALID_ARGUMENT: is_video_output() is false, or this build cannot write this container.
+  // INVALID_ARGUMENT: is_video_output() is false, or the codecs cannot write this container. UNIMPLEMENTED:
+  // no codecs are installed.
   static absl::StatusOr<VideoWriter> create(const std::filesystem::path& path, int width_px, int height_px,
                                             double frame_rate_hz);
   VideoWriter(VideoWriter&&) noexcept;

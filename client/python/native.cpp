@@ -201,7 +201,7 @@ void bind_pictures(py::module_& module) {
   module.def("encode_png16", [](const Floats& picture) {
     Image16 codes(static_cast<int>(picture.shape(1)), static_cast<int>(picture.shape(0)));
     std::transform(picture.data(), picture.data() + picture.size(), codes.samples.begin(), code16_of);
-    return py::bytes(without_gil([&] { return encode_png16(codes); }));
+    return py::bytes(without_gil([&] { return value_of(encode_png16(codes)); }));
   });
   module.def("linear_of_srgb", [](const Floats& codes) { return mapped(codes, &linear_of_srgb); });
   module.def("srgb_of_linear", [](const Floats& light) { return mapped(light, &srgb_of_linear); });

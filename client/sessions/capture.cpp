@@ -70,7 +70,8 @@ absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>&
     Image16 codes(fitted.width_px, fitted.height_px);
     std::transform(fitted.samples.begin(), fitted.samples.end(), codes.samples.begin(), code16_of);
     photo.set_name(photo_name(photo));
-    GW_ASSIGN_OR_RETURN(*photo.mutable_file(), upload(server, encode_png16(codes)));
+    GW_ASSIGN_OR_RETURN(const std::string png, encode_png16(codes));
+    GW_ASSIGN_OR_RETURN(*photo.mutable_file(), upload(server, png));
     progress.update(++sent / plan.photos_size(), photo.name());
   }
   return absl::OkStatus();

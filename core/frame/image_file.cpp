@@ -15,6 +15,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -23,6 +24,7 @@
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/frame/jpeg_header.h"
+#include "core/frame/picture_codecs.h"
 
 namespace glasswing {
 namespace {
@@ -110,25 +112,18 @@ PictureSize png_size(std::string_view bytes) {
   return {.width_px = side(kWidthAt), .height_px = side(kHeightAt)};
 }
 
-// Three channels in OpenCV's b, g, r order, or the file's own; 8, 16 bit or float. OpenCV allocates what a
-// header promises, so the size is checked first.
+// Three channels in OpenCV's b, g, r order, or the file's own; 8, 16 bit or float.
 absl::StatusOr<cv::Mat> decode_any(std::string_view bytes,
                                    int flags = cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR) {
   if (bytes.empty()) return absl::DataLossError("it is empty");
   GW_RETURN_IF_ERROR(picture_size(bytes).status());
   if (is_png(bytes)) GW_RETURN_IF_ERROR(check_png(bytes));
   if (is_jpeg(bytes)) GW_RETURN_IF_ERROR(check_jpeg(bytes));
-  try {
-    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
-    cv::Mat image = cv::imdecode(raw, flags);
-    if (image.empty()) return absl::DataLossError("it is damaged, or no picture");
-    if (image.depth() != CV_8U && image.depth() != CV_16U && image.depth() != CV_32F) {
-      return absl::DataLossError("its samples are not 8-bit, 16-bit or float");
-    }
-    return image;
-  } catch (const cv::Exception& error) {
-    return absl::DataLossError(fmt::format("it cannot be decoded: {}", error.err));
+  GW_ASSIGN_OR_RETURN(cv::Mat image, decode_picture(bytes, flags));
+  if (image.depth() != CV_8U && image.depth() != CV_16U && image.depth() != CV_32F) {
+    return absl::DataLossError("its samples are not 8-bit, 16-bit or float");
   }
+  return image;
 }
 
 // Of one or three channels.
@@ -311,27 +306,22 @@ absl::Status write_radiance(const fs::path& path, const RadianceImage& image, En
   const std::string suffix = suffix_of(path);
   if (suffix == ".exr") return write_exr(path, image, bits == 16);
   if (bits == 0) bits = encoding == Encoding::kLinear ? 16 : 8;
-  try {
-    const cv::Mat mat =
-        bits == 16 ? codes_of<std::uint16_t>(image, encoding) : codes_of<std::uint8_t>(image, encoding);
-    std::vector<uchar> bytes;
-    if (!cv::imencode(suffix, mat, bytes)) return absl::InternalError("cannot encode " + path.string());
-    return write_file_durably(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-  } catch (const cv::Exception& error) {
-    return absl::InternalError(fmt::format("cannot write {}: {}", path.string(), error.err));
-  }
+  const absl::StatusOr<std::string> bytes =
+      encode_picture(suffix, bits == 16 ? codes_of<std::uint16_t>(image, encoding)
+                                        : codes_of<std::uint8_t>(image, encoding));
+  if (!bytes.ok()) return named(path, bytes.status());
+  return write_file_durably(path, *bytes);
 }
 
 absl::Status write_srgb8(const fs::path& path, std::span<const std::uint8_t> codes, int width_px,
                          int height_px) {
-  try {
-    cv::Mat mat(height_px, width_px, CV_8UC3);
-    for (size_t i = 0; i < codes.size(); ++i) mat.data[i / 3 * 3 + 2 - i % 3] = codes[i];
-    if (cv::imwrite(path.string(), mat)) return absl::OkStatus();
-    return absl::UnavailableError(fmt::format("cannot write {}", path.string()));
-  } catch (const cv::Exception& error) {
-    return absl::UnavailableError(fmt::format("cannot write {}: {}", path.string(), error.err));
-  }
+  cv::Mat mat(height_px, width_px, CV_8UC3);
+  for (size_t i = 0; i < codes.size(); ++i) mat.data[i / 3 * 3 + 2 - i % 3] = codes[i];
+  const absl::StatusOr<std::string> bytes = encode_picture(".png", mat);
+  if (!bytes.ok()) return named(path, bytes.status());
+  std::ofstream file(path, std::ios::binary);
+  if (file.write(bytes->data(), static_cast<std::streamsize>(bytes->size())).flush()) return absl::OkStatus();
+  return absl::UnavailableError(fmt::format("cannot write {}", path.string()));
 }
 
 absl::StatusOr<PictureSize> picture_size(std::string_view bytes) {
@@ -411,22 +401,19 @@ absl::StatusOr<CodedPhotograph> read_photograph(const fs::path& path) {
   return CodedPhotograph{.codes = *std::move(codes), .bits = mat->depth() == CV_16U ? 16 : 8};
 }
 
-std::string encode_png16(const Image16& image) {
-  std::vector<uchar> bytes;
-  cv::imencode(".png", mat16_of(image), bytes);
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+absl::StatusOr<std::string> encode_png16(const Image16& image) {
+  return encode_picture(".png", mat16_of(image));
 }
 
-std::string encode_jpeg(const RadianceImage& image) {
-  std::vector<uchar> bytes;
-  cv::imencode(".jpg", codes_of<std::uint8_t>(image, Encoding::kDisplay), bytes);
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+absl::StatusOr<std::string> encode_jpeg(const RadianceImage& image) {
+  return encode_picture(".jpg", codes_of<std::uint8_t>(image, Encoding::kDisplay));
 }
 
 absl::StatusOr<Image16> decode_png(std::string_view bytes) {
   if (!is_png(bytes)) return absl::InvalidArgumentError("it is not a PNG");
   const absl::StatusOr<cv::Mat> mat = decode_any(bytes);
-  if (!mat.ok()) return absl::InvalidArgumentError(mat.status().message());
+  if (absl::IsDataLoss(mat.status())) return absl::InvalidArgumentError(mat.status().message());
+  GW_RETURN_IF_ERROR(mat.status());
   return image16_of(*mat);
 }
 

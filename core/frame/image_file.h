@@ -1,4 +1,5 @@
-// Reading and writing picture files. Every error names the path; OpenCV stays inside.
+// Reading and writing picture files. Every error names the path; OpenCV stays inside. UNIMPLEMENTED, of all
+// functions that decode or encode PNG, JPEG or TIFF: this installation lacks the codecs (picture_codecs.h).
 #pragma once
 
 #include <absl/status/status.h>
@@ -71,12 +72,12 @@ struct CodedPhotograph {
 absl::StatusOr<CodedPhotograph> read_photograph(const std::filesystem::path& path);
 
 // Linear 16-bit PNG, the format in which pictures are sent to displays; decode_png also accepts 8 bit.
-// INVALID_ARGUMENT: not a PNG, or a side is not 1 to 16384 px.
-std::string encode_png16(const Image16& image);
+// INVALID_ARGUMENT: not a PNG, damaged, or a side is not 1 to 16384 px.
+absl::StatusOr<std::string> encode_png16(const Image16& image);
 absl::StatusOr<Image16> decode_png(std::string_view bytes);
 
 // JPEG, 8 bit sRGB.
-std::string encode_jpeg(const RadianceImage& image);
+absl::StatusOr<std::string> encode_jpeg(const RadianceImage& image);
 
 // Resamples to exactly this size, each axis by area (down) or bilinearly (up).
 RadianceImage resized(const RadianceImage& image, int width_px, int height_px);

@@ -17,7 +17,7 @@ constexpr std::int64_t kMaxPixels = 1 << 20;   // larger valid pictures only tak
 std::string jpeg_of(int width_px, int height_px) {
   RadianceImage image(width_px, height_px);
   for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<float>(i % 17) / 16.0f;
-  return encode_jpeg(image);
+  return encode_jpeg(image).value();
 }
 
 }  // namespace
@@ -26,7 +26,7 @@ std::vector<std::string> seeds() {
   Image16 image(9, 4);
   for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 977);
   std::vector<std::string> seeds{jpeg_of(kWidth_px, kHeight_px), jpeg_of(1, 1), jpeg_of(40, 33),
-                                 encode_png16(image), encode_tiff(image)};
+                                 encode_png16(image).value(), encode_tiff(image)};
   // A small file whose header promises gigabytes.
   std::string lying = seeds[0];
   const size_t frame = lying.find("\xFF\xC0");

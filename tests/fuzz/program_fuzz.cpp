@@ -22,7 +22,7 @@ const std::vector<ScreenInfo>& screens() {
 
 const ImageStore& images() {
   static ImageStore store;
-  static const bool there = store.add(encode_png16(Image16(5, 4))).ok();
+  static const bool there = store.add(encode_png16(Image16(5, 4)).value()).ok();
   FUZZ_CHECK(there);
   return store;
 }
@@ -53,7 +53,7 @@ class Ignored final : public google::protobuf::io::ErrorCollector {
 }  // namespace
 
 std::vector<std::string> seeds() {
-  std::string image = encode_png16(Image16(5, 4));
+  std::string image = encode_png16(Image16(5, 4)).value();
   ImageStore store;
   const std::string name = store.add(image).value();
   const std::string text = R"(program: "p" hold_refreshes: 2

@@ -27,7 +27,7 @@ std::vector<std::string> seeds() {
   std::string lying = encode_tiff(Image16(1, kMaxSide_px)).substr(0, kTiffPixelOffset);
   seeds.push_back(lying);
   seeds.push_back(encode_tiff(Image16(kMaxSide_px, 1)).substr(0, kTiffPixelOffset + 60));
-  seeds.push_back(encode_png16(Image16(9, 2)));
+  seeds.push_back(encode_png16(Image16(9, 2)).value());
   seeds.emplace_back("MM\0\x2a\0\0\0\x08\0\x01\x01\0\0\x03\0\0\0\x01\x01\x2c\0\0", 22);
   return seeds;
 }

@@ -132,7 +132,7 @@ TEST_F(SlowRig, TheSecondCtrlCEndsAtOnce) {
       {"frames",
        {{{"file", "0.png"}, {"object", true}, {"stimulus", {{"kind", "solid"}, {"panel", "back"}}}}}}};
   std::filesystem::create_directories(archive);
-  ASSERT_TRUE(write_file_durably(archive + "/0.png", encode_png16(Image16(4, 4))).ok());
+  ASSERT_TRUE(write_file_durably(archive + "/0.png", encode_png16(Image16(4, 4)).value()).ok());
   ASSERT_TRUE(write_file_durably(archive + "/manifest.json", manifest.dump()).ok());
   Process process(with_server({"import", archive}));
   archive_.put.wait();

@@ -27,7 +27,7 @@ class ImportVideo : public ScratchTest {
  protected:
   static void put(const fs::path& path, const Image16& image) {
     fs::create_directories(path.parent_path());
-    ASSERT_TRUE(write_file_durably(path, encode_png16(image)).ok());
+    ASSERT_TRUE(write_file_durably(path, encode_png16(image).value()).ok());
   }
   Outcome run(std::vector<std::string> arguments) const {
     arguments.insert(arguments.end(), {"--session", "s", "--server", server_.address()});

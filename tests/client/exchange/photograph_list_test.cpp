@@ -29,7 +29,7 @@ class PhotographLists : public ScratchTest {
  protected:
   PhotographLists() {
     std::filesystem::create_directories(photographs_);
-    for (int i = 0; i < 3; ++i) put(std::to_string(i) + ".png", encode_png16(picture(i)));
+    for (int i = 0; i < 3; ++i) put(std::to_string(i) + ".png", encode_png16(picture(i)).value());
   }
   void put(const std::string& file, const std::string& bytes) const {
     ASSERT_TRUE(write_file_durably(photographs_ / file, bytes).ok());
@@ -194,16 +194,16 @@ TEST_F(PhotographLists, WhatIsWrongWithAPhotographIsOneLineAndNothingIsSent) {
     EXPECT_TRUE(server.sessions_.begun.empty());
     EXPECT_TRUE(std::filesystem::is_empty(scratch_ / "out"));
   };
-  put("2.png", encode_png16(Image16(kWidth, kHeight + 1)));
+  put("2.png", encode_png16(Image16(kWidth, kHeight + 1)).value());
   refused("list.tsv:6: 2.png is 9x8 of 16 bits; it must be as the first one, 0.png, which is 9x7 of 16 bits");
   ASSERT_TRUE(
       write_radiance(photographs_ / "2.png", RadianceImage(kWidth, kHeight), Encoding::kDisplay).ok());
   refused("list.tsv:6: 2.png is 9x7 of 8 bits");
-  put("2.png", encode_png16(picture(2)).substr(0, 100));
+  put("2.png", encode_png16(picture(2)).value().substr(0, 100));
   refused("list.tsv:6: " + (photographs_ / "2.png").string() + ": the PNG is truncated");
   std::filesystem::remove(photographs_ / "2.png");
   refused("the photograph is missing");
-  put("2.png", encode_png16(picture(2)));
+  put("2.png", encode_png16(picture(2)).value());
   ASSERT_EQ(import(table, {"--server", server.address(), "--session", "vase"}).status, 0);
   EXPECT_EQ(server.sessions_.finished, std::vector<std::string>{"vase"});
   EXPECT_EQ(decode_tiff(server.archive_.files.at("frames/000002.tif"))->samples, picture(2).samples);

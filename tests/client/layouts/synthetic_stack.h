@@ -98,7 +98,8 @@ inline std::vector<std::string> write_stack(const std::filesystem::path& directo
   for (size_t i = 0; i < stack.size(); ++i) {
     files.push_back(name_of(i));
     EXPECT_TRUE(
-        write_file_flushed(directory / files.back(), encode_png16(photograph(stack[i], view, random))).ok());
+        write_file_flushed(directory / files.back(), encode_png16(photograph(stack[i], view, random)).value())
+            .ok());
   }
   return files;
 }

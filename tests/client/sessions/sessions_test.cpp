@@ -36,7 +36,7 @@ class SessionCommands : public ScratchTest {
       const std::string file = "obj/" + std::to_string(i) + ".png";
       manifest["frames"].push_back(
           {{"file", file}, {"object", true}, {"stimulus", {{"kind", "solid"}, {"panel", "back"}}}});
-      EXPECT_TRUE(write_file_durably(archive_ / file, encode_png16(frame_image(i))).ok());
+      EXPECT_TRUE(write_file_durably(archive_ / file, encode_png16(frame_image(i)).value()).ok());
     }
     EXPECT_TRUE(write_file_durably(archive_ / "manifest.json", manifest.dump()).ok());
   }
@@ -96,7 +96,7 @@ TEST_F(SessionCommands, ImportRefusesAFifoInPlaceOfAFrame) {
 
 TEST_F(SessionCommands, ImportRefusesFramesOfAnotherSize) {
   const std::filesystem::path last = archive_ / "obj" / "2.png";
-  ASSERT_TRUE(write_file_durably(last, encode_png16(Image16(kWidth + 1, kHeight))).ok());
+  ASSERT_TRUE(write_file_durably(last, encode_png16(Image16(kWidth + 1, kHeight)).value()).ok());
   expect_one_line_error(run({"import", archive_.string()}), last.string() + " is 10x7");
   expect_one_line_error(run({"import", archive_.string(), "--session", "a/b"}), "a/b");
   expect_nothing_sent();

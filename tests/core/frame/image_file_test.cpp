@@ -59,7 +59,7 @@ TEST_F(ImageFile, EveryFormatKeepsThePicture) {
 TEST_F(ImageFile, DamagedPngsAreNamed) {
   Image16 image(6, 4);
   for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 800);
-  const std::string good = encode_png16(image);
+  const std::string good = encode_png16(image).value();
   EXPECT_EQ(decode_png(good).value().samples, image.samples);
   const fs::path path = directory_ / "frame.png";
   for (size_t i = 8; i < good.size(); ++i) {
@@ -79,7 +79,7 @@ TEST_F(ImageFile, DamagedPngsAreNamed) {
 
 TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   const Image16 image(6, 4);
-  EXPECT_EQ(picture_size(encode_png16(image)).value(), (PictureSize{6, 4}));
+  EXPECT_EQ(picture_size(encode_png16(image).value()).value(), (PictureSize{6, 4}));
   EXPECT_EQ(picture_size(encode_tiff(image)).value(), (PictureSize{6, 4}));
   // Big endian, 16-bit sides: width 300, height 2.
   const std::string other(
@@ -96,7 +96,7 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   EXPECT_FALSE(picture_size(twice).ok());
 
   // A small file that promises 10^9 pixels, with a valid CRC.
-  std::string lying = encode_png16(image);
+  std::string lying = encode_png16(image).value();
   const std::string sides("\0\0\x80\0\0\0\x80\0", 8);
   lying.replace(16, 8, sides);
   const uLong crc = crc32(0, reinterpret_cast<const Bytef*>(&lying[12]), 17);
@@ -110,7 +110,7 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   // Nothing is decoded whose size is unknown.
   EXPECT_TRUE(absl::IsDataLoss(decode_radiance("P6\n32768 32768\n255\n", Encoding::kDisplay).status()));
 
-  ASSERT_TRUE(write_file_durably(path, encode_png16(image)).ok());
+  ASSERT_TRUE(write_file_durably(path, encode_png16(image).value()).ok());
   EXPECT_TRUE(read_frame_file(path, PictureSize{6, 4}).ok());
   const absl::Status status = read_frame_file(path, PictureSize{4, 6}).status();
   EXPECT_NE(std::string(status.message()).find("lying.png is 6x4; the manifest says that frames are 4x6"),
@@ -126,7 +126,7 @@ TEST_F(ImageFile, PhotographsKeepTheirCodes) {
   for (const std::uint16_t code : coarse.codes.samples) EXPECT_EQ(code % 257, 0);
   Image16 fine(3, 2);
   for (size_t i = 0; i < fine.samples.size(); ++i) fine.samples[i] = static_cast<std::uint16_t>(i * 3641);
-  for (const std::string& bytes : {encode_png16(fine), encode_tiff(fine)}) {
+  for (const std::string& bytes : {encode_png16(fine).value(), encode_tiff(fine)}) {
     ASSERT_TRUE(write_file_durably(path, bytes).ok());
     const CodedPhotograph back = read_photograph(path).value();
     EXPECT_EQ(back.bits, 16);
@@ -139,7 +139,7 @@ TEST_F(ImageFile, PhotographsKeepTheirCodes) {
 
 // OpenCV alone decodes the missing part as grey.
 TEST_F(ImageFile, AJpegThatIsCutOffIsNamed) {
-  const std::string good = encode_jpeg(random_picture(40, 30));
+  const std::string good = encode_jpeg(random_picture(40, 30)).value();
   EXPECT_EQ(picture_size(good).value(), (PictureSize{40, 30}));
   const fs::path path = directory_ / "photo.jpg";
   ASSERT_TRUE(write_file_durably(path, good).ok());

@@ -98,7 +98,7 @@ TEST_F(MosaicFiles, AMosaicsFrameHasOneChannel) {
   const FrameShape shape = shape_of(frame);
   const cv::Mat gray(4, 6, CV_16UC1, const_cast<std::uint16_t*>(frame.samples.data()));
   ASSERT_TRUE(cv::imwrite((directory_ / "gray.png").string(), gray));
-  ASSERT_TRUE(write_file_durably(directory_ / "rgb.png", encode_png16(truth)).ok());
+  ASSERT_TRUE(write_file_durably(directory_ / "rgb.png", encode_png16(truth).value()).ok());
   ASSERT_TRUE(write_file_durably(directory_ / "rgb.tif", encode_tiff(truth)).ok());
   EXPECT_EQ(read_frame_file(directory_ / "gray.png", shape).value().samples, frame.samples);
   for (const char* name : {"rgb.png", "rgb.tif"}) {

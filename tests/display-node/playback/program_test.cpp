@@ -38,7 +38,7 @@ v1::LoadProgramRequest good_request() {
 std::string png_of(int width_px, int height_px, std::uint16_t code) {
   Image16 image(width_px, height_px);
   image.samples.assign(image.samples.size(), code);
-  return encode_png16(image);
+  return encode_png16(image).value();
 }
 
 absl::StatusOr<Program> create(const v1::LoadProgramRequest& request) {

@@ -243,7 +243,7 @@ TEST_F(DisplayServiceTest, EveryProgramBringsItsCalibrations) {
 TEST_F(DisplayServiceTest, TakesPicturesInChunks) {
   Image16 image(8, 6);
   for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 400);
-  const std::string png = encode_png16(image);
+  const std::string png = encode_png16(image).value();
   const std::string name = put_image({png.substr(0, 10), png.substr(10)}).value();
   EXPECT_FALSE(name.empty());
   v1::LoadProgramRequest request = program("photo", 1, 2);
@@ -256,7 +256,7 @@ TEST_F(DisplayServiceTest, TakesPicturesInChunks) {
 
 TEST_F(DisplayServiceTest, RefusesPicturesOfAnotherSizeBeforeTheyAreDecoded) {
   for (const auto& [width, height] : {std::pair(6, 8), std::pair(9, 6), std::pair(16384, 16384)}) {
-    std::string png = encode_png16(Image16(8, 6));
+    std::string png = encode_png16(Image16(8, 6)).value();
     for (size_t i = 0; i < 4; ++i) {
       png[16 + i] = static_cast<char>(width >> (24 - 8 * i));
       png[20 + i] = static_cast<char>(height >> (24 - 8 * i));

@@ -420,7 +420,7 @@ TEST_F(SessionLife, SessionsWithPhotosRunOneAfterAnotherAndTakeThemAlong) {
       Image16 image(monitor.width_px(), monitor.height_px());
       image.samples[0] = static_cast<std::uint16_t>(session * kPhotos + photo);
       ImageFiles::Upload upload = server().images().begin().value();
-      ASSERT_TRUE(upload.add(encode_png16(image)).ok());
+      ASSERT_TRUE(upload.add(encode_png16(image).value()).ok());
       v1::Photo& shown = *plan.add_photos();
       shown.set_file(upload.finish().value());
       shown.set_name("photo-" + std::to_string(photo));

@@ -16,7 +16,7 @@ using Names = std::set<std::string>;
 std::string photo(std::uint16_t code) {
   Image16 image(4, 3);
   std::ranges::fill(image.samples, code);
-  return encode_png16(image);
+  return encode_png16(image).value();
 }
 
 // The first bytes of a PNG of that size, and then anything.

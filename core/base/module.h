@@ -1,0 +1,15 @@
+// Shared modules that a program loads at the first use, because loading them takes longer than most commands.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <string>
+
+namespace glasswing {
+
+// The address of `symbol` in `lib/glasswing/FILE` below the nearest directory above this program that has
+// such a file: /usr/lib/glasswing for /usr/bin, and likewise in a build tree. UNIMPLEMENTED: it is not
+// installed, or cannot be loaded. The module stays loaded.
+absl::StatusOr<const void*> load_module(const std::string& file, const std::string& symbol);
+
+}  // namespace glasswing
