@@ -1,5 +1,7 @@
 #include "client/commands.h"
+#include "core/base/freed_memory.h"
 
 int main(int argc, char** argv) {
+  glasswing::keep_freed_memory();
   return glasswing::run_client(argc, argv, glasswing::add_commands);
 }

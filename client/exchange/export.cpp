@@ -22,9 +22,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Reads a frame's file from the node into `path`; durable when it returns.
+// Reads a frame's file from the node into `path`, which is left to `flushing`.
 absl::Status copy_frame(const Peer<v1::ArchiveService>& archive, const std::string& session,
-                        const v1::Frame& frame, const fs::path& path) {
+                        const v1::Frame& frame, const fs::path& path, FlushQueue& flushing) {
   GW_ASSIGN_OR_RETURN(FileWriter file, FileWriter::create(path));
   grpc::ClientContext context;
   set_deadline(context, kLongCallTimeout);
@@ -47,21 +47,22 @@ absl::Status copy_frame(const Peer<v1::ArchiveService>& archive, const std::stri
         fmt::format("{} came damaged from the {}: its checksum is {}, the manifest says {}", frame.file(),
                     archive.title, checksum.text(), frame.checksum()));
   }
-  return file.flush();
+  flushing.add(std::move(file));
+  return absl::OkStatus();
 }
 
 absl::Status write_frame(const Peer<v1::ArchiveService>& archive, const std::string& session,
-                         const v1::Frame& frame, const fs::path& directory) {
+                         const v1::Frame& frame, const fs::path& directory, FlushQueue& flushing) {
   if (interrupted()) return absl::CancelledError("the export was broken off; nothing of it stays");
   const fs::path file(frame.file());
   if (file.parent_path() != "frames" || !file.has_filename() || file.filename() == "..") {
     return absl::DataLossError(
         fmt::format("the {} names a frame \"{}\"; it must lie in frames/", archive.title, frame.file()));
   }
-  return copy_frame(archive, session, frame, directory / file);
+  return copy_frame(archive, session, frame, directory / file, flushing);
 }
 
-// Several frames at a time, since each waits for the network and then for the disk.
+// Several frames at a time, since each waits for the network.
 absl::Status write_frames(const Peer<v1::ArchiveService>& archive, const v1::CaptureManifest& manifest,
                           const fs::path& directory) {
   constexpr int kAtATime = 4;
@@ -71,16 +72,21 @@ absl::Status write_frames(const Peer<v1::ArchiveService>& archive, const v1::Cap
   int begun = 0, written = 0;
   absl::Status status;
   const auto work = [&] {
+    FlushQueue flushing;
     std::unique_lock lock(mutex);
     while (status.ok() && begun < manifest.frames_size()) {
       const v1::Frame& frame = manifest.frames(begun++);
       lock.unlock();
-      const absl::Status one = write_frame(archive, manifest.session(), frame, directory);
+      const absl::Status one = write_frame(archive, manifest.session(), frame, directory, flushing);
       lock.lock();
       status.Update(one);
       progress.update(++written / static_cast<double>(manifest.frames_size()),
                       fmt::format("{} of {} frames", written, manifest.frames_size()));
     }
+    lock.unlock();
+    const absl::Status flushed = flushing.wait();
+    lock.lock();
+    status.Update(flushed);
   };
   std::vector<std::jthread> workers;
   for (int i = 0; i < kAtATime; ++i) workers.emplace_back(work);
