@@ -16,7 +16,7 @@ namespace {
 using httplib::Request;
 using httplib::Response;
 
-constexpr size_t kMaxBytes = size_t{64} << 20;  // of a body
+constexpr size_t kMaxBytes = size_t{1} << 30;  // of a body; each path has a limit of its own
 
 struct FreeContext {
   void operator()(SSL_CTX* context) const { SSL_CTX_free(context); }

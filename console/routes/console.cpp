@@ -114,6 +114,8 @@ httplib::Headers security_headers(bool has_tls) {
 std::optional<size_t> max_body_of(const std::string& path) {
   if (path == "/login" || path == "/logout") return kMaxToken;
   if (path == "/images") return kMaxImage;
+  if (path.starts_with("/imports/"))
+    return path.ends_with("/frames") ? ImportRoutes::kMaxFrames : ImportRoutes::kMaxManifest;
   if (path == "/plans" || path.starts_with("/api/")) return kMaxJson;
   return std::nullopt;
 }
@@ -196,6 +198,18 @@ void Console::add_routes(const std::filesystem::path& files) {
                                                    const std::string& body, Response& response) {
                 sessions_.store_image(login, body, response);
               }));
+  routes.Post(R"(/imports/([A-Za-z0-9._-]+))",
+              guarded(ImportRoutes::kMaxManifest,
+                      [this](const Login& login, const Request& request, const std::string& body,
+                             Response& response) { imports_.begin(login, request, body, response); }));
+  // Its body is not held. Of a refused request it is not read, and the connection ends.
+  routes.Post(R"(/imports/([A-Za-z0-9._-]+)/frames)",
+              [this](const Request& request, Response& response, const httplib::ContentReader& content) {
+                response.set_header("Cache-Control", "no-store");
+                const absl::StatusOr<Login> login = authenticate(request);
+                if (!login.ok()) return refuse_visit(response, login.status());
+                imports_.put_frames(*login, request, content, response);
+              });
   using Send = void (SessionRoutes::*)(const Login&, const Request&, Response&) const;
   const auto send = [&](const char* path, Send own) {
     routes.Get(path, guarded([this, own](const Login& login, const Request& request, Response& response) {

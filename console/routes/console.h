@@ -6,6 +6,8 @@
 //   POST /api/nodes/NODE/SERVICE/METHOD              to a node of the rig: what viewers may call there
 //   POST /plans                                      parses a plan's text; answers the plan in JSON
 //   POST /images                                     stores a PNG, for a plan's photos
+//   POST /imports/SESSION?camera=NODE                begins an import with the archive's manifest.json
+//   POST /imports/SESSION/frames                     some of its frames (import_routes.h)
 //   GET  /mattes/SESSION.exr?frame=N&partial=1       a matte's file, by ranges
 //   GET  /stmaps/SESSION.exr?monitor=M&frame=N       its STMap for a monitor, the first if none is named
 //   GET  /archives/SESSION.tar                       all frames and the manifest
@@ -32,6 +34,7 @@
 
 #include "console/http/http_host.h"
 #include "console/http/login_limit.h"
+#include "console/routes/import_routes.h"
 #include "console/routes/json_call.h"
 #include "console/routes/node_channels.h"
 #include "console/routes/server_link.h"
@@ -61,7 +64,8 @@ class Console {
   using BodyHandler =
       std::function<void(const Login&, const httplib::Request&, const std::string& body, httplib::Response&)>;
 
-  explicit Console(const ServerLink& server) : server_(server), nodes_(server), sessions_(server, nodes_) {}
+  explicit Console(const ServerLink& server)
+      : server_(server), nodes_(server), sessions_(server, nodes_), imports_(server, nodes_) {}
   // Tells the server where browsers find the console, every second.
   void announce(const std::stop_token& stop) const;
   void add_routes(const std::filesystem::path& files);
@@ -89,6 +93,7 @@ class Console {
   LoginLimit logins_;
   NodeChannels nodes_;
   const SessionRoutes sessions_;
+  const ImportRoutes imports_;
   StreamPlaces streams_;
   std::unique_ptr<HttpHost> host_;
   std::string url_;

@@ -8,6 +8,7 @@
 #include "core/archive/copy_archive.h"
 #include "core/archive/row_chunks.h"
 #include "core/base/status.h"
+#include "core/security/peer.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -15,11 +16,24 @@ namespace {
 
 constexpr size_t kNamesOfAMessage = 1000;
 
-absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& reader) {
+// Operators need no token, but one that they send must be right. Without TLS everybody is an operator.
+absl::Status check_import(ArchiveStore& store, const grpc::AuthContext& caller,
+                          const v1::PutFrameRequest& request) {
+  const bool is_operator = !shows_certificate(caller) || (roles_of(caller) & only(Role::kOperator)) != 0;
+  if (request.import_token().empty() && is_operator) return absl::OkStatus();
+  if (store.is_import(request.session(), request.import_token())) return absl::OkStatus();
+  return absl::PermissionDeniedError(
+      fmt::format("the import of session \"{}\" has ended here, or another one has begun; begin it again",
+                  request.session()));
+}
+
+absl::Status put(ArchiveStore& store, const grpc::AuthContext& caller,
+                 grpc::ServerReader<v1::PutFrameRequest>& reader) {
   v1::PutFrameRequest message;
   if (!reader.Read(&message) || !message.has_frame()) {
     return absl::InvalidArgumentError("the first message must name the session and the frame");
   }
+  GW_RETURN_IF_ERROR(check_import(store, caller, message));
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store.find(message.session()));
   ArrivingFrames frames(archive, store.room());
   do {
@@ -84,7 +98,10 @@ absl::Status locate(ArchiveStore& store, const v1::LocateArchiveRequest& request
 
 grpc::Status ArchiveServiceImpl::CreateArchive(grpc::ServerContext*, const v1::CreateArchiveRequest* request,
                                                v1::CreateArchiveResponse*) {
-  return to_grpc(store_.create(request->manifest()).status());
+  const absl::Status created = store_.create(request->manifest()).status();
+  if (created.ok() && !request->import_token().empty())
+    store_.begin_import(request->manifest().session(), request->import_token());
+  return to_grpc(created);
 }
 
 grpc::Status ArchiveServiceImpl::GetManifest(grpc::ServerContext*, const v1::GetManifestRequest* request,
@@ -121,17 +138,19 @@ grpc::Status ArchiveServiceImpl::ReadFile(grpc::ServerContext*, const v1::ReadFi
       fmt::format("{} is truncated", ((*archive)->directory() / request->file()).string())));
 }
 
-grpc::Status ArchiveServiceImpl::PutFrame(grpc::ServerContext*,
+grpc::Status ArchiveServiceImpl::PutFrame(grpc::ServerContext* context,
                                           grpc::ServerReader<v1::PutFrameRequest>* reader,
                                           v1::PutFrameResponse*) {
-  return to_grpc(put(store_, *reader));
+  return to_grpc(put(store_, *context->auth_context(), *reader));
 }
 
 grpc::Status ArchiveServiceImpl::SealArchive(grpc::ServerContext*, const v1::SealArchiveRequest* request,
                                              v1::SealArchiveResponse*) {
   const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
   if (!archive.ok()) return to_grpc(archive.status());
-  return to_grpc((*archive)->seal());
+  const absl::Status sealed = (*archive)->seal();
+  if (sealed.ok()) store_.end_import(request->session());
+  return to_grpc(sealed);
 }
 
 grpc::Status ArchiveServiceImpl::LocateArchive(grpc::ServerContext*, const v1::LocateArchiveRequest* request,

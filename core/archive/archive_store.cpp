@@ -16,6 +16,7 @@ namespace fs = std::filesystem;
 
 namespace {
 constexpr size_t kMaxOpen = 8;                          // archives
+constexpr size_t kMaxImports = 1000;                    // that nobody finished; further ones void the rest
 constexpr std::chrono::seconds kCancelledCopyTime(10);  // for a cancelled copy to end
 }  // namespace
 
@@ -78,6 +79,23 @@ void ArchiveStore::note_use(const std::string& session) {
   });
 }
 
+void ArchiveStore::begin_import(const std::string& session, const std::string& token) {
+  const std::lock_guard lock(mutex_);
+  if (imports_.size() >= kMaxImports) imports_.clear();
+  imports_[session] = token;
+}
+
+void ArchiveStore::end_import(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  imports_.erase(session);
+}
+
+bool ArchiveStore::is_import(const std::string& session, const std::string& token) {
+  const std::lock_guard lock(mutex_);
+  const auto found = imports_.find(session);
+  return found != imports_.end() && !token.empty() && found->second == token;
+}
+
 absl::Status ArchiveStore::begin_copy(const std::string& session) {
   GW_RETURN_IF_ERROR(check_name("session", session));
   std::unique_lock lock(mutex_);
@@ -104,6 +122,7 @@ absl::StatusOr<std::int64_t> ArchiveStore::remove(const std::string& session) {
   if (!error) {
     const std::lock_guard lock(mutex_);
     open_.erase(session);
+    imports_.erase(session);
     if (fs::exists(archive)) {
       GW_RETURN_IF_ERROR(rename_file(archive, aside));
       GW_RETURN_IF_ERROR(flush_directory(directory_));

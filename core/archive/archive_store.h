@@ -39,6 +39,12 @@ class ArchiveStore {
   const std::filesystem::path& directory() const { return directory_; }
   const DiskRoom& room() const { return room_; }
 
+  // Whoever has the token may put frames into this session's archive (PutFrame), until the import ends or
+  // this process does. An empty token is nobody's.
+  void begin_import(const std::string& session, const std::string& token);
+  void end_import(const std::string& session);
+  bool is_import(const std::string& session, const std::string& token);
+
   // Allows one copy of a session at a time. Waits up to 10 s for a cancelled copy to end. ABORTED: another
   // copy is still running.
   absl::Status begin_copy(const std::string& session);
@@ -55,6 +61,7 @@ class ArchiveStore {
   std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Archive>> open_;  // guarded by mutex_
   std::deque<std::string> used_;                          // guarded by mutex_; recently used, latest last
+  std::map<std::string, std::string> imports_;            // tokens by session; guarded by mutex_
   std::set<std::string> copying_;                         // guarded by mutex_
   std::condition_variable copied_;
 };

@@ -24,7 +24,7 @@ constexpr MethodAccess kTable[] = {
     {"ArchiveService/GetManifest", kLookers | kServer | kCamera | kSolver},
     {"ArchiveService/ReadRows", kConsole | kServer | kCamera | kSolver},
     {"ArchiveService/ReadFile", kLookers | kServer | kCamera | kSolver},
-    {"ArchiveService/PutFrame", kOperator, kAudited},
+    {"ArchiveService/PutFrame", kOperator | kConsole, kAudited},  // the console: by an import's token
     {"ArchiveService/SealArchive", kServer},
     {"ArchiveService/LocateArchive", kServer | kCamera | kSolver},
     {"ArchiveService/CopyArchive", kServer},

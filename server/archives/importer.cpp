@@ -21,10 +21,13 @@ bool is_being_imported(const v1::Session& session) {
 
 }  // namespace
 
-absl::StatusOr<v1::Session> Importer::begin(const v1::BeginImportRequest& request, const Caller& caller) {
+absl::StatusOr<v1::BeginImportResponse> Importer::begin(const v1::BeginImportRequest& request,
+                                                        const Caller& caller) {
   GW_RETURN_IF_ERROR(check_name("session", request.name()));
   GW_ASSIGN_OR_RETURN(const v1::Node camera, nodes_.camera(request.camera()));
-  v1::Session session;
+  v1::BeginImportResponse response;
+  response.set_import_token(random_token());
+  v1::Session& session = *response.mutable_session();
   session.set_name(request.name());
   session.set_created(utc_now_rfc3339());
   session.set_started_by(caller.client);
@@ -48,12 +51,13 @@ absl::StatusOr<v1::Session> Importer::begin(const v1::BeginImportRequest& reques
   *create.mutable_manifest() = request.manifest();
   create.mutable_manifest()->set_session(request.name());
   create.mutable_manifest()->clear_frames();
+  create.set_import_token(response.import_token());
   v1::CreateArchiveResponse created;
   grpc::ClientContext context;
   set_deadline(context, std::chrono::seconds(10));
   const absl::Status begun = from_grpc(
       v1::ArchiveService::NewStub(link.channel())->CreateArchive(&context, create, &created), link.title());
-  if (begun.ok()) return session;
+  if (begun.ok()) return response;
   // A refused import leaves nothing. Of one that was not answered the archive may be there: it can be
   // repeated, or deleted.
   if (!again && absl::IsInvalidArgument(begun)) {

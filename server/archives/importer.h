@@ -18,8 +18,8 @@ class Importer {
   Importer(SessionStore& sessions, const NodeRegistry& nodes) : sessions_(sessions), nodes_(nodes) {}
 
   // Creates the session, and its archive at the camera node, which takes the frames. An import that broke off
-  // may begin again.
-  absl::StatusOr<v1::Session> begin(const v1::BeginImportRequest& request, const Caller& caller);
+  // may begin again, with a new token.
+  absl::StatusOr<v1::BeginImportResponse> begin(const v1::BeginImportRequest& request, const Caller& caller);
   absl::StatusOr<v1::Session> finish(const std::string& name);
 
  private:

@@ -54,7 +54,10 @@ grpc::Status SessionServiceImpl::BeginImport(grpc::ServerContext* context,
                                              const v1::BeginImportRequest* request,
                                              v1::BeginImportResponse* response) {
   GW_CHECK_LIMITS(*request);
-  return answer(server_.importer().begin(*request, caller_of(*context)), response);
+  absl::StatusOr<v1::BeginImportResponse> begun = server_.importer().begin(*request, caller_of(*context));
+  if (!begun.ok()) return to_grpc(begun.status());
+  response->set_import_token(begun->import_token());
+  return answer(std::move(*begun->mutable_session()), response);
 }
 
 grpc::Status SessionServiceImpl::FinishImport(grpc::ServerContext*, const v1::FinishImportRequest* request,

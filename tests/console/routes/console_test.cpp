@@ -60,6 +60,16 @@ class Sessions final : public v1::SessionService::Service {
                : std::string(found->second.data(), found->second.size());
     return grpc::Status::OK;
   }
+  grpc::Status BeginImport(grpc::ServerContext*, const v1::BeginImportRequest* request,
+                           v1::BeginImportResponse* response) override {
+    v1::CreateArchiveRequest create;
+    *create.mutable_manifest() = request->manifest();
+    create.set_import_token("secret of " + request->name());
+    response->set_import_token(create.import_token());
+    grpc::ClientContext context;
+    v1::CreateArchiveResponse created;
+    return v1::ArchiveService::NewStub(dial(archive_address))->CreateArchive(&context, create, &created);
+  }
   grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                           grpc::ServerWriter<v1::FetchMatteResponse>* writer) override {
     v1::FetchMatteResponse response;
@@ -484,6 +494,73 @@ TEST_F(ConsoleTest, AnArchiveIsATarFileThatUnpacksToAnArchive) {
   sessions_.state = v1::SESSION_STATE_DONE;
   write_over(scratch_ / "node/vase/frames/000001.tif", 4000, '!');
   EXPECT_FALSE(client.Get("/archives/vase.tar")) << "a damaged frame was sent as if it were whole";
+}
+
+TEST_F(ConsoleTest, AnArchiveFromABrowserPassesToTheNodeWhole) {
+  start();
+  ArchiveStore from(scratch_ / "from");
+  ASSERT_TRUE(from.prepare().ok());
+  v1::CaptureManifest header = MadeArchive::header();
+  header.set_session("vase");
+  header.add_monitors()->set_name("back");
+  header.mutable_monitors(0)->set_width_px(40);
+  header.mutable_monitors(0)->set_height_px(30);
+  const std::shared_ptr<Archive> archive = from.create(header).value();
+  std::vector<Archive::NewFrame> frames(3);
+  for (size_t i = 0; i < frames.size(); ++i) {
+    frames[i].record.set_step(static_cast<int>(i));
+    frames[i].image = Image16(MadeArchive::kWidth, MadeArchive::kHeight);
+    for (size_t at = 0; at < frames[i].image.samples.size(); ++at)
+      frames[i].image.samples[at] = static_cast<std::uint16_t>(977 * at + i);
+  }
+  ASSERT_TRUE(archive->add(frames).ok());
+  const v1::CaptureManifest whole = archive->manifest();
+  const std::string manifest = archive_json(whole, true);
+  std::string body;
+  for (const v1::Frame& frame : whole.frames())
+    body += archive_json(frame, false) + "\n" + archive->read_frame_bytes(frame.file()).value();
+  const ArchiveNode node(scratch_ / "to");
+  sessions_.archive_address = node.address();
+  const auto stored = [&] { return Archive::open(scratch_ / "to/vase").value()->manifest().frames_size(); };
+  const auto begin = [](httplib::Client& browser, const std::string& sent) {
+    return browser.Post("/imports/vase?camera=camera-1", sent, "application/json");
+  };
+  const auto put = [](httplib::Client& browser, const std::string& token, const std::string& sent) {
+    return browser.Post("/imports/vase/frames", {{"X-Glasswing-Import", token}}, sent,
+                        "application/x-frames");
+  };
+
+  httplib::Client viewer = logged_in("viewer"), anna = logged_in("operator");
+  EXPECT_EQ(begin(viewer, manifest)->status, 403);
+  EXPECT_EQ(begin(anna, "{")->status, 400);
+  std::string foreign = manifest;
+  for (size_t at = 0; (at = foreign.find(".tif", at)) != std::string::npos;) foreign.replace(at, 4, ".png");
+  foreign.erase(foreign.rfind(",", foreign.find("record_checksum")), std::string::npos) += "}";
+  EXPECT_NE(begin(anna, foreign)->body.find("frames/000000.png is not a file frames/NAME.tif"),
+            std::string::npos);
+  std::string altered = manifest;
+  altered.replace(altered.find("301"), 3, "302");
+  EXPECT_NE(begin(anna, altered)->body.find("manifest.json is damaged"), std::string::npos);
+
+  const auto begun = begin(anna, manifest);
+  ASSERT_EQ(begun->status, 200) << begun->body;
+  const std::string token = body_of(begun)["importToken"];
+  EXPECT_EQ(put(viewer, token, body)->status, 403);
+  EXPECT_EQ(put(anna, "secret of urn", body)->status, 403);
+  EXPECT_EQ(put(anna, "", body)->status, 400);
+  std::string damaged = body;
+  damaged[damaged.size() - 5] = static_cast<char>(damaged[damaged.size() - 5] ^ 1);
+  EXPECT_NE(put(anna, token, damaged)->body.find("frames/000002.tif arrived with checksum"),
+            std::string::npos);
+  EXPECT_EQ(stored(), 0) << "none of a request with a damaged frame";
+  EXPECT_NE(put(anna, token, body.substr(0, body.size() - 1))->body.find("ends within frames/000002.tif"),
+            std::string::npos);
+  EXPECT_EQ(put(anna, token, body + "{")->status, 400);
+  EXPECT_EQ(put(anna, token, std::string(1 << 20, 'x'))->status, 400);
+  ASSERT_EQ(put(anna, token, body)->status, 200);
+  ASSERT_EQ(stored(), 3);
+  for (const v1::Frame& frame : whole.frames())
+    EXPECT_EQ(bytes_of(scratch_ / "to/vase" / frame.file()), archive->read_frame_bytes(frame.file()).value());
 }
 
 TEST_F(ConsoleTest, PlansAreReadAsTextAndErrorsHaveAPlace) {

@@ -122,6 +122,49 @@ TEST_F(ArchiveService, FramesOfACallAreStoredInTheirOrderOrNotAtAll) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(frames), {}), 4) << "no file is left over";
 }
 
+TEST_F(ArchiveService, AnImportsTokenOpensItsOwnArchiveUntilTheImportEnds) {
+  const std::string bytes = bytes_of(node_->archive() / MadeArchive::file(0));
+  const auto create = [&](const std::string& session, const std::string& token) {
+    grpc::ClientContext context;
+    v1::CreateArchiveRequest request;
+    *request.mutable_manifest() = MadeArchive::header();
+    request.mutable_manifest()->set_session(session);
+    request.set_import_token(token);
+    v1::CreateArchiveResponse created;
+    return stub_->CreateArchive(&context, request, &created).ok();
+  };
+  const auto put = [&](const std::string& session, const std::string& token) {
+    grpc::ClientContext context;
+    v1::PutFrameResponse stored;
+    const auto writer = stub_->PutFrame(&context, &stored);
+    v1::PutFrameRequest message;
+    message.set_session(session);
+    message.set_import_token(token);
+    message.mutable_frame()->set_file("frames/0.tif");
+    message.mutable_frame()->set_step(-1);
+    message.mutable_frame()->set_checksum(checksum_of(bytes));
+    message.set_chunk(bytes);
+    writer->Write(message);
+    writer->WritesDone();
+    return writer->Finish().error_code();
+  };
+  ASSERT_TRUE(create("a", "1f"));
+  ASSERT_TRUE(create("b", "2e"));
+  ASSERT_TRUE(create("captured", ""));
+  EXPECT_EQ(put("b", "1f"), grpc::StatusCode::PERMISSION_DENIED) << "the token of another import";
+  EXPECT_EQ(put("captured", "1f"), grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(put("a", "1f"), grpc::StatusCode::OK);
+  ASSERT_TRUE(create("a", "3d"));
+  EXPECT_EQ(put("a", "1f"), grpc::StatusCode::PERMISSION_DENIED) << "the import was begun again";
+  EXPECT_EQ(put("a", "3d"), grpc::StatusCode::OK);
+  grpc::ClientContext context;
+  v1::SealArchiveRequest seal;
+  seal.set_session("a");
+  v1::SealArchiveResponse sealed;
+  ASSERT_TRUE(stub_->SealArchive(&context, seal, &sealed).ok());
+  EXPECT_EQ(put("a", "3d"), grpc::StatusCode::PERMISSION_DENIED);
+}
+
 TEST_F(ArchiveService, ListsTheArchivesThatAreHere) {
   v1::CaptureManifest other = MadeArchive::header();
   other.set_session("a");

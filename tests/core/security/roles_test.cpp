@@ -240,9 +240,10 @@ TEST_F(Roles, AConsoleAloneKnowsLoginsAndLooksAtNodes) {
   }
   EXPECT_EQ(may, (std::set<std::string>{
                      "ArchiveService/GetManifest", "ArchiveService/GetSpace", "ArchiveService/ListArchives",
-                     "ArchiveService/ReadFile", "ArchiveService/ReadRows", "CameraService/GetCamera",
-                     "CameraService/Preview", "ConsoleService/Announce", "ConsoleService/GetPrincipal",
-                     "ConsoleService/LogIn", "ConsoleService/LogOut", "DisplayService/GetDisplay"}));
+                     "ArchiveService/PutFrame", "ArchiveService/ReadFile", "ArchiveService/ReadRows",
+                     "CameraService/GetCamera", "CameraService/Preview", "ConsoleService/Announce",
+                     "ConsoleService/GetPrincipal", "ConsoleService/LogIn", "ConsoleService/LogOut",
+                     "DisplayService/GetDisplay"}));
 }
 
 TEST_F(Roles, WithALoginAConsoleMayWhatItsOwnerMay) {

@@ -8,6 +8,8 @@ import { polled, useFeed } from "../parts/feed";
 import { State } from "../parts/state";
 import { bytesText, countText, errorText, plainName, timeText } from "../parts/words";
 import { sizeText } from "./controls";
+import { ImportDialog, useDrop } from "./import";
+import type { Files } from "./import_archive";
 import { clicked, kNewestFirst, ordered, startOfDay, type Column, type Order } from "./order";
 import { allows, kindOf, kStateNames, progressOf } from "./states";
 import { Thumbnail } from "./thumbnail";
@@ -207,6 +209,8 @@ export function List() {
   const [age, setAge] = useState("");
   const [order, setOrder] = useState(kNewestFirst);
   const [chosen, setChosen] = useState<ReadonlySet<string>>(new Set());
+  const [importing, setImporting] = useState<{ dropped?: Promise<Files> }>();
+  const drop = useDrop((dropped) => setImporting({ dropped }));
   const request = {
     text,
     tags: tag ? [tag] : [],
@@ -224,16 +228,20 @@ export function List() {
     (each) => chosen.has(each.name ?? "") && allows(each, "SESSION_ACTION_DELETE"),
   );
   return (
-    <div class="session">
+    <div class={drop.over ? "session dropping" : "session"} {...(mayOperate.value ? drop.handlers : {})}>
       <div class="row">
         <h1>Sessions</h1>
         <span class="spacer" />
         {mayOperate.value && (
-          <a class="button primary" href="#/session/+new">
-            New session
-          </a>
+          <>
+            <button onClick={() => setImporting({})}>Import…</button>
+            <a class="button primary" href="#/session/+new">
+              New session
+            </a>
+          </>
         )}
       </div>
+      {importing && <ImportDialog dropped={importing.dropped} close={() => setImporting(undefined)} />}
       <section class={live || !value ? "card" : "card stale"}>
         <div class="row">
           <label>

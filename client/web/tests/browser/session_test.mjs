@@ -208,8 +208,44 @@ async function download_all(page, rig) {
   const frames = readdirSync(join(folder, "exported/frames"));
   assert.deepEqual(readdirSync(join(folder, "first/frames")).sort(), frames.sort());
   for (const frame of frames) assert.ok(bytes(`first/frames/${frame}`).equals(bytes(`exported/frames/${frame}`)));
-  rmSync(folder, { recursive: true });
   told("downloaded as glasswing writes them", `matte, STMap, ${frames.length} frames`);
+  await import_archive(page, rig, folder);
+  rmSync(folder, { recursive: true });
+}
+
+/** The downloaded archive, dropped as a tar file, is a session again; a folder without one of its frames is an error. */
+async function import_archive(page, rig, folder) {
+  await look(page, "#/session", "table");
+  const dropped = await page.evaluateHandle((base64) => {
+    const transfer = new DataTransfer();
+    const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+    transfer.items.add(new File([bytes], "first.tar"));
+    return transfer;
+  }, readFileSync(join(folder, "first.tar")).toString("base64"));
+  await page.locator(".session").dispatchEvent("drop", { dataTransfer: dropped });
+  const dialog = page.getByRole("dialog");
+  await dialog.getByLabel("Name").fill("imported");
+  await photograph(page, "import");
+  await dialog.getByRole("button", { name: "Import" }).click();
+  await page.waitForURL(/#\/session\/imported$/);
+  await until_state(page, "captured");
+  rig.glasswing("export", "imported", join(folder, "again"));
+  const frames = readdirSync(join(folder, "exported/frames"));
+  assert.deepEqual(readdirSync(join(folder, "again/frames")), frames);
+  for (const frame of frames)
+    assert.ok(
+      readFileSync(join(folder, "again/frames", frame)).equals(readFileSync(join(folder, "exported/frames", frame))),
+    );
+  rmSync(join(folder, "again/frames", frames[7]));
+  await look(page, "#/session", "table");
+  await page.getByRole("button", { name: "Import…" }).click();
+  await dialog.getByLabel("Choose a folder…").setInputFiles(join(folder, "again"));
+  await dialog
+    .getByRole("alert")
+    .filter({ hasText: `the frame again/frames/${frames[7]} is missing; again/manifest.json lists it` })
+    .waitFor();
+  await dialog.getByRole("button", { name: "Cancel" }).click();
+  told("imported as it was downloaded", `${frames.length} frames`);
 }
 
 async function open_matte(page) {
@@ -421,6 +457,8 @@ const kChanges = [
   ),
   "/api/ConsoleService/CreateToken",
   "/images",
+  "/imports/vase",
+  "/imports/vase/frames",
 ];
 
 async function check_viewer(browser, rig) {
