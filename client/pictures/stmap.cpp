@@ -1,15 +1,17 @@
 #include "core/matte/stmap.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "client/pictures/commands.h"
 #include "core/base/file.h"
+#include "core/base/mapped_file.h"
 #include "core/base/status.h"
-#include "core/matte/matte_file.h"
 
 namespace glasswing {
 namespace {
@@ -24,26 +26,33 @@ absl::Status write_stmap(const Client& client, const StmapArguments& arguments) 
     return absl::InvalidArgumentError(
         fmt::format("the output is {}; its name must end in .exr", arguments.output));
   }
-  GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(arguments.matte));
-  GW_ASSIGN_OR_RETURN(const int texture, texture_named(matte.metadata, arguments.monitor));
-  const int channel =
-      arguments.channel.empty()
-          ? strongest_channel(matte, texture)
-          : static_cast<int>(std::ranges::find(kChannelNames, arguments.channel) - kChannelNames.begin());
-  GW_ASSIGN_OR_RETURN(const std::string bytes, encode_stmap(matte, texture, channel, arguments.path));
-  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
-  const std::string& monitor = matte.metadata.monitors(texture).name();
-  const char* colour = kChannelNames[static_cast<size_t>(channel)];
+  GW_ASSIGN_OR_RETURN(const FileIdentity identity, identity_of(arguments.matte));
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte,
+                      MappedFile::open(arguments.matte, static_cast<size_t>(identity.size_bytes)));
+  StmapChoice choice{.monitor = arguments.monitor, .path = arguments.path};
+  if (!arguments.channel.empty())
+    choice.channel =
+        static_cast<int>(std::ranges::find(kChannelNames, arguments.channel) - kChannelNames.begin());
+  const std::filesystem::path partial = fmt::format("{}.{}.tmp", arguments.output, ::getpid());
+  const absl::StatusOr<WrittenStmap> stmap = write_stmap(matte->bytes(), choice, partial);
+  if (!stmap.ok()) {
+    std::error_code ignored;
+    std::filesystem::remove(partial, ignored);
+    return absl::Status(stmap.status().code(),
+                        fmt::format("{}: {}", arguments.matte, std::string(stmap.status().message())));
+  }
+  GW_RETURN_IF_ERROR(place_file_durably(partial, arguments.output));
+  const char* colour = kChannelNames[static_cast<size_t>(stmap->channel)];
   if (client.json) {
     const nlohmann::ordered_json written = {{"file", arguments.output},
-                                            {"monitor", monitor},
+                                            {"monitor", stmap->monitor},
                                             {"channel", colour},
-                                            {"width_px", matte.width_px()},
-                                            {"height_px", matte.height_px()}};
+                                            {"width_px", stmap->width_px},
+                                            {"height_px", stmap->height_px}};
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format("{}: where channel {} looks on monitor {}, {}x{}\n", arguments.output, colour,
-                             monitor, matte.width_px(), matte.height_px());
+                             stmap->monitor, stmap->width_px, stmap->height_px);
   }
   return absl::OkStatus();
 }

@@ -8,9 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "console/http/http_host.h"
+#include "console/routes/scratch_file.h"
 #include "core/base/checksum.h"
+#include "core/base/file.h"
 #include "core/base/status.h"
-#include "core/matte/matte_file.h"
 #include "core/matte/stmap.h"
 #include "core/service/service.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
@@ -42,8 +43,9 @@ absl::StatusOr<Number> number_or(const Request& request, const char* name, Numbe
   return request.has_param(name) ? number_of<Number>(request, name, low, high) : otherwise;
 }
 
-// Of the session in the path, as the parameters `frame` and `partial` say.
-absl::StatusOr<std::string> fetch_matte(const ServerLink& server, const Login& login, const Request& wanted) {
+// Hands over the file of the session in the path, as the parameters `frame` and `partial` say.
+absl::Status fetch_matte(const ServerLink& server, const Login& login, const Request& wanted,
+                         absl::FunctionRef<absl::Status(std::string_view)> take) {
   v1::FetchMatteRequest request;
   request.set_name(wanted.matches[1]);
   request.set_partial(wanted.has_param("partial"));
@@ -56,18 +58,39 @@ absl::StatusOr<std::string> fetch_matte(const ServerLink& server, const Login& l
   call_for(login, context);
   const auto stub = v1::SessionService::NewStub(server.channel());
   const auto reader = stub->FetchMatte(&context, request);
-  std::string bytes;
-  for (v1::FetchMatteResponse part; reader->Read(&part);) bytes += part.chunk();
-  GW_RETURN_IF_ERROR(from_grpc(reader->Finish(), server.title()));
-  return bytes;
+  absl::Status taken;
+  for (v1::FetchMatteResponse part; taken.ok() && reader->Read(&part);) taken = take(part.chunk());
+  if (!taken.ok()) context.TryCancel();
+  const grpc::Status finished = reader->Finish();
+  GW_RETURN_IF_ERROR(taken);
+  return from_grpc(finished, server.title());
+}
+
+// As send_stmap() answers it. Neither the matte nor the STMap is ever whole in memory.
+absl::StatusOr<std::shared_ptr<const MappedFile>> stmap_of(const ServerLink& server, const Login& login,
+                                                           const Request& wanted, std::mutex& decoding) {
+  GW_ASSIGN_OR_RETURN(const ScratchFile matte, ScratchFile::create());
+  GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(matte.path()));
+  GW_RETURN_IF_ERROR(
+      fetch_matte(server, login, wanted, [&](std::string_view part) { return writer.add(part); }));
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> fetched, matte.map());
+  GW_ASSIGN_OR_RETURN(const ScratchFile stmap, ScratchFile::create());
+  const std::lock_guard lock(decoding);
+  GW_RETURN_IF_ERROR(
+      write_stmap(fetched->bytes(), {.monitor = wanted.get_param_value("monitor")}, stmap.path()).status());
+  return stmap.map();
 }
 
 }  // namespace
 
 void SessionRoutes::send_matte(const Login& login, const Request& request, Response& response) const {
-  absl::StatusOr<std::string> bytes = fetch_matte(server_, login, request);
-  if (!bytes.ok()) return refuse(response, bytes.status());
-  const std::string tag = fmt::format("\"{}\"", checksum_of(*bytes));
+  std::string bytes;
+  const absl::Status fetched = fetch_matte(server_, login, request, [&](std::string_view part) {
+    bytes += part;
+    return absl::OkStatus();
+  });
+  if (!fetched.ok()) return refuse(response, fetched);
+  const std::string tag = fmt::format("\"{}\"", checksum_of(bytes));
   response.set_header("ETag", tag);
   response.headers.erase("Cache-Control");
   response.set_header("Cache-Control", "private, no-cache");
@@ -75,19 +98,18 @@ void SessionRoutes::send_matte(const Login& login, const Request& request, Respo
     response.status = 304;
     return;
   }
-  response.set_content(*std::move(bytes), "image/x-exr");
+  response.set_content(std::move(bytes), "image/x-exr");
 }
 
 void SessionRoutes::send_stmap(const Login& login, const Request& request, Response& response) const {
-  const auto stmap = [&]() -> absl::StatusOr<std::string> {
-    GW_ASSIGN_OR_RETURN(const std::string bytes, fetch_matte(server_, login, request));
-    const std::lock_guard lock(decoding_);
-    GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(bytes));
-    GW_ASSIGN_OR_RETURN(const int texture, texture_named(matte.metadata, request.get_param_value("monitor")));
-    return encode_stmap(matte, texture, strongest_channel(matte, texture));
-  }();
+  const auto stmap = stmap_of(server_, login, request, decoding_);
   if (!stmap.ok()) return refuse(response, stmap.status());
-  response.set_content(*stmap, "image/x-exr");
+  response.set_content_provider((*stmap)->bytes().size(), "image/x-exr",
+                                [file = *stmap](size_t offset, size_t length, httplib::DataSink& sink) {
+                                  const std::string_view part =
+                                      file->bytes().substr(offset, std::min<size_t>(length, 1 << 20));
+                                  return sink.write(part.data(), part.size()) && file->intact();
+                                });
 }
 
 void SessionRoutes::send_archive(const Login& login, const Request& request, Response& response) const {

@@ -8,6 +8,7 @@
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfOutputPart.h>
 #include <OpenEXR/ImfPartType.h>
+#include <OpenEXR/ImfStdIO.h>
 #include <OpenEXR/ImfStringAttribute.h>
 #include <fmt/format.h>
 
@@ -61,10 +62,13 @@ std::vector<Imf::Header> headers_of(const std::vector<ExrPart>& parts, const Exr
 
 class ExrWriter::File {
  public:
-  File(const std::vector<ExrPart>& parts, const ExrWindow& window)
+  File(const std::vector<ExrPart>& parts, const ExrWindow& window,
+       const std::optional<std::filesystem::path>& path)
       : parts_(parts), window_(window), next_(parts.size(), 0) {
     const std::vector<Imf::Header> headers = headers_of(parts, window);
-    file_.emplace(writer_, headers.data(), static_cast<int>(headers.size()));
+    if (path) stream_.emplace(path->c_str());
+    Imf::OStream& out = stream_ ? static_cast<Imf::OStream&>(*stream_) : memory_;
+    file_.emplace(out, headers.data(), static_cast<int>(headers.size()));
   }
 
   void put(size_t index, std::span<const float* const> channels) {
@@ -81,14 +85,15 @@ class ExrWriter::File {
 
   std::string finish() {
     file_.reset();  // writes the table of chunks
-    return std::move(writer_.bytes);
+    return std::move(memory_.bytes);
   }
 
  private:
   const std::vector<ExrPart> parts_;
   const ExrWindow window_;
   std::vector<int> next_;  // next row of each part, from the window's first
-  MemoryWriter writer_;
+  MemoryWriter memory_;
+  std::optional<Imf::StdOFStream> stream_;
   std::optional<Imf::MultiPartOutputFile> file_;
 };
 
@@ -101,8 +106,9 @@ ExrWindow window_of(const Matte& matte) {
           .picture_height_px = matte.metadata.height_px()};
 }
 
-ExrWriter::ExrWriter(const std::vector<ExrPart>& parts, const ExrWindow& window)
-    : file_(std::make_unique<File>(parts, window)) {}
+ExrWriter::ExrWriter(const std::vector<ExrPart>& parts, const ExrWindow& window,
+                     const std::optional<std::filesystem::path>& path)
+    : file_(std::make_unique<File>(parts, window, path)) {}
 ExrWriter::~ExrWriter() = default;
 
 void ExrWriter::put(size_t part, std::span<const float* const> channels) {

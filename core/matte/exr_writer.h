@@ -4,8 +4,10 @@
 #include <absl/functional/function_ref.h>
 #include <absl/status/statusor.h>
 
+#include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -27,16 +29,17 @@ struct ExrWindow {
 };
 ExrWindow window_of(const Matte& matte);
 
-// Writes to memory: float32 scan lines, each compressed by itself (ZIPS). Deterministic. Throws OpenEXR's
-// exceptions.
+// Writes to memory, or to a new file: float32 scan lines, each compressed by itself (ZIPS). Deterministic.
+// Throws OpenEXR's exceptions.
 class ExrWriter {
  public:
-  ExrWriter(const std::vector<ExrPart>& parts, const ExrWindow& window);
+  ExrWriter(const std::vector<ExrPart>& parts, const ExrWindow& window,
+            const std::optional<std::filesystem::path>& path = std::nullopt);
   ~ExrWriter();
 
   // Writes the next row of a part. `channels` points to the first pixel of each of its channels.
   void put(size_t part, std::span<const float* const> channels);
-  // The bytes of the file. Without rows these are the headers and a blank table of chunks.
+  // The bytes in memory, empty of a file. Without rows these are the headers and a blank table of chunks.
   std::string finish();
 
  private:

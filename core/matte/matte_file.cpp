@@ -176,21 +176,27 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
                          });
 }
 
-absl::Status verify_matte(std::string_view bytes) {
-  return with_matte_file(bytes, [](const MatteHead& head, Imf::MultiPartInputFile& file) -> absl::Status {
+absl::Status for_rows_of_matte(std::string_view bytes,
+                               absl::FunctionRef<absl::Status(const Matte& rows)> use) {
+  return with_matte_file(bytes, [&](const MatteHead& head, Imf::MultiPartInputFile& file) -> absl::Status {
     const MatteOutline& outline = head.outline;
-    Matte rows_alone(outline.x0_px, 0, outline.width_px, std::min(kMaxBlockRows, outline.height_px),
-                     outline.modes_per_channel, outline.colourless);
-    rows_alone.metadata = outline.metadata;
     RowReader reader(file, outline);
     for (int y = 0; y < outline.height_px; y += kMaxBlockRows) {
-      const int rows = std::min(kMaxBlockRows, outline.height_px - y);
-      GW_RETURN_IF_ERROR(reader.read(y, rows, head.row_checksums));
-      reader.block().give(rows_alone, 0, rows);
-      GW_RETURN_IF_ERROR(check(rows_alone, 0, rows));
+      const int count = std::min(kMaxBlockRows, outline.height_px - y);
+      GW_RETURN_IF_ERROR(reader.read(y, count, head.row_checksums));
+      Matte rows(outline.x0_px, outline.y0_px + y, outline.width_px, count, outline.modes_per_channel,
+                 outline.colourless);
+      rows.metadata = outline.metadata;
+      reader.block().give(rows, 0, count);
+      GW_RETURN_IF_ERROR(check(rows, 0, count));
+      GW_RETURN_IF_ERROR(use(rows));
     }
     return absl::OkStatus();
   });
+}
+
+absl::Status verify_matte(std::string_view bytes) {
+  return for_rows_of_matte(bytes, [](const Matte&) { return absl::OkStatus(); });
 }
 
 absl::StatusOr<MatteHead> read_matte_head(std::string_view bytes) {

@@ -1,6 +1,7 @@
 // Matte files: multi-part OpenEXR, float32, ZIPS. docs/matte.md lists the parts and layers.
 #pragma once
 
+#include <absl/functional/function_ref.h>
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
@@ -19,7 +20,11 @@ absl::StatusOr<std::string> encode_matte(const Matte& matte);
 // DATA_LOSS: truncated, altered or not a matte; FAILED_PRECONDITION: a newer format_version.
 absl::StatusOr<Matte> decode_matte(std::string_view bytes);
 
-// As decode_matte(), but keeps only a few rows in memory, for files of any size.
+// As decode_matte(), but decodes a few rows at a time, for files of any size: calls `use` with one tile of
+// whole rows after another, from the top. Errors of `use` end it.
+absl::Status for_rows_of_matte(std::string_view bytes,
+                               absl::FunctionRef<absl::Status(const Matte& rows)> use);
+// The checks alone.
 absl::Status verify_matte(std::string_view bytes);
 
 // Reads and decodes a file; every error names the path.

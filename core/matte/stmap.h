@@ -9,7 +9,10 @@
 
 #include <absl/status/statusor.h>
 
+#include <filesystem>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "core/matte/matte.h"
 
@@ -39,5 +42,20 @@ absl::StatusOr<int> texture_named(const v1::MatteMetadata& metadata, const std::
 // `path`: 1 and up by LightPaths, or 0 for each pixel's and channel's strongest mode on the monitor.
 // INVALID_ARGUMENT: the matte's metadata has no such texture, or not its size; the matte has fewer paths.
 absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel, int path = 0);
+
+struct StmapChoice {
+  std::string monitor;                        // empty: the first
+  std::optional<int> channel = std::nullopt;  // none: strongest_channel()
+  int path = 0;
+};
+struct WrittenStmap {
+  std::string monitor;
+  int channel = 0, width_px = 0, height_px = 0;
+};
+// Writes the same to a new file, of the bytes of a matte's file. Path 0 takes the memory of a few rows,
+// another one that of the matte. Errors are those of texture_named(), decode_matte() and encode_stmap();
+// INTERNAL: the file cannot be written.
+absl::StatusOr<WrittenStmap> write_stmap(std::string_view matte, const StmapChoice& choice,
+                                         const std::filesystem::path& file);
 
 }  // namespace glasswing

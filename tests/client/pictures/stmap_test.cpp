@@ -242,6 +242,33 @@ TEST_F(StMap, BlenderWarpsToTheSamePlace) {
   }
 }
 
+TEST_F(StMap, OfAFileIsThatOfTheMatte) {
+  // More rows than are decoded at a time, somewhere in the picture.
+  Matte matte(5, 3, 4, 37, 2);
+  matte.metadata = empty_matte().metadata;
+  matte.metadata.set_width_px(60);
+  matte.metadata.set_height_px(60);
+  for (int y = 0; y < 37; ++y) {
+    for (int x = 0; x < 4; ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        const float at = static_cast<float>(x + y), weight = 0.01f * static_cast<float>(1 + c + x * y % 7);
+        matte.modes(x, y, c)[0] = {
+            .weight = weight, .x_px = at, .y_px = 0.5f * at, .xx_px2 = at, .yy_px2 = 1.0f};
+        matte.modes(x, y, c)[1] = {.weight = 0.03f, .x_px = 7.0f, .y_px = at, .texture = y % 2};
+      }
+    }
+  }
+  const std::string bytes = encode_matte(matte).value();
+  for (const int path_number : {0, 1}) {
+    const absl::StatusOr<WrittenStmap> written =
+        write_stmap(bytes, {.monitor = "back", .path = path_number}, path("st.exr"));
+    ASSERT_TRUE(written.ok()) << written.status();
+    EXPECT_EQ(written->channel, strongest_channel(matte, 0));
+    EXPECT_EQ(read_file(path("st.exr")).value(),
+              encode_stmap(matte, 0, written->channel, path_number).value());
+  }
+}
+
 TEST_F(StMap, BadInputIsNamedAndNothingIsWritten) {
   const std::string matte = write_matte(scattered());
   expect_one_line_error(run_glasswing({"stmap", matte, "-o", path("st.png")}), "must end in .exr");
@@ -257,7 +284,14 @@ TEST_F(StMap, BadInputIsNamedAndNothingIsWritten) {
       run_glasswing({"stmap", write_matte(empty_matte()), "--path", "1", "-o", path("st.exr")}),
       "path is 1; on monitor \"back\" the matte has 0");
   expect_one_line_error(run_glasswing({"stmap", matte, "--path", "9", "-o", path("st.exr")}), "--path");
-  EXPECT_FALSE(std::filesystem::exists(path("st.exr")));
+  std::string cut = read_file(matte).value();
+  cut.resize(cut.size() - 10);
+  ASSERT_TRUE(write_file_durably(path("cut.exr"), cut).ok());
+  expect_one_line_error(run_glasswing({"stmap", path("cut.exr"), "--channel", "g", "-o", path("st.exr")}),
+                        path("cut.exr"));
+  for (const auto& left :
+       std::filesystem::directory_iterator(std::filesystem::path(path("st.exr")).parent_path()))
+    EXPECT_FALSE(left.path().filename().string().starts_with("st.exr")) << left.path();
 }
 
 }  // namespace
