@@ -217,8 +217,12 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
     if (!image.ok()) continue;  // the next frame may be intact
     absl::StatusOr<v1::PreviewResponse> response =
         preview_of(*image, mosaic, request->max_width_px(), full_scale_of(camera.camera()));
-    if (!response.ok()) return to_grpc(response.status());
+    if (!response.ok()) {
+      give_up();
+      return to_grpc(response.status());
+    }
     response->set_exposure_ms(frame->taken.exposure_ms());
+    response->set_gain(frame->taken.gain());
     if (!writer->Write(*response)) break;
   }
   give_up();

@@ -20,7 +20,9 @@
 #include "core/service/listener.h"
 #include "core/service/rpc_metrics.h"
 #include "core/service/stalled_calls.h"
+#include "core/telemetry/logs.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
+#include "glasswing/v1/log_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
@@ -47,6 +49,19 @@ class NodeClockService final : public v1::ClockService::Service {
   }
 
   const NodeClock clock_;
+};
+
+class DaemonLogService final : public v1::LogService::Service {
+  grpc::Status ListWarnings(grpc::ServerContext*, const v1::ListWarningsRequest*,
+                            v1::ListWarningsResponse* response) override {
+    for (LoggedLine& logged : logged_warnings()) {
+      v1::LogLine& line = *response->add_lines();
+      line.set_time(std::move(logged.time));
+      line.set_level(std::move(logged.level));
+      line.set_text(std::move(logged.text));
+    }
+    return grpc::Status::OK;
+  }
 };
 
 std::string host_of(const std::string& address) {
@@ -168,6 +183,7 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   call_shares().set_max_calls(limits.calls);
   std::unique_ptr<ServiceHost> self(new ServiceHost);
   self->clock_ = std::make_unique<NodeClockService>(options.clock);
+  self->log_ = std::make_unique<DaemonLogService>();
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();  // if it is not linked so
   grpc::ServerBuilder builder;
@@ -176,6 +192,7 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
       grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
   set_limits(builder, limits);
   builder.RegisterService(self->clock_.get());
+  builder.RegisterService(self->log_.get());
   for (grpc::Service* service : services) builder.RegisterService(service);
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   const auto watch = std::make_shared<ConnectionWatch>(std::int64_t{limits.message_bytes} * 5 / 4);

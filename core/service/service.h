@@ -61,8 +61,8 @@ absl::Status check_advertised(const ListenOptions& options);
 
 class Listener;
 
-// A listening gRPC server with standard health (SERVING), the ClockService and message limits, and TLS as
-// use_tls() says. Borrowed services must outlive it.
+// A listening gRPC server with standard health (SERVING), ClockService, LogService and message limits, and
+// TLS as use_tls() says. Borrowed services must outlive it.
 class ServiceHost {
  public:
   // INVALID_ARGUMENT: the address is not loopback and use_tls() got no certificate, or it is every address of
@@ -86,7 +86,7 @@ class ServiceHost {
  private:
   ServiceHost() = default;
   std::string address_, advertised_;
-  std::unique_ptr<grpc::Service> clock_;
+  std::unique_ptr<grpc::Service> clock_, log_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<Listener> listener_;
 };

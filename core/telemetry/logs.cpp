@@ -2,9 +2,12 @@
 
 #include <absl/time/time.h>
 #include <spdlog/pattern_formatter.h>
+#include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include <deque>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -46,6 +49,10 @@ std::optional<Field> take_field(std::string_view& text) {
   return field;
 }
 
+std::string rfc3339(std::chrono::system_clock::time_point time) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromChrono(time), absl::UTCTimeZone());
+}
+
 std::string_view view_of(spdlog::string_view_t text) {
   return {text.data(), text.size()};
 }
@@ -73,6 +80,38 @@ class JsonFormatter final : public spdlog::formatter {
   std::unique_ptr<spdlog::formatter> clone() const override { return std::make_unique<JsonFormatter>(); }
 };
 
+// Keeps the newest lines for logged_warnings().
+class WarningSink final : public spdlog::sinks::base_sink<std::mutex> {
+ public:
+  std::vector<LoggedLine> lines() {
+    const std::lock_guard lock(mutex_);
+    return {lines_.begin(), lines_.end()};
+  }
+
+ private:
+  void sink_it_(const spdlog::details::log_msg& log) override {
+    std::string text = printable(view_of(log.payload));
+    if (text.size() > kMaxLoggedBytes) {
+      // Not within a character.
+      size_t end = kMaxLoggedBytes;
+      while ((static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;
+      text.resize(end);
+    }
+    if (lines_.size() == kMaxLoggedLines) lines_.pop_front();
+    lines_.push_back({.time = rfc3339(log.time),
+                      .level = std::string(view_of(spdlog::level::to_string_view(log.level))),
+                      .text = std::move(text)});
+  }
+  void flush_() override {}
+
+  std::deque<LoggedLine> lines_;  // guarded by mutex_
+};
+
+const std::shared_ptr<WarningSink>& warning_sink() {
+  static const auto sink = std::make_shared<WarningSink>();
+  return sink;
+}
+
 }  // namespace
 
 void add_log_options(CLI::App& app, LogOptions& options) {
@@ -85,17 +124,26 @@ void add_log_options(CLI::App& app, LogOptions& options) {
 }
 
 void start_logging(const std::string& program, const LogOptions& options) {
-  auto logger = spdlog::stderr_color_mt(program);
+  const auto console = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
+  const auto logger =
+      std::make_shared<spdlog::logger>(program, spdlog::sinks_init_list{console, warning_sink()});
   if (options.format == "json") {
-    logger->set_formatter(std::make_unique<JsonFormatter>());
+    console->set_formatter(std::make_unique<JsonFormatter>());
   } else {
     auto lines = std::make_unique<spdlog::pattern_formatter>(spdlog::pattern_time_type::utc);
     lines->add_flag<MessageFormatter>('*').set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %l %n: %*");
-    logger->set_formatter(std::move(lines));
+    console->set_formatter(std::move(lines));
   }
-  logger->set_level(spdlog::level::from_str(options.level));
+  const spdlog::level::level_enum level = spdlog::level::from_str(options.level);
+  console->set_level(level);
+  warning_sink()->set_level(spdlog::level::warn);
+  logger->set_level(std::min(level, spdlog::level::warn));
   logger->flush_on(spdlog::level::info);
   spdlog::set_default_logger(logger);
+}
+
+std::vector<LoggedLine> logged_warnings() {
+  return warning_sink()->lines();
 }
 
 LogMessage split_message(std::string_view message) {
@@ -125,10 +173,7 @@ std::string json_line(std::chrono::system_clock::time_point time, std::string_vi
                       std::string_view program, std::string_view message) {
   const LogMessage split = split_message(message);
   nlohmann::ordered_json line{
-      {"time", absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromChrono(time), absl::UTCTimeZone())},
-      {"level", level},
-      {"program", program},
-      {"message", split.words}};
+      {"time", rfc3339(time)}, {"level", level}, {"program", program}, {"message", split.words}};
   for (const auto& [name, value] : split.fields) {
     std::string free = name;
     while (line.contains(free)) free += '_';

@@ -22,6 +22,16 @@ void add_log_options(CLI::App& app, LogOptions& options);
 // holds time, level, program, message.
 void start_logging(const std::string& program, const LogOptions& options);
 
+// A warning or error that this process logged.
+struct LoggedLine {
+  std::string time;   // RFC 3339, UTC
+  std::string level;  // "warning", "error" or "critical"
+  std::string text;   // printable(), at most kMaxLoggedBytes
+};
+inline constexpr size_t kMaxLoggedLines = 200, kMaxLoggedBytes = 2000;
+// The newest kMaxLoggedLines since start_logging(), oldest first, whatever --log-level says. Thread-safe.
+std::vector<LoggedLine> logged_warnings();
+
 // A message and the fields at its end. A field is a name of [a-z0-9_], "=", and a value that ends at the next
 // space, or, if quoted, at the last quote before the next field. Fields followed by words are words.
 struct LogMessage {

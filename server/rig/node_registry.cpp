@@ -108,6 +108,7 @@ absl::Status NodeRegistry::take(const v1::RegisterRequest& request,
     spdlog::info("audit node registered name={} kind={} address={} before={} caller=\"{}\"", request.name(),
                  names_of(needed), request.address(), entry.node.address(), certificate);
   }
+  if (entry.node.address() != request.address()) entry.clock_history.clear();
   entry.node.set_kind(request.kind());
   entry.node.set_name(request.name());
   entry.node.set_address(request.address());
@@ -193,7 +194,29 @@ void NodeRegistry::note_clock(const std::string& name, nanoseconds offset, nanos
   if (found == entries_.end()) return;
   found->second.node.mutable_clock()->set_offset_ns(offset.count());
   found->second.node.mutable_clock()->set_bound_ns(bound.count());
-  found->second.clock_measured = now_();
+  const nanoseconds now = found->second.clock_measured = now_();
+  std::deque<Entry::Measured>& history = found->second.clock_history;
+  if (!history.empty() && now - history.back().at < kClockStep) return;
+  if (history.size() == kClockSteps) history.pop_front();
+  history.push_back({.at = now, .offset = offset, .bound = bound});
+}
+
+absl::StatusOr<std::vector<v1::ClockOffset>> NodeRegistry::clock_history(const std::string& name) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(name);
+  if (found == entries_.end())
+    return absl::NotFoundError(fmt::format("there is no node \"{}\"; `glasswing nodes` lists them", name));
+  const nanoseconds now = now_();
+  std::vector<v1::ClockOffset> history;
+  for (const Entry::Measured& measured : found->second.clock_history) {
+    const nanoseconds age = now - measured.at;
+    if (age > kClockStep * kClockSteps) continue;  // of before the node was away
+    v1::ClockOffset& offset = history.emplace_back();
+    offset.set_offset_ns(measured.offset.count());
+    offset.set_bound_ns(measured.bound.count());
+    offset.set_age_s(std::chrono::duration<double>(age).count());
+  }
+  return history;
 }
 
 std::vector<RegisteredSolver> NodeRegistry::current() const {

@@ -4,6 +4,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <deque>
 #include <functional>
 #include <map>
 #include <mutex>
@@ -58,6 +59,10 @@ class NodeRegistry {
 
   // Measured now: the node's clock is ahead by `offset`, within `bound`.
   void note_clock(const std::string& name, nanoseconds offset, nanoseconds bound);
+  // One measurement for each kClockStep of the last kClockSteps of them, oldest first. NOT_FOUND.
+  static constexpr nanoseconds kClockStep = std::chrono::seconds(10);
+  static constexpr size_t kClockSteps = 360;
+  absl::StatusOr<std::vector<v1::ClockOffset>> clock_history(const std::string& name) const;
 
   std::vector<v1::Node> nodes() const;  // by kind, then name
   std::vector<v1::Node> up(v1::NodeKind kind) const;
@@ -74,6 +79,10 @@ class NodeRegistry {
     v1::SolverInfo solver;
     nanoseconds heard{};
     nanoseconds clock_measured{};
+    struct Measured {
+      nanoseconds at, offset, bound;
+    };
+    std::deque<Measured> clock_history;  // at this address
   };
   absl::Status take(const v1::RegisterRequest& request, const std::optional<CertifiedPeer>& caller);
   // ALREADY_EXISTS: the node that has the name is alive elsewhere. Lets go of `lock` while it asks that node.

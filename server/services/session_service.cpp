@@ -261,4 +261,13 @@ grpc::Status NodeServiceImpl::ListNodes(grpc::ServerContext*, const v1::ListNode
   return grpc::Status::OK;
 }
 
+grpc::Status NodeServiceImpl::GetClockHistory(grpc::ServerContext*, const v1::GetClockHistoryRequest* request,
+                                              v1::GetClockHistoryResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  const absl::StatusOr<std::vector<v1::ClockOffset>> history = server_.rig().clock_history(request->node());
+  if (!history.ok()) return to_grpc(history.status());
+  for (const v1::ClockOffset& offset : *history) *response->add_offsets() = offset;
+  return grpc::Status::OK;
+}
+
 }  // namespace glasswing

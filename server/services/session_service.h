@@ -68,6 +68,8 @@ class NodeServiceImpl final : public v1::NodeService::Service {
   explicit NodeServiceImpl(Server& server) : server_(server) {}
   grpc::Status Register(grpc::ServerContext*, const v1::RegisterRequest*, v1::RegisterResponse*) override;
   grpc::Status ListNodes(grpc::ServerContext*, const v1::ListNodesRequest*, v1::ListNodesResponse*) override;
+  grpc::Status GetClockHistory(grpc::ServerContext*, const v1::GetClockHistoryRequest*,
+                               v1::GetClockHistoryResponse*) override;
   grpc::Status ReleaseNode(grpc::ServerContext*, const v1::ReleaseNodeRequest*,
                            v1::ReleaseNodeResponse*) override;
 

@@ -46,7 +46,7 @@ std::set<std::string> all_methods() {
   (void)v1::RunLiveRequest::descriptor();  // links its file
   std::set<std::string> methods;
   for (const char* name : {"archive", "calibration", "camera", "clock", "console", "display", "emission",
-                           "fleet", "live", "node", "rig", "session", "stage", "work"}) {
+                           "fleet", "live", "log", "node", "rig", "session", "stage", "work"}) {
     const auto* file = google::protobuf::DescriptorPool::generated_pool()->FindFileByName(
         fmt::format("glasswing/v1/{}_service.proto", name));
     EXPECT_NE(file, nullptr) << name;
@@ -243,7 +243,7 @@ TEST_F(Roles, AConsoleAloneKnowsLoginsAndLooksAtNodes) {
                      "ArchiveService/PutFrame", "ArchiveService/ReadFile", "ArchiveService/ReadRows",
                      "CameraService/GetCamera", "CameraService/Preview", "ConsoleService/Announce",
                      "ConsoleService/GetPrincipal", "ConsoleService/LogIn", "ConsoleService/LogOut",
-                     "DisplayService/GetDisplay"}));
+                     "DisplayService/GetDisplay", "LogService/ListWarnings"}));
 }
 
 TEST_F(Roles, WithALoginAConsoleMayWhatItsOwnerMay) {

@@ -129,6 +129,30 @@ TEST(Logs, BytesThatAreNoTextAreReplaced) {
   EXPECT_EQ(line_of("name=\"a\xff\xfe\" z=\xc3")["name"], "a\xef\xbf\xbd\xef\xbf\xbd");
 }
 
+TEST(Logs, TheNewestWarningsAreKeptAsOneLineEachWhateverTheLevel) {
+  const auto before = spdlog::default_logger();
+  testing::internal::CaptureStderr();
+  start_logging("glasswing-kept", {.level = "error"});
+  for (int i = 0; i < 300; ++i) spdlog::warn("tile given up tile={}", i);
+  spdlog::info("not kept");
+  spdlog::error("two\nlines");
+  std::string accents;
+  for (int i = 0; i < 1500; ++i) accents += "\xc3\xa9";
+  spdlog::critical("x{}", accents);
+  EXPECT_EQ(testing::internal::GetCapturedStderr().find("tile"), std::string::npos);
+  spdlog::set_default_logger(before);
+  const std::vector<LoggedLine> lines = logged_warnings();
+  ASSERT_EQ(lines.size(), kMaxLoggedLines);
+  for (int i = 0; i < 198; ++i)
+    EXPECT_EQ(lines[static_cast<size_t>(i)].text, "tile given up tile=" + std::to_string(102 + i));
+  EXPECT_EQ(lines[0].level, "warning");
+  EXPECT_EQ(lines[198].level, "error");
+  EXPECT_EQ(lines[198].text, "two\\nlines");
+  EXPECT_EQ(lines[199].level, "critical");
+  EXPECT_EQ(lines[199].text, "x" + accents.substr(0, 1998)) << "cut between two characters";
+  EXPECT_TRUE(lines[199].time.starts_with("20") && lines[199].time.ends_with("Z")) << lines[199].time;
+}
+
 TEST(Logs, DaemonsWriteThemToStandardError) {
   testing::internal::CaptureStderr();
   start_logging("glasswing-json", {.level = "warn", .format = "json"});

@@ -62,6 +62,22 @@ TEST_F(RigTest, AClockIsToldWithItsAgeUntilItsNodeIsAway) {
   EXPECT_FALSE(rig_.nodes().front().has_clock());
 }
 
+TEST_F(RigTest, AClocksHistoryIsOneMeasurementEveryTenSecondsOfTheLastHour) {
+  EXPECT_TRUE(absl::IsNotFound(rig_.clock_history("camera-1").status()));
+  for (int second = 0; second < 4000; ++second, now_ += seconds(1)) {
+    hear(v1::NODE_KIND_CAMERA, "camera-1");
+    rig_.note_clock("camera-1", std::chrono::microseconds(second), nanoseconds(40));
+  }
+  const std::vector<v1::ClockOffset> history = rig_.clock_history("camera-1").value();
+  ASSERT_EQ(history.size(), 360u);
+  for (size_t i = 0; i < history.size(); ++i) {
+    EXPECT_EQ(history[i].offset_ns(), 1000 * (3990 - 10 * static_cast<int>(359 - i)));
+    EXPECT_DOUBLE_EQ(history[i].age_s(), 10.0 + 10.0 * static_cast<double>(359 - i));
+  }
+  now_ += std::chrono::minutes(30);
+  EXPECT_EQ(rig_.clock_history("camera-1")->size(), 180u) << "what is older than an hour is not told";
+}
+
 TEST_F(RigTest, SolversAreKnownWithWhatTheySaidAndForgottenWhenTheyHaveLeft) {
   hear(v1::NODE_KIND_CAMERA, "camera-1");
   hear(v1::NODE_KIND_SOLVER, "b");

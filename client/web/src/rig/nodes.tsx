@@ -1,6 +1,8 @@
+import { useState } from "preact/hooks";
 import type { NodeJson } from "../gen/glasswing/v1/node_service_pb";
 import { State } from "../parts/state";
 import { bytesText, nanosecondsText, plainName } from "../parts/words";
+import { LogDialog } from "./log";
 import { programOf, usualProgram } from "./programs";
 
 function Disk({ node: { health } }: { node: NodeJson }) {
@@ -37,51 +39,84 @@ function Program({ node, usual }: { node: NodeJson; usual: string }) {
 
 export function Nodes({ nodes }: { nodes: NodeJson[] }) {
   const usual = usualProgram(nodes);
-  if (nodes.length === 0) return <p>No node has registered with the server yet.</p>;
+  const [read, setRead] = useState<{ node?: string }>(); // whose log is shown
+  const log = read && <LogDialog {...read} close={() => setRead(undefined)} />;
+  const serversLog = (
+    <button class="quiet" onClick={() => setRead({})}>
+      Log of the server…
+    </button>
+  );
+  if (nodes.length === 0) {
+    return (
+      <>
+        <p>No node has registered with the server yet.</p>
+        {serversLog}
+        {log}
+      </>
+    );
+  }
   return (
-    <table class="stack">
-      <thead>
-        <tr>
-          <th>Node</th>
-          <th>State</th>
-          <th>Description</th>
-          <th>Address</th>
-          <th>Program</th>
-          <th>Disk free</th>
-          <th>Clock</th>
-          <th>Temperature</th>
-        </tr>
-      </thead>
-      <tbody>
-        {nodes.map((node) => (
-          <tr key={node.name}>
-            <td data-label="Node">
-              <b>{node.name}</b> <span class="note">{plainName(node.kind, "NODE_KIND_")}</span>
-            </td>
-            <td data-label="State">
-              <State kind={node.up ? "good" : "bad"}>{node.up ? "up" : "away"}</State>
-            </td>
-            <td data-label="Description">{node.detail || "–"}</td>
-            <td data-label="Address" class="digits">
-              {node.address || "–"}
-            </td>
-            <td data-label="Program" class="digits">
-              <Program node={node} usual={usual} />
-            </td>
-            <td data-label="Disk free">
-              <Disk node={node} />
-            </td>
-            <td data-label="Clock" class="digits">
-              <Clock node={node} />
-            </td>
-            <td data-label="Temperature">
-              {node.health?.temperatureC === undefined
-                ? "–"
-                : `${Number(node.health.temperatureC).toFixed(0)} °C`}
-            </td>
+    <>
+      <table class="stack">
+        <thead>
+          <tr>
+            <th>Node</th>
+            <th>State</th>
+            <th>Description</th>
+            <th>Address</th>
+            <th>Program</th>
+            <th>Disk free</th>
+            <th>Clock</th>
+            <th>Temperature</th>
+            <th>Log</th>
           </tr>
-        ))}
-      </tbody>
-    </table>
+        </thead>
+        <tbody>
+          {nodes.map((node) => (
+            <tr key={node.name}>
+              <td data-label="Node">
+                <b>{node.name}</b> <span class="note">{plainName(node.kind, "NODE_KIND_")}</span>
+              </td>
+              <td data-label="State">
+                <State kind={node.up ? "good" : "bad"}>{node.up ? "up" : "away"}</State>
+              </td>
+              <td data-label="Description">{node.detail || "–"}</td>
+              <td data-label="Address" class="digits">
+                {node.address || "–"}
+              </td>
+              <td data-label="Program" class="digits">
+                <Program node={node} usual={usual} />
+              </td>
+              <td data-label="Disk free">
+                <Disk node={node} />
+              </td>
+              <td data-label="Clock" class="digits">
+                <Clock node={node} />
+              </td>
+              <td data-label="Temperature">
+                {node.health?.temperatureC === undefined
+                  ? "–"
+                  : `${Number(node.health.temperatureC).toFixed(0)} °C`}
+              </td>
+              <td data-label="Log">
+                {node.address ? (
+                  <button
+                    class="inline"
+                    aria-label={`Log of ${node.name}`}
+                    onClick={() => setRead({ node: node.name! })}
+                  >
+                    Log…
+                  </button>
+                ) : (
+                  "–"
+                )}
+              </td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+      {serversLog}
+      {log}
+    </>
   );
 }

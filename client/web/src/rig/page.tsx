@@ -15,7 +15,7 @@ import "./rig.css";
 
 async function* nodesWithHistory(signal: AbortSignal): AsyncGenerator<ListNodesResponseJson> {
   for await (const answer of polled<ListNodesResponseJson>("NodeService/ListNodes", {}, 1, { signal })) {
-    keepClocks(answer.nodes ?? [], Date.now() / 1000);
+    await keepClocks(answer.nodes ?? [], signal);
     yield answer;
   }
 }

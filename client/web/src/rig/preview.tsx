@@ -109,6 +109,12 @@ function Figures({ picture }: { picture: PreviewResponseJson }) {
         <dt>Exposure</dt>
         <dd>{Number(picture.exposureMs ?? 0).toPrecision(3)} ms</dd>
       </div>
+      {picture.gain !== undefined && (
+        <div title="Set where the camera node is started (--gain); calibrations are of one gain">
+          <dt>Gain</dt>
+          <dd>{Number(Number(picture.gain).toPrecision(3))}</dd>
+        </div>
+      )}
       <div>
         <dt>Mean light</dt>
         <dd>{(100 * Number(picture.mean ?? 0)).toFixed(1)} %</dd>

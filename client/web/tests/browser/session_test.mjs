@@ -274,6 +274,10 @@ async function read_rig_view(page, rig) {
   await page.getByRole("button", { name: "Check", exact: true }).click();
   await page.locator(".doctor b[role=status]").waitFor();
   await page.locator(".clocks .u-over").first().waitFor();
+  await page.locator(".preview .figures > div", { hasText: "Gain" }).waitFor();
+  await page.getByRole("button", { name: "Log of camera-1" }).click();
+  await page.getByRole("dialog").getByText(/^(It has logged no|The newest) warning/).waitFor();
+  await page.getByRole("dialog").getByRole("button", { name: "Close" }).click();
   assert.equal(await page.locator(".nodes tbody .state.good").count(), 3);
   // The preview shows the capture's pictures.
   rig.glasswing("capture", rig.plan("quick"), "--session", "seen");
@@ -476,6 +480,7 @@ async function check_viewer(browser, rig) {
     for (const button of await page.locator("main button:enabled:visible").all()) {
       await button.click({ timeout: 2000 }).catch(() => undefined); // the previous click may have removed it
       ++clicked;
+      await page.keyboard.press("Escape"); // a dialog that only shows something
     }
   }
   told("buttons that a viewer clicked, changes asked for", `${clicked}, ${tried.length}`);
