@@ -100,11 +100,13 @@ absl::StatusOr<v1::KeepFramesResponse> FrameKeeper::keep(const v1::KeepFramesReq
   v1::KeepFramesResponse response;
   std::vector<Archive::NewFrame> proven;
   for (Archive::NewFrame& frame : frames) {
-    if (proof_.agrees(frame.record, frame.image)) {
+    const PatchVerdict verdict = proof_.judge(frame.record, frame.image);
+    if (verdict == PatchVerdict::kAgrees) {
       proven.push_back(std::move(frame));
-    } else {
-      response.add_refused_steps(frame.record.step());
+      continue;
     }
+    response.add_refused_steps(frame.record.step());
+    if (verdict == PatchVerdict::kUnreadable) response.add_unreadable_steps(frame.record.step());
   }
   response.set_refused(static_cast<int>(frames.size() - proven.size()));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven, waited));

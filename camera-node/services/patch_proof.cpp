@@ -70,14 +70,16 @@ absl::Status PatchProof::learn(const std::vector<Archive::NewFrame>& frames) {
   return absl::OkStatus();
 }
 
-bool PatchProof::agrees(v1::Frame& record, const Image16& image) const {
-  if (!record.has_patch_id()) return true;
+PatchVerdict PatchProof::judge(v1::Frame& record, const Image16& image) const {
+  if (!record.has_patch_id()) return PatchVerdict::kAgrees;
   for (const Known& known : known_) {
     if (known.object != record.object() || !same_exposure(known.exposure_ms, record.exposure_ms())) continue;
-    if (known.reader.read(image) != record.patch_id()) return false;
+    const std::optional<std::uint16_t> id = known.reader.read(image);
+    if (!id) return PatchVerdict::kUnreadable;
+    if (*id != record.patch_id()) return PatchVerdict::kOtherId;
     if (known.monitor == record.stimulus().panel()) record.set_proof(v1::PROOF_TIME_AND_PATCH);
   }
-  return true;
+  return PatchVerdict::kAgrees;
 }
 
 }  // namespace glasswing

@@ -13,6 +13,12 @@
 
 namespace glasswing {
 
+enum class PatchVerdict {
+  kAgrees,
+  kOtherId,
+  kUnreadable,  // no clear id
+};
+
 class PatchProof {
  public:
   // Learns from the frames of kind "patch" in an archive. Patches that they do not show stay unknown.
@@ -28,9 +34,9 @@ class PatchProof {
   // its set is complete, learns from the set and returns it.
   std::optional<LearningSet> add(Archive::NewFrame frame);
 
-  // False: on a monitor whose patch is known, the pixels show another id than `record.patch_id`, or no clear
-  // one. If the lit monitor's patch agrees, sets record.proof to PROOF_TIME_AND_PATCH.
-  bool agrees(v1::Frame& record, const Image16& image) const;
+  // Compares `record.patch_id` with the pixels of each monitor whose patch is known. If the lit monitor's
+  // patch agrees, sets record.proof to PROOF_TIME_AND_PATCH.
+  PatchVerdict judge(v1::Frame& record, const Image16& image) const;
 
  private:
   struct Known {

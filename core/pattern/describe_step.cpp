@@ -43,6 +43,8 @@ std::string_view describe(v1::RetakeCause cause) {
       return "exposure outside the window";
     case v1::RETAKE_CAUSE_WRONG_ID:
       return "wrong id";
+    case v1::RETAKE_CAUSE_ID_UNREADABLE:
+      return "id patch not readable";
     case v1::RETAKE_CAUSE_TOO_LATE:
       return "frame too late";
     case v1::RETAKE_CAUSE_PATCH_UNSEEN:

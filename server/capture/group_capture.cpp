@@ -42,6 +42,7 @@ absl::Status GroupCapture::start(std::stop_token stop) {
 absl::Status GroupCapture::show(const std::vector<Step>& steps, std::stop_token stop) {
   judged_now_.clear();
   refused_now_.clear();
+  unreadable_now_.clear();
   const auto judging = [this](std::vector<v1::Frame> frames) { return judge(std::move(frames)); };
   GW_RETURN_IF_ERROR(player_.play(learning_.begin_showing(steps), recording_, judging, stop));
   return stop.stop_requested() ? absl::CancelledError("stopped") : absl::OkStatus();
@@ -79,6 +80,7 @@ absl::StatusOr<bool> GroupCapture::judge(std::vector<v1::Frame> frames) {
   GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, archive_.keep(*ready));
   for (const v1::Frame& frame : *ready) judged_now_.insert(frame.step());
   refused_now_.insert(kept.refused_steps().begin(), kept.refused_steps().end());
+  unreadable_now_.insert(kept.unreadable_steps().begin(), kept.unreadable_steps().end());
   progress_.note_kept(kept.frames(), kept.refused());
   return true;
 }
@@ -94,6 +96,7 @@ v1::RetakeCause GroupCapture::cause_of(const Step& step) const {
   if (!recording_.was_matched_now(step.number))
     return recording_.has_frame_of(step.number) ? v1::RETAKE_CAUSE_OUTSIDE_WINDOW : v1::RETAKE_CAUSE_NO_FRAME;
   if (!judged_now_.contains(step.number)) return v1::RETAKE_CAUSE_PATCH_UNSEEN;
+  if (unreadable_now_.contains(step.number)) return v1::RETAKE_CAUSE_ID_UNREADABLE;
   return refused_now_.contains(step.number) ? v1::RETAKE_CAUSE_WRONG_ID : v1::RETAKE_CAUSE_TOO_LATE;
 }
 

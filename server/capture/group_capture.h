@@ -50,7 +50,7 @@ class GroupCapture {
   CaptureProgress& progress_;
   Recording recording_;
   PatchLearning learning_;
-  std::set<int> judged_now_, refused_now_;  // steps of the current showing
+  std::set<int> judged_now_, refused_now_, unreadable_now_;  // steps of the current showing
 };
 
 }  // namespace glasswing

@@ -59,17 +59,19 @@ TEST(PatchProof, AgreesWithTheIdThatWasShownAndNoOther) {
   ASSERT_TRUE(learn(proof, learning_set(false, 4.0)).ok());
   for (const std::uint32_t id : {0x0000u, 0x1234u, 0xfffeu, 0x8001u}) {
     v1::Frame right = showing(id, "back");
-    EXPECT_TRUE(proof.agrees(right, frame_of(static_cast<std::uint16_t>(id))));
+    EXPECT_EQ(PatchVerdict::kAgrees, proof.judge(right, frame_of(static_cast<std::uint16_t>(id))));
     EXPECT_EQ(right.proof(), v1::PROOF_TIME_AND_PATCH);
     for (int bit = 0; bit < IdPatch::kBits; ++bit) {
       v1::Frame wrong = showing(id, "back");
-      EXPECT_FALSE(proof.agrees(wrong, frame_of(static_cast<std::uint16_t>(id ^ 1u << bit)))) << bit;
+      EXPECT_EQ(PatchVerdict::kOtherId,
+                proof.judge(wrong, frame_of(static_cast<std::uint16_t>(id ^ 1u << bit))))
+          << bit;
     }
     v1::Frame dark = showing(id, "back");
-    EXPECT_FALSE(proof.agrees(dark, Image16(64, 8)));
+    EXPECT_EQ(PatchVerdict::kUnreadable, proof.judge(dark, Image16(64, 8)));
     // A seen patch can refuse a step of another monitor, whose own patch is not seen, but cannot prove it.
     v1::Frame other = showing(id, "left");
-    EXPECT_TRUE(proof.agrees(other, frame_of(static_cast<std::uint16_t>(id))));
+    EXPECT_EQ(PatchVerdict::kAgrees, proof.judge(other, frame_of(static_cast<std::uint16_t>(id))));
     EXPECT_EQ(other.proof(), v1::PROOF_TIME);
   }
 }
@@ -78,14 +80,14 @@ TEST(PatchProof, ServesOnlyTheStageAndExposureThatItWasLearnedWith) {
   PatchProof proof;
   ASSERT_TRUE(learn(proof, learning_set(true, 4.0)).ok());
   v1::Frame without_object = showing(0x1234, "back");
-  EXPECT_TRUE(proof.agrees(without_object, frame_of(0x4321)));
+  EXPECT_EQ(PatchVerdict::kAgrees, proof.judge(without_object, frame_of(0x4321)));
   EXPECT_EQ(without_object.proof(), v1::PROOF_TIME);
   v1::Frame longer = showing(0x1234, "back");
   longer.set_object(true);
   longer.set_exposure_ms(8.0);
-  EXPECT_TRUE(proof.agrees(longer, frame_of(0x4321)));
+  EXPECT_EQ(PatchVerdict::kAgrees, proof.judge(longer, frame_of(0x4321)));
   longer.set_exposure_ms(4.02);  // as cameras report
-  EXPECT_FALSE(proof.agrees(longer, frame_of(0x4321)));
+  EXPECT_EQ(PatchVerdict::kOtherId, proof.judge(longer, frame_of(0x4321)));
 }
 
 TEST(PatchProof, AStaleFrameTeachesNothing) {
@@ -128,9 +130,9 @@ TEST(PatchProof, LearnsAgainFromTheArchive) {
   PatchProof proof;
   ASSERT_TRUE(proof.learn_from(*archive).ok());
   v1::Frame frame = showing(0x1234, "back");
-  EXPECT_TRUE(proof.agrees(frame, frame_of(0x1234)));
+  EXPECT_EQ(PatchVerdict::kAgrees, proof.judge(frame, frame_of(0x1234)));
   EXPECT_EQ(frame.proof(), v1::PROOF_TIME_AND_PATCH);
-  EXPECT_FALSE(proof.agrees(frame, frame_of(0x4321)));
+  EXPECT_EQ(PatchVerdict::kOtherId, proof.judge(frame, frame_of(0x4321)));
   fs::remove_all(directory);
 }
 

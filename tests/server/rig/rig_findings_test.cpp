@@ -180,6 +180,10 @@ TEST(RigFindings, RetakesAreAdvisedByTheirCommonestCause) {
   EXPECT_EQ(finding->text(),
             "session vase showed its 300 steps 483 times again; frame too late: 480, wrong id: 3");
   EXPECT_EQ(finding->advice(), retake_advice(v1::RETAKE_CAUSE_TOO_LATE));
+  add(v1::RETAKE_CAUSE_ID_UNREADABLE, 600);
+  EXPECT_NE(judge_retakes(session)->text().find("; id patch not readable: 600, frame too late: 480"),
+            std::string::npos);
+  EXPECT_NE(judge_retakes(session)->advice().find("twice as many --patch-rows"), std::string::npos);
 }
 
 }  // namespace
