@@ -25,6 +25,8 @@ using httplib::Request;
 using httplib::Response;
 
 constexpr std::chrono::hours kMaxStream(24);
+// The server ends a fit after ten minutes (rig_service.proto).
+constexpr std::chrono::minutes kFitTimeout(11);
 constexpr std::chrono::milliseconds kFirstMessage(250);
 constexpr std::chrono::seconds kAnnounceInterval(1);
 constexpr size_t kMaxJson = size_t{8} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
@@ -85,6 +87,10 @@ void refuse_visit(Response& response, const absl::Status& status) {
 absl::Status check_node_call(const std::string& method, const Principal& principal) {
   GW_RETURN_IF_ERROR(admit(method, principal.roles, principal.title()));
   return admit(method, only(Role::kConsole), "console");
+}
+
+std::chrono::milliseconds timeout_of(const JsonMethod& method) {
+  return method.name() == "RigService/FitCalibration" ? kFitTimeout : std::chrono::milliseconds(kCallTimeout);
 }
 
 // The token of the browser's hold of the rig; empty: none. INVALID_ARGUMENT: it could not be a token.
@@ -306,11 +312,11 @@ void Console::call(const std::optional<std::string>& node, const Login& login, c
     callee = {.channel = *channel, .title = fmt::format("node \"{}\"", *node)};
   }
   if (method->streams()) return stream(*method, callee, login, body, response);
-  const auto running =
-      JsonCall::start(callee.channel, *method, body, callee.login, callee.hold, kCallTimeout);
+  const std::chrono::milliseconds timeout = timeout_of(*method);
+  const auto running = JsonCall::start(callee.channel, *method, body, callee.login, callee.hold, timeout);
   if (!running.ok()) return refuse(response, running.status());
   std::string message;
-  if ((*running)->next(kCallTimeout, message) != JsonCall::Got::kMessage)
+  if ((*running)->next(timeout, message) != JsonCall::Got::kMessage)
     return refuse(response, (*running)->outcome(callee.title));
   response.set_content(message, kJson);
 }

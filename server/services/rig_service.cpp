@@ -6,6 +6,7 @@
 #include <condition_variable>
 
 #include "core/base/status.h"
+#include "core/base/time.h"
 #include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
@@ -279,10 +280,26 @@ absl::StatusOr<v1::FitCalibrationResponse> fit_and_store(Server& server, const s
 
 }  // namespace
 
+absl::StatusOr<v1::FitCalibrationResponse> RigServiceImpl::fit_once(const std::string& session) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto [running, is_first] = fits_.emplace(session, utc_now_rfc3339());
+    if (!is_first) {
+      return absl::FailedPreconditionError(
+          fmt::format("session \"{}\" is being fitted already, since {}; wait until that is done", session,
+                      running->second));
+    }
+  }
+  absl::StatusOr<v1::FitCalibrationResponse> fitted = fit_and_store(server_, session);
+  const std::lock_guard lock(mutex_);
+  fits_.erase(session);
+  return fitted;
+}
+
 grpc::Status RigServiceImpl::FitCalibration(grpc::ServerContext*, const v1::FitCalibrationRequest* request,
                                             v1::FitCalibrationResponse* response) {
   GW_CHECK_LIMITS(*request);
-  absl::StatusOr<v1::FitCalibrationResponse> fitted = fit_and_store(server_, request->session());
+  absl::StatusOr<v1::FitCalibrationResponse> fitted = fit_once(request->session());
   if (!fitted.ok()) return to_grpc(fitted.status());
   *response = *std::move(fitted);
   return grpc::Status::OK;
@@ -301,6 +318,12 @@ grpc::Status RigServiceImpl::ListCalibrations(grpc::ServerContext*,
   page->cut(*response->mutable_cameras());
   page->cut(*response->mutable_displays());
   response->set_next_page_token(page->next_token());
+  const std::lock_guard lock(mutex_);
+  for (const auto& [session, since] : fits_) {
+    v1::RunningFit& running = *response->add_fits();
+    running.set_session(session);
+    running.set_since(since);
+  }
   return grpc::Status::OK;
 }
 

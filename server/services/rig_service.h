@@ -2,6 +2,9 @@
 #pragma once
 
 #include <atomic>
+#include <map>
+#include <mutex>
+#include <string>
 
 #include "glasswing/v1/rig_service.grpc.pb.h"
 #include "server/services/server.h"
@@ -39,8 +42,12 @@ class RigServiceImpl final : public v1::RigService::Service {
   grpc::Status run(grpc::ServerContext* context, const std::string& what,
                    const std::function<absl::Status(std::stop_token)>& work);
 
+  absl::StatusOr<v1::FitCalibrationResponse> fit_once(const std::string& session);
+
   Server& server_;
   std::atomic<bool> stopping_ = false;
+  std::mutex mutex_;
+  std::map<std::string, std::string> fits_;  // when each running one began, by session; guarded by mutex_
 };
 
 }  // namespace glasswing

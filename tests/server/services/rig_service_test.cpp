@@ -7,7 +7,9 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <latch>
 #include <map>
+#include <thread>
 
 #include "camera-node/backends/emission_client.h"
 #include "camera-node/backends/sim_camera.h"
@@ -22,6 +24,7 @@
 #include "display-node/services/display_service.h"
 #include "display-node/services/emission_service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
+#include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "server/rig/sync_calibration.h"
 #include "server/services/session_service.h"
 
@@ -38,6 +41,16 @@ struct Disk final : v1::ArchiveService::Service {
                         v1::GetSpaceResponse* response) override {
     response->set_free_bytes(free_bytes);
     return grpc::Status::OK;
+  }
+};
+
+// Fits for as long as a test wants.
+struct SlowFits final : v1::CalibrationService::Service {
+  std::latch begun{1}, may_end{1};
+  grpc::Status FitCamera(grpc::ServerContext*, const v1::FitCameraRequest*, v1::FitCameraResponse*) override {
+    begun.count_down();
+    may_end.wait();
+    return {grpc::StatusCode::FAILED_PRECONDITION, "the frames are dark"};
   }
 };
 
@@ -263,6 +276,44 @@ TEST_F(RigTest, PlansAreMadeForTheRig) {
   EXPECT_EQ(
       make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_quality("fine"); }).status().message(),
       "quality is \"fine\"; it must be draft, good or best");
+}
+
+TEST_F(RigTest, AFitIsListedWhileItRunsAndRunsOnce) {
+  start();
+  SlowFits fits;
+  const auto node = ServiceHost::start({}, {&fits}).value();
+  v1::Session session;
+  session.set_name("lens");
+  session.set_state(v1::SESSION_STATE_CAPTURED);
+  session.set_archive_address(node->address());
+  session.mutable_plan()->mutable_calibration()->set_of("camera");
+  ASSERT_TRUE(server_->sessions().edit().insert(session, "").ok());
+  const auto fit = [&] {
+    grpc::ClientContext context;
+    v1::FitCalibrationRequest request;
+    request.set_session("lens");
+    v1::FitCalibrationResponse fitted;
+    return stub_->FitCalibration(&context, request, &fitted).error_message();
+  };
+  const auto running = [&] {
+    grpc::ClientContext context;
+    v1::ListCalibrationsResponse listed;
+    EXPECT_TRUE(stub_->ListCalibrations(&context, {}, &listed).ok());
+    return listed;
+  };
+  std::string first;
+  std::thread caller([&] { first = fit(); });
+  fits.begun.wait();
+  const v1::ListCalibrationsResponse listed = running();
+  const std::string second = fit();
+  fits.may_end.count_down();
+  caller.join();
+  ASSERT_EQ(listed.fits_size(), 1);
+  EXPECT_EQ(listed.fits(0).session(), "lens");
+  EXPECT_EQ(second, "session \"lens\" is being fitted already, since " + listed.fits(0).since() +
+                        "; wait until that is done");
+  EXPECT_EQ(first, "the frames are dark");
+  EXPECT_EQ(running().fits_size(), 0) << "a fit that failed is over, too";
 }
 
 TEST_F(RigTest, AHoldCanBeTakenUpAgainAndReleased) {

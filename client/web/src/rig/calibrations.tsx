@@ -1,4 +1,4 @@
-import { useEffect, useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { call } from "../api";
 import type {
   CameraCalibrationJson,
@@ -10,6 +10,7 @@ import { Failure } from "../parts/failure";
 import { Calibrate } from "./calibrate";
 import { CurveCharts, type Curves } from "./curves";
 import { nanosecondsText, timeText } from "../parts/words";
+import { kLookAgain_s } from "./running_fit";
 
 interface Row {
   device: string;
@@ -73,9 +74,15 @@ function curvesOf({ cameras = [], displays = [] }: ListCalibrationsResponseJson)
 export function Calibrations() {
   const [known, setKnown] = useState<ListCalibrationsResponseJson>();
   const [error, setError] = useState<unknown>();
-  const look = (): void =>
-    void call<ListCalibrationsResponseJson>("RigService/ListCalibrations").then(setKnown, setError);
-  useEffect(look, []);
+  const again = useRef<ReturnType<typeof setTimeout> | undefined>(undefined);
+  const look = (): void => {
+    clearTimeout(again.current);
+    call<ListCalibrationsResponseJson>("RigService/ListCalibrations").then((now) => {
+      setKnown(now);
+      if (now.fits) again.current = setTimeout(look, 1000 * kLookAgain_s);
+    }, setError);
+  };
+  useEffect(() => (look(), () => clearTimeout(again.current)), []);
   const rows = known && [
     ...(known.cameras ?? []).map(cameraRow),
     ...(known.displays ?? []).map(displayRow),
@@ -86,6 +93,12 @@ export function Calibrations() {
       <h2>Calibrations</h2>
       <Calibrate done={look} />
       {error !== undefined && <Failure error={error} />}
+      {known?.fits?.map(({ session = "", since = "" }) => (
+        <p key={session} role="status">
+          A calibration is being fitted to <a href={`#/session/${encodeURIComponent(session)}`}>{session}</a>{" "}
+          since {timeText(since)}. It may take some minutes, also without this page.
+        </p>
+      ))}
       {rows?.length === 0 && (
         <p class="note">
           Nothing is calibrated yet: monitors and cameras are assumed to be linear, with their declared timing.

@@ -7,8 +7,9 @@ import { Dialog } from "../parts/dialog";
 import { Failure } from "../parts/failure";
 import { FormEnd } from "../parts/form_end";
 import { useAction } from "../parts/use_action";
-import { bytesText } from "../parts/words";
+import { bytesText, timeText } from "../parts/words";
 import { fitCalibration } from "../rig/calibrate";
+import { useRunningFit } from "../rig/running_fit";
 import { SolveDialog } from "./solve";
 import { allows } from "./states";
 
@@ -48,6 +49,8 @@ export function Controls({ session }: { session: SessionJson }) {
   const [asked, setAsked] = useState<"solve" | "retry" | "remove">();
   const [fitted, setFitted] = useState(false);
   const { busy, error, act } = useAction();
+  const isCalibration = session.plan?.calibration !== undefined && session.state === "SESSION_STATE_CAPTURED";
+  const fitting = useRunningFit(session.name ?? "", isCalibration && mayOperate.value);
   if (!mayOperate.value)
     return <p class="note">You are logged in as a viewer and cannot change anything.</p>;
   const name = session.name ?? "";
@@ -74,10 +77,15 @@ export function Controls({ session }: { session: SessionJson }) {
           {session.matteReady ? "Solve again…" : "Solve…"}
         </button>
       )}
-      {session.plan?.calibration && session.state === "SESSION_STATE_CAPTURED" && (
-        <button class="primary" disabled={busy} onClick={() => void act(() => fitCalibration(name)).then(setFitted)}>
+      {isCalibration && (
+        <button class="primary" disabled={busy || fitting !== undefined} onClick={() => void act(() => fitCalibration(name)).then(setFitted)}>
           Fit the calibration
         </button>
+      )}
+      {fitting !== undefined && (
+        <span class="note" role="status">
+          Being fitted since {timeText(fitting)}; it may take some minutes, also without this page.
+        </span>
       )}
       {fitted && (
         <b role="status">
