@@ -95,7 +95,9 @@ absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& addr
   if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
   const bool bound = port != 0 ? self->server_->bind_to_port(host, port)
                                : (port = self->server_->bind_to_any_port(host)) > 0;
-  if (!bound) return absl::UnavailableError(fmt::format("--listen {} cannot be listened on", address));
+  if (!bound)
+    return absl::UnavailableError(
+        fmt::format("cannot listen on {} (--listen); is another program running there?", address));
   self->address_ = fmt::format("{}:{}", address.substr(0, colon), port);
   return self;
 }

@@ -326,8 +326,9 @@ void Console::stream(const JsonMethod& method, const Callee& callee, const Login
   const std::string name = login.principal.name;
   if (!streams_.take(name)) {
     return refuse(response, absl::ResourceExhaustedError(fmt::format(
-                                "\"{}\" has {} pages' event streams open, or all have {}: close some", name,
-                                StreamPlaces::kMaxOfOne, StreamPlaces::kMax)));
+                                "too many pages of the console are open: \"{}\" may have {} live views, and "
+                                "all people together {}; close some",
+                                name, StreamPlaces::kMaxOfOne, StreamPlaces::kMax)));
   }
   // Of a stream that is not begun, too.
   const auto place = std::shared_ptr<void>(nullptr, [this, name](void*) { streams_.leave(name); });

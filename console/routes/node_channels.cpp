@@ -28,7 +28,8 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> NodeChannels::to(const std::strin
     if (found != listed.nodes().end() && !found->address().empty()) return at(found->address());
     request.set_page_token(listed.next_page_token());
   } while (!request.page_token().empty());
-  return absl::NotFoundError(fmt::format("no node \"{}\" of this rig takes calls", node));
+  return absl::NotFoundError(
+      fmt::format("the rig has no node \"{}\" that can be called; `glasswing nodes` lists them", node));
 }
 
 std::shared_ptr<grpc::Channel> NodeChannels::at(const std::string& address) {

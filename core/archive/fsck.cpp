@@ -63,10 +63,10 @@ absl::StatusOr<CheckTarget> recognise(const fs::path& given) {
     if (fs::is_directory(archives)) return CheckTarget{"archives", archives, archives};
     if (holds_archives(path)) return CheckTarget{"archives", path, path};
   }
-  return absl::InvalidArgumentError(fmt::format(
-      "{} is nothing that can be checked; it must be the data directory of a server or a camera node, the "
-      "archives of a solver, one archive, or a matte's file (.exr)",
-      path.string()));
+  return absl::InvalidArgumentError(
+      fmt::format("{} cannot be checked; it must be the data directory of a server or a camera node, the "
+                  "archives of a solver, one archive, or a matte's file (.exr)",
+                  path.string()));
 }
 
 absl::StatusOr<CheckReport> fsck(const fs::path& path, const FsckOptions& options) {

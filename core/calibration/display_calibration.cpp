@@ -203,7 +203,7 @@ absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& arch
   }
   if (!manifest.has_camera_calibration() && manifest.camera().response() == "unknown") {
     return absl::FailedPreconditionError(
-        fmt::format("camera \"{}\" codes light in a way of its own, and was not calibrated: calibrate it "
+        fmt::format("camera \"{}\" is not linear, and not calibrated: calibrate it "
                     "first, then capture this again",
                     manifest.camera().name()));
   }

@@ -84,7 +84,7 @@ absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2
 absl::StatusOr<std::string> text_of(const Imf::Header& header, const char* attribute) {
   const auto* text = header.findTypedAttribute<Imf::StringAttribute>(attribute);
   if (text == nullptr)
-    return absl::DataLossError(fmt::format("it is no matte of ours: it has no {}", attribute));
+    return absl::DataLossError(fmt::format("it is not a Glasswing matte: it has no {}", attribute));
   return text->value();
 }
 

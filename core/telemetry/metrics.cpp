@@ -123,7 +123,7 @@ absl::StatusOr<std::unique_ptr<MetricsHost>> MetricsHost::start(const MetricsOpt
     self->exposer_ = std::make_unique<prometheus::Exposer>(options.address);
   } catch (const std::exception&) {
     return absl::UnavailableError(
-        fmt::format("--metrics is {}, which cannot be listened on; does another program?", options.address));
+        fmt::format("cannot listen on {} (--metrics); is another program running there?", options.address));
   }
   self->all_ = std::make_shared<AllMetrics>(options);
   self->exposer_->RegisterCollectable(self->all_);

@@ -28,11 +28,12 @@ absl::Status DisplayServiceImpl::check_patch(const Display& display, int patch_r
   for (const ScreenInfo& screen : display.screens()) {
     const int max_rows = screen.height_px / 2;
     if (screen.width_px < IdPatch::kMinWidth_px || patch_rows < IdPatch::kMinRows || patch_rows > max_rows) {
-      return absl::InvalidArgumentError(fmt::format(
-          "an id patch of {} rows does not fit monitor \"{}\", {} x {} px: it takes {} to half of "
-          "its rows, and {} px across",
-          patch_rows, screen.name, screen.width_px, screen.height_px, IdPatch::kMinRows,
-          IdPatch::kMinWidth_px));
+      return absl::InvalidArgumentError(
+          fmt::format("--patch-rows is {}, which does not fit monitor \"{}\", {} x {} px; it must be {} to "
+                      "{} (half of the "
+                      "monitor), or 0, and the monitor at least {} px wide",
+                      patch_rows, screen.name, screen.width_px, screen.height_px, IdPatch::kMinRows, max_rows,
+                      IdPatch::kMinWidth_px));
     }
   }
   return absl::OkStatus();

@@ -70,7 +70,8 @@ absl::Status Replicator::replicate_to(const v1::Session& session, const std::str
   GW_ASSIGN_OR_RETURN(const std::string address, keeper_address(node, nodes_));
   if (address == session.archive_address()) {
     return absl::FailedPreconditionError(
-        fmt::format("node \"{}\" captured session \"{}\" and holds its frames", node, session.name()));
+        fmt::format("node \"{}\" captured session \"{}\" and has its frames already; name another node", node,
+                    session.name()));
   }
   v1::ArchiveCopy replica;
   replica.set_node(node);

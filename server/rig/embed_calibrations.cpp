@@ -47,7 +47,7 @@ std::string uncalibrated_warning(const v1::CaptureManifest& header) {
   if (header.has_plan() && header.plan().has_calibration()) return "";
   if (header.has_camera_calibration() || header.camera().response() != "unknown") return "";
   return fmt::format(
-      "camera \"{}\" codes light in a way of its own and is not calibrated, which biases widths and weights: "
+      "camera \"{}\" is not linear and not calibrated, which biases widths and weights: "
       "glasswing calibrate camera",
       header.camera().name());
 }

@@ -112,7 +112,7 @@ absl::StatusOr<v1::MakePlanResponse> plan_for_rig(const v1::MakePlanRequest& req
   GW_ASSIGN_OR_RETURN(Monitors monitors, rig.monitors());
   for (const std::string& name : request.monitors()) {
     if (std::ranges::find(monitors, name, &v1::Monitor::name) == monitors.end())
-      return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"", name));
+      return no_monitor(name, monitors);
   }
   GW_ASSIGN_OR_RETURN(v1::MakePlanResponse response,
                       plan_of_purpose(request, rig, std::move(monitors), calibrations));

@@ -272,11 +272,10 @@ std::string retake_advice(v1::RetakeCause cause) {
     case v1::RETAKE_CAUSE_WRONG_ID:
       return "the times that a display or the camera reports are wrong: glasswing calibrate sync";
     case v1::RETAKE_CAUSE_ID_UNREADABLE:
-      return "the camera sees the id patch, but cannot tell its cells apart beside a picture: start the "
-             "display "
-             "node with twice as many --patch-rows, or have the camera see the monitor larger and sharper; "
-             "if "
-             "the patch is large and sharp, exposures overlap two pictures: glasswing calibrate sync";
+      return "the camera sees the id patch, but cannot tell its cells apart beside a picture: the patch must "
+             "cover six rows of the camera's picture or more, and be sharp; start the display node with more "
+             "--patch-rows, or have the camera see the monitor larger. If it is so already, exposures "
+             "overlap two pictures: glasswing calibrate sync";
     case v1::RETAKE_CAUSE_TOO_LATE:
       return "frames arrive faster than the camera node stores them: take load off its machine and disk, or "
              "choose a larger hold_refreshes or a smaller picture";

@@ -119,6 +119,12 @@ absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore
   return links;
 }
 
+absl::Status no_monitor(const std::string& name, const std::vector<v1::Monitor>& monitors) {
+  std::string names;
+  for (const v1::Monitor& monitor : monitors) names += (names.empty() ? "" : ", ") + monitor.name();
+  return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"; there are: {}", name, names));
+}
+
 absl::StatusOr<std::vector<v1::Monitor>> RigLinks::monitors() const {
   std::vector<v1::Monitor> monitors;
   std::set<std::string> names;

@@ -73,6 +73,9 @@ struct RigLinks {
   // FAILED_PRECONDITION: two monitors have the same name.
   absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
 };
+// INVALID_ARGUMENT: `name` is none of these.
+absl::Status no_monitor(const std::string& name, const std::vector<v1::Monitor>& monitors);
+
 // Monitors by name; empty: all of the rig.
 using MonitorNames = std::vector<std::string>;
 MonitorNames monitors_of(const v1::Plan& plan);

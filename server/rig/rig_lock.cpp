@@ -79,7 +79,9 @@ absl::StatusOr<RigLock::Hold> RigLock::hold(const Caller& caller, const std::str
 
 absl::Status RigLock::release(const Caller& caller) {
   const std::lock_guard lock(mutex_);
-  if (caller.hold.empty()) return absl::FailedPreconditionError("the call belongs to no hold");
+  if (caller.hold.empty())
+    return absl::FailedPreconditionError(
+        "this call belongs to no hold: only who holds the rig can release it");
   GW_RETURN_IF_ERROR(check_locked(caller));
   reservation_.reset();
   return absl::OkStatus();

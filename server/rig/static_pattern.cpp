@@ -79,7 +79,7 @@ absl::Status StaticPattern::check() const {
     const std::optional<absl::Status> end = playing->inbox.end();
     if (!end) continue;
     if (!end->ok()) return *end;
-    return absl::DeadlineExceededError("the picture was shown for as long as a display can; start again");
+    return absl::DeadlineExceededError("the pattern was shown for as long as a display can; show it again");
   }
   return absl::OkStatus();
 }

@@ -160,7 +160,7 @@ grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1:
     GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, rig.monitors());
     for (const std::string& name : request->monitors()) {
       if (std::ranges::find(monitors, name, &v1::Monitor::name) == monitors.end())
-        return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"", name));
+        return no_monitor(name, monitors);
     }
     std::erase_if(monitors, [&](const v1::Monitor& monitor) {
       return !request->monitors().empty() && std::ranges::count(request->monitors(), monitor.name()) == 0;
@@ -260,7 +260,8 @@ absl::StatusOr<v1::FitCalibrationResponse> fit_and_store(Server& server, const s
   GW_ASSIGN_OR_RETURN(const v1::Session session, server.sessions().find(name));
   if (!session.plan().has_calibration()) {
     return absl::FailedPreconditionError(
-        fmt::format("session \"{}\" measured no device; its method is {}", name, session.method()));
+        fmt::format("session \"{}\" is no calibration: its method is {}; run one with glasswing calibrate",
+                    name, session.method()));
   }
   if (session.state() != v1::SESSION_STATE_CAPTURED) {
     return absl::FailedPreconditionError(fmt::format(

@@ -194,7 +194,7 @@ TEST_F(DisplayCalibration, SaysWhatItLacks) {
       if (is(frame.stimulus())) frame.clear_stimulus();
     };
   };
-  says(with([](Rig& of) { of.calibrated = false; }), "camera \"front\" codes light in a way of its own");
+  says(with([](Rig& of) { of.calibrated = false; }), "camera \"front\" is not linear, and not calibrated");
   says(with([](Rig& of) {
          of.exposures_ms = {{8.0, 8.0}};
        }),

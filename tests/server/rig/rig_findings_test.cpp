@@ -183,7 +183,7 @@ TEST(RigFindings, RetakesAreAdvisedByTheirCommonestCause) {
   add(v1::RETAKE_CAUSE_ID_UNREADABLE, 600);
   EXPECT_NE(judge_retakes(session)->text().find("; id patch not readable: 600, frame too late: 480"),
             std::string::npos);
-  EXPECT_NE(judge_retakes(session)->advice().find("twice as many --patch-rows"), std::string::npos);
+  EXPECT_NE(judge_retakes(session)->advice().find("six rows of the camera's picture"), std::string::npos);
 }
 
 }  // namespace

@@ -270,9 +270,8 @@ TEST_F(RigTest, PlansAreMadeForTheRig) {
   ASSERT_TRUE(camera.ok()) << camera.status();
   EXPECT_EQ(camera->plan().calibration().of(), "camera");
   EXPECT_EQ(make(v1::PLAN_PURPOSE_UNSPECIFIED).status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(
-      make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.add_monitors("roof"); }).status().message(),
-      "there is no monitor \"roof\"");
+  const auto roof = make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.add_monitors("roof"); });
+  EXPECT_EQ(roof.status().message(), "there is no monitor \"roof\"; there are: back");
   EXPECT_EQ(
       make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_quality("fine"); }).status().message(),
       "quality is \"fine\"; it must be draft, good or best");
@@ -344,7 +343,8 @@ TEST_F(RigTest, AHoldCanBeTakenUpAgainAndReleased) {
   v1::ReleaseRigResponse released;
   {
     grpc::ClientContext without;
-    EXPECT_EQ(stub_->ReleaseRig(&without, {}, &released).error_message(), "the call belongs to no hold");
+    EXPECT_EQ(stub_->ReleaseRig(&without, {}, &released).error_message(),
+              "this call belongs to no hold: only who holds the rig can release it");
   }
   grpc::ClientContext with_token;
   with_token.AddMetadata("glasswing-hold", held.token());

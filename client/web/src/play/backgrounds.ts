@@ -98,7 +98,7 @@ export function paint(kind: BuiltIn, width: number, height: number, colour: stri
 export async function openPicture(file: Blob, name: string, mostSide: number): Promise<ImageBitmap> {
   const as_is: ImageBitmapOptions = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const image = await createImageBitmap(file, as_is).catch(() => {
-    throw new Error(`${name} is no picture that the browser can read; PNG, JPEG, WebP or AVIF would be`);
+    throw new Error(`${name} cannot be read by this browser; PNG, JPEG, WebP and AVIF can`);
   });
   const shrink = mostSide / Math.max(image.width, image.height);
   if (shrink >= 1) return image;
