@@ -15,8 +15,8 @@ import "./rig.css";
 
 async function* nodesWithHistory(signal: AbortSignal): AsyncGenerator<ListNodesResponseJson> {
   for await (const answer of polled<ListNodesResponseJson>("NodeService/ListNodes", {}, 1, { signal })) {
+    yield answer; // first: the nodes are not to wait for the clocks' history
     await keepClocks(answer.nodes ?? [], signal);
-    yield answer;
   }
 }
 
