@@ -223,15 +223,17 @@ export function NewSession() {
           error === undefined && <p class="note">Checking the rig…</p>
         )}
         {start.error !== undefined && <Failure error={start.error} />}
-        {!plan?.calibration && (
-          <label>
-            <input type="checkbox" checked={solve} onChange={(event) => setSolve(event.currentTarget.checked)} />
-            Solve it as soon as it is captured
-          </label>
-        )}
-        <button class="primary" disabled={start.busy || !estimate || missing.length > 0}>
-          {start.busy ? "Starting…" : "Start"}
-        </button>
+        <div class="row">
+          {!plan?.calibration && (
+            <label>
+              <input type="checkbox" checked={solve} onChange={(event) => setSolve(event.currentTarget.checked)} />
+              Solve it as soon as it is captured
+            </label>
+          )}
+          <button class="primary" disabled={start.busy || !estimate || missing.length > 0}>
+            {start.busy ? "Starting…" : "Start"}
+          </button>
+        </div>
       </section>
     </form>
   );
