@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 namespace {
 constexpr size_t kMaxOpen = 8;                          // archives
-constexpr size_t kMaxImports = 1000;                    // that nobody finished; further ones void the rest
+constexpr size_t kMaxImports = 1000;                    // that nobody finished; one more ends them all
 constexpr std::chrono::seconds kCancelledCopyTime(10);  // for a cancelled copy to end
 }  // namespace
 

@@ -31,7 +31,7 @@ class CaptureRunner {
  public:
   enum class Wish { kNone, kPause, kCancel };
 
-  // `captured`: told the name of each session whose last step is proven; takes no lock of this class's order.
+  // `captured` is called with the name of each session whose last step is proven, under an Edit and mutex_.
   CaptureRunner(SessionStore& sessions, const NodeRegistry& nodes, RigLock& rig_lock,
                 const CalibrationStore& calibrations, ImageFiles& images,
                 std::function<void(const std::string& session)> captured)

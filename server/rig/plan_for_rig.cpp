@@ -110,10 +110,7 @@ absl::StatusOr<v1::MakePlanResponse> plan_of_purpose(const v1::MakePlanRequest& 
 absl::StatusOr<v1::MakePlanResponse> plan_for_rig(const v1::MakePlanRequest& request, const RigLinks& rig,
                                                   const CalibrationStore& calibrations) {
   GW_ASSIGN_OR_RETURN(Monitors monitors, rig.monitors());
-  for (const std::string& name : request.monitors()) {
-    if (std::ranges::find(monitors, name, &v1::Monitor::name) == monitors.end())
-      return no_monitor(name, monitors);
-  }
+  GW_RETURN_IF_ERROR(check_monitors({request.monitors().begin(), request.monitors().end()}, monitors));
   GW_ASSIGN_OR_RETURN(v1::MakePlanResponse response,
                       plan_of_purpose(request, rig, std::move(monitors), calibrations));
   if (response.has_plan()) response.mutable_plan()->set_camera(request.camera());

@@ -47,10 +47,8 @@ absl::StatusOr<std::unique_ptr<RampShow>> RampShow::start(const NodeRegistry& ri
 
 absl::Status RampShow::find_monitor(const std::string& name) {
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> monitors, rig_.monitors());
-  std::string names;
-  for (const v1::Monitor& monitor : monitors) names += (names.empty() ? "" : ", ") + monitor.name();
   if (name.empty() && monitors.size() > 1)
-    return absl::InvalidArgumentError("the rig has several monitors; name one of: " + names);
+    return absl::InvalidArgumentError("the rig has several monitors; name one of: " + names_of(monitors));
   const std::string& wanted = name.empty() ? monitors.front().name() : name;
   for (const auto& display : rig_.displays) {
     const v1::DisplayMonitor* const monitor = display->monitor(wanted);
@@ -58,7 +56,7 @@ absl::Status RampShow::find_monitor(const std::string& name) {
     *description_.mutable_monitor() = listed_monitor(*monitor);
     return absl::OkStatus();
   }
-  return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"; there are: {}", wanted, names));
+  return no_monitor(wanted, monitors);
 }
 
 absl::Status RampShow::move_object(bool present) {

@@ -119,10 +119,23 @@ absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore
   return links;
 }
 
-absl::Status no_monitor(const std::string& name, const std::vector<v1::Monitor>& monitors) {
+std::string names_of(const std::vector<v1::Monitor>& monitors) {
   std::string names;
   for (const v1::Monitor& monitor : monitors) names += (names.empty() ? "" : ", ") + monitor.name();
-  return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"; there are: {}", name, names));
+  return names;
+}
+
+absl::Status no_monitor(const std::string& name, const std::vector<v1::Monitor>& monitors) {
+  return absl::InvalidArgumentError(
+      fmt::format("there is no monitor \"{}\"; there are: {}", name, names_of(monitors)));
+}
+
+absl::Status check_monitors(const MonitorNames& names, const std::vector<v1::Monitor>& monitors) {
+  for (const std::string& name : names) {
+    if (std::ranges::find(monitors, name, &v1::Monitor::name) == monitors.end())
+      return no_monitor(name, monitors);
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::vector<v1::Monitor>> RigLinks::monitors() const {

@@ -73,11 +73,14 @@ struct RigLinks {
   // FAILED_PRECONDITION: two monitors have the same name.
   absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
 };
-// INVALID_ARGUMENT: `name` is none of these.
-absl::Status no_monitor(const std::string& name, const std::vector<v1::Monitor>& monitors);
-
 // Monitors by name; empty: all of the rig.
 using MonitorNames = std::vector<std::string>;
+// "back, left"
+std::string names_of(const std::vector<v1::Monitor>& monitors);
+// INVALID_ARGUMENT: `name` is none of these.
+absl::Status no_monitor(const std::string& name, const std::vector<v1::Monitor>& monitors);
+// The same, of the first name that is none of these.
+absl::Status check_monitors(const MonitorNames& names, const std::vector<v1::Monitor>& monitors);
 MonitorNames monitors_of(const v1::Plan& plan);
 // `camera`: as for NodeRegistry::camera(), whose errors are returned. UNAVAILABLE: the camera is away, or a
 // display that may have one of the monitors.

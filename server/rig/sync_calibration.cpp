@@ -10,6 +10,7 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/calibration/light_step.h"
+#include "core/service/monitor.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -40,14 +41,13 @@ struct Target {
 };
 
 absl::StatusOr<Target> find(const RigLinks& rig, const std::string& name) {
-  std::string names;
+  std::vector<v1::Monitor> monitors;
   for (const auto& display : rig.displays) {
     if (const v1::DisplayMonitor* monitor = display->monitor(name))
       return Target{.display = display.get(), .monitor = monitor};
-    for (const v1::DisplayMonitor& each : display->info.monitors())
-      names += (names.empty() ? "" : ", ") + each.name();
+    for (const v1::DisplayMonitor& each : display->info.monitors()) monitors.push_back(listed_monitor(each));
   }
-  return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"; there are: {}", name, names));
+  return no_monitor(name, monitors);
 }
 
 // Bright lines, so narrow that their own scan-out is short against the measured times.

@@ -154,16 +154,12 @@ grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1:
                                          grpc::ServerWriter<v1::ShowPatternResponse>* writer) {
   GW_CHECK_LIMITS(*request);
   return run(context, "pattern " + request->pattern(), [&](std::stop_token stop) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(const RigLinks rig,
-                        connect_displays(server_.rig(), server_.calibrations(),
-                                         {request->monitors().begin(), request->monitors().end()}));
+    const MonitorNames wanted(request->monitors().begin(), request->monitors().end());
+    GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(server_.rig(), server_.calibrations(), wanted));
     GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, rig.monitors());
-    for (const std::string& name : request->monitors()) {
-      if (std::ranges::find(monitors, name, &v1::Monitor::name) == monitors.end())
-        return no_monitor(name, monitors);
-    }
+    GW_RETURN_IF_ERROR(check_monitors(wanted, monitors));
     std::erase_if(monitors, [&](const v1::Monitor& monitor) {
-      return !request->monitors().empty() && std::ranges::count(request->monitors(), monitor.name()) == 0;
+      return !wanted.empty() && std::ranges::count(wanted, monitor.name()) == 0;
     });
     GW_ASSIGN_OR_RETURN(const std::vector<v1::Stimulus> pattern, test_pattern(request->pattern(), monitors));
     v1::CaptureManifest header;  // for its calibrations

@@ -5,8 +5,8 @@
 //   1. SessionStore::Edit. Every change of a session's state, of its matte files and of its job is made under
 //   it.
 //   2. CaptureRunner::mutex_
-//   3. the mutexes of MatteAssembly, FollowingSolves, SolveProgress, SolveClock, RigLock, NodeRegistry,
-//      StepLog and Fleet, which call nothing while they hold it
+//   3. the mutexes of SessionQueue, SolveProgress, SolveClock, RigLock, NodeRegistry, StepLog and Fleet,
+//      which call nothing while they hold it
 //   4. Catalogue, JobStore
 #pragma once
 

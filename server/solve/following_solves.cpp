@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include <utility>
-
 #include "core/base/pause.h"
 #include "server/sessions/session_state.h"
 
@@ -22,12 +20,6 @@ bool shall_be_solved(const v1::Session& session) {
 FollowingSolves::FollowingSolves(SessionStore& sessions, SolveRunner& solves)
     : sessions_(sessions), solves_(solves), thread_([this](std::stop_token stop) { run(stop); }) {}
 
-void FollowingSolves::look(const std::string& session) {
-  const std::lock_guard lock(mutex_);
-  to_look_at_.insert(session);
-  wanted_.notify_all();
-}
-
 void FollowingSolves::take_up(std::span<const v1::Session> sessions) {
   for (const v1::Session& session : sessions) {
     if (shall_be_solved(session)) look(session.name());
@@ -36,14 +28,8 @@ void FollowingSolves::take_up(std::span<const v1::Session> sessions) {
 
 void FollowingSolves::run(std::stop_token stop) {
   while (!stop.stop_requested()) {
-    std::set<std::string> names;
-    {
-      std::unique_lock lock(mutex_);
-      wanted_.wait(lock, stop, [&] { return !to_look_at_.empty(); });
-      names = std::exchange(to_look_at_, {});
-    }
     bool all_done = true;
-    for (const std::string& name : names) {
+    for (const std::string& name : to_look_at_.take(stop)) {
       if (!absl::IsUnavailable(solve(name))) continue;
       look(name);
       all_done = false;

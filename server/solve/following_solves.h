@@ -3,15 +3,13 @@
 
 #include <absl/status/status.h>
 
-#include <condition_variable>
-#include <mutex>
-#include <set>
 #include <span>
 #include <stop_token>
 #include <string>
 #include <thread>
 
 #include "server/sessions/session_store.h"
+#include "server/solve/session_queue.h"
 #include "server/solve/solve_runner.h"
 
 namespace glasswing {
@@ -22,7 +20,7 @@ class FollowingSolves {
   FollowingSolves(SessionStore& sessions, SolveRunner& solves);
 
   // The session may be captured: solves it if so, as soon as its archive and the job store answer.
-  void look(const std::string& session);
+  void look(const std::string& session) { to_look_at_.add(session); }
   // Those that an earlier server captured and did not solve.
   void take_up(std::span<const v1::Session> sessions);
 
@@ -33,10 +31,8 @@ class FollowingSolves {
 
   SessionStore& sessions_;
   SolveRunner& solves_;
-  std::mutex mutex_;
-  std::condition_variable_any wanted_;
-  std::set<std::string> to_look_at_;  // guarded by mutex_
-  std::jthread thread_;               // last: uses all of the above
+  SessionQueue to_look_at_;
+  std::jthread thread_;  // last: uses all of the above
 };
 
 }  // namespace glasswing

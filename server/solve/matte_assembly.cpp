@@ -45,20 +45,9 @@ absl::Status not_solved(const v1::Session& session) {
 MatteAssembly::MatteAssembly(const SolveStores& stores, SolveClock& clock)
     : stores_(stores), clock_(clock), thread_([this](std::stop_token stop) { run(stop); }) {}
 
-void MatteAssembly::look(const std::string& session) {
-  const std::lock_guard lock(mutex_);
-  to_look_at_.insert(session);
-  wanted_.notify_all();
-}
-
 void MatteAssembly::run(std::stop_token stop) {
   while (!stop.stop_requested()) {
-    std::set<std::string> names;
-    {
-      std::unique_lock lock(mutex_);
-      wanted_.wait_for(lock, stop, kLookEvery, [&] { return !to_look_at_.empty(); });
-      names = std::exchange(to_look_at_, {});
-    }
+    std::set<std::string> names = to_look_at_.take(stop, kLookEvery);
     // No call announces that the job store quarantined a last tile, or that one could not be counted.
     for (std::string& name : clock_.started()) names.insert(std::move(name));
     for (const std::string& name : names) {

@@ -4,13 +4,11 @@
 
 #include <absl/status/status.h>
 
-#include <condition_variable>
-#include <mutex>
-#include <set>
 #include <stop_token>
 #include <string>
 #include <thread>
 
+#include "server/solve/session_queue.h"
 #include "server/solve/solve_clock.h"
 #include "server/solve/solve_session.h"
 
@@ -22,7 +20,7 @@ class MatteAssembly {
   MatteAssembly(const SolveStores& stores, SolveClock& clock);
 
   // The session's tiles may all be done or quarantined: looks as soon as the job store answers.
-  void look(const std::string& session);
+  void look(const std::string& session) { to_look_at_.add(session); }
 
  private:
   void run(std::stop_token stop);
@@ -36,10 +34,8 @@ class MatteAssembly {
 
   const SolveStores stores_;
   SolveClock& clock_;
-  std::mutex mutex_;
-  std::condition_variable_any wanted_;
-  std::set<std::string> to_look_at_;  // guarded by mutex_
-  std::jthread thread_;               // last: uses all of the above
+  SessionQueue to_look_at_;
+  std::jthread thread_;  // last: uses all of the above
 };
 
 }  // namespace glasswing
