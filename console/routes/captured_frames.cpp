@@ -12,7 +12,6 @@
 #include "core/radiometry/frame_light.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
-#include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
@@ -46,18 +45,10 @@ CapturedFrames::CapturedFrames(const v1::Session& session, std::shared_ptr<grpc:
 
 absl::StatusOr<CapturedFrames> CapturedFrames::of(const std::string& session, const ServerLink& server,
                                                   const Login& login, const ChannelTo& channel_to) {
-  v1::GetSessionRequest request;
-  request.set_name(session);
-  v1::GetSessionResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, kTimeout);
-  call_for(login, context);
-  GW_RETURN_IF_ERROR(
-      from_grpc(v1::SessionService::NewStub(server.channel())->GetSession(&context, request, &response),
-                server.title()));
-  const std::string& address = response.session().archive_address();
+  GW_ASSIGN_OR_RETURN(const v1::Session found, server.session(login, session));
+  const std::string& address = found.archive_address();
   if (address.empty()) return absl::NotFoundError(fmt::format("session \"{}\" has no frames yet", session));
-  return CapturedFrames(response.session(), channel_to(address));
+  return CapturedFrames(found, channel_to(address));
 }
 
 absl::StatusOr<std::string> CapturedFrames::file(const std::string& file) const {

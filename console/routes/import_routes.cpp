@@ -114,20 +114,6 @@ class PassingFrames {
   std::int64_t left_ = 0;        // bytes of the frame's file; 0: a record comes next
 };
 
-absl::StatusOr<std::string> address_of(const std::string& session, const ServerLink& server,
-                                       const Login& login) {
-  v1::GetSessionRequest request;
-  request.set_name(session);
-  v1::GetSessionResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, kCallTimeout);
-  call_for(login, context);
-  GW_RETURN_IF_ERROR(
-      from_grpc(v1::SessionService::NewStub(server.channel())->GetSession(&context, request, &response),
-                server.title()));
-  return response.session().archive_address();
-}
-
 absl::StatusOr<v1::CaptureManifest> own_manifest(const std::string& json) {
   v1::CaptureManifest manifest;
   absl::Status status = parse_archive_json(json, "manifest.json", &manifest);
@@ -177,14 +163,14 @@ void ImportRoutes::put_frames(const Login& login, const Request& request,
     GW_RETURN_IF_ERROR(admit("ArchiveService/PutFrame", login.principal.roles, login.principal.title()));
     const std::string token = request.get_header_value(kTokenHeader);
     if (token.empty()) return absl::InvalidArgumentError(fmt::format("the request lacks {}", kTokenHeader));
-    GW_ASSIGN_OR_RETURN(const std::string address, address_of(session, server_, login));
-    PassingFrames frames(nodes_.at(address), session, token);
+    GW_ASSIGN_OR_RETURN(const v1::Session begun, server_.session(login, session));
+    PassingFrames frames(nodes_.at(begun.archive_address()), session, token);
     const bool whole = content([&](const char* bytes, size_t size) {
       frames.add({bytes, size});
       return true;
     });
     if (!whole) return absl::InvalidArgumentError("the request's body is incomplete");
-    return frames.finish("the camera node at " + address);
+    return frames.finish("the camera node at " + begun.archive_address());
   }();
   if (!put.ok()) return refuse(response, put);
   response.set_content("{}", "application/json");

@@ -9,12 +9,13 @@
 #include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "glasswing/v1/console_service.grpc.pb.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
 
 using Stub = v1::ConsoleService::Stub;
-constexpr std::chrono::seconds kPatience(5);
+constexpr std::chrono::seconds kPatience(5), kSession(30);
 // For a lost connection. Meanwhile announce(), which waits longer, makes a new one.
 constexpr std::chrono::milliseconds kConnect(250), kConnectAgain(2000);
 constexpr size_t kMaxSecret = 128;
@@ -77,6 +78,18 @@ absl::StatusOr<Principal> ServerLink::principal_of(const std::string& login) con
   request.set_login(login);
   GW_ASSIGN_OR_RETURN(const v1::GetPrincipalResponse response, answer(*this, &Stub::GetPrincipal, request));
   return principal_in(response.principal());
+}
+
+absl::StatusOr<v1::Session> ServerLink::session(const Login& login, const std::string& name) const {
+  v1::GetSessionRequest request;
+  request.set_name(name);
+  v1::GetSessionResponse response;
+  grpc::ClientContext context;
+  set_deadline(context, kSession);
+  call_for(login, context);
+  GW_RETURN_IF_ERROR(
+      from_grpc(v1::SessionService::NewStub(channel_)->GetSession(&context, request, &response), title_));
+  return std::move(*response.mutable_session());
 }
 
 absl::Status ServerLink::announce(const std::string& url) const {

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "core/security/login.h"
+#include "glasswing/v1/session.pb.h"
 
 namespace glasswing {
 
@@ -38,6 +39,8 @@ class ServerLink {
   absl::Status log_out(const Login& login) const;
   // UNAUTHENTICATED: the login has ended.
   absl::StatusOr<Principal> principal_of(const std::string& login) const;
+  // As the login's owner sees it. NOT_FOUND: there is no such session.
+  absl::StatusOr<v1::Session> session(const Login& login, const std::string& name) const;
   // Says where browsers find the console. Waits a while for a lost connection.
   absl::Status announce(const std::string& url) const;
 
