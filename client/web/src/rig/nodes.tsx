@@ -40,83 +40,73 @@ function Program({ node, usual }: { node: NodeJson; usual: string }) {
 export function Nodes({ nodes }: { nodes: NodeJson[] }) {
   const usual = usualProgram(nodes);
   const [read, setRead] = useState<{ node?: string }>(); // whose log is shown
-  const log = read && <LogDialog {...read} close={() => setRead(undefined)} />;
-  const serversLog = (
-    <button class="quiet" onClick={() => setRead({})}>
-      Log of the server…
-    </button>
-  );
-  if (nodes.length === 0) {
-    return (
-      <>
-        <p>No node has registered with the server yet.</p>
-        {serversLog}
-        {log}
-      </>
-    );
-  }
   return (
     <>
-      <table class="stack">
-        <thead>
-          <tr>
-            <th>Node</th>
-            <th>State</th>
-            <th>Description</th>
-            <th>Address</th>
-            <th>Program</th>
-            <th>Disk free</th>
-            <th>Clock</th>
-            <th>Temperature</th>
-            <th>Log</th>
-          </tr>
-        </thead>
-        <tbody>
-          {nodes.map((node) => (
-            <tr key={node.name}>
-              <td data-label="Node">
-                <b>{node.name}</b> <span class="note">{plainName(node.kind, "NODE_KIND_")}</span>
-              </td>
-              <td data-label="State">
-                <State kind={node.up ? "good" : "bad"}>{node.up ? "up" : "away"}</State>
-              </td>
-              <td data-label="Description">{node.detail || "–"}</td>
-              <td data-label="Address" class="digits">
-                {node.address || "–"}
-              </td>
-              <td data-label="Program" class="digits">
-                <Program node={node} usual={usual} />
-              </td>
-              <td data-label="Disk free">
-                <Disk node={node} />
-              </td>
-              <td data-label="Clock" class="digits">
-                <Clock node={node} />
-              </td>
-              <td data-label="Temperature">
-                {node.health?.temperatureC === undefined
-                  ? "–"
-                  : `${Number(node.health.temperatureC).toFixed(0)} °C`}
-              </td>
-              <td data-label="Log">
-                {node.address ? (
-                  <button
-                    class="inline"
-                    aria-label={`Log of ${node.name}`}
-                    onClick={() => setRead({ node: node.name! })}
-                  >
-                    Log…
-                  </button>
-                ) : (
-                  "–"
-                )}
-              </td>
+      {nodes.length === 0 && <p>No node has registered with the server yet.</p>}
+      {nodes.length > 0 && (
+        <table class="stack">
+          <thead>
+            <tr>
+              <th>Node</th>
+              <th>State</th>
+              <th>Description</th>
+              <th>Address</th>
+              <th>Program</th>
+              <th>Disk free</th>
+              <th>Clock</th>
+              <th>Temperature</th>
+              <th>Log</th>
             </tr>
-          ))}
-        </tbody>
-      </table>
-      {serversLog}
-      {log}
+          </thead>
+          <tbody>
+            {nodes.map((node) => (
+              <tr key={node.name}>
+                <td data-label="Node">
+                  <b>{node.name}</b> <span class="note">{plainName(node.kind, "NODE_KIND_")}</span>
+                </td>
+                <td data-label="State">
+                  <State kind={node.up ? "good" : "bad"}>{node.up ? "up" : "away"}</State>
+                </td>
+                <td data-label="Description">{node.detail || "–"}</td>
+                <td data-label="Address" class="digits">
+                  {node.address || "–"}
+                </td>
+                <td data-label="Program" class="digits">
+                  <Program node={node} usual={usual} />
+                </td>
+                <td data-label="Disk free">
+                  <Disk node={node} />
+                </td>
+                <td data-label="Clock" class="digits">
+                  <Clock node={node} />
+                </td>
+                <td data-label="Temperature">
+                  {node.health?.temperatureC === undefined
+                    ? "–"
+                    : `${Number(node.health.temperatureC).toFixed(0)} °C`}
+                </td>
+                <td data-label="Log">
+                  {node.address ? (
+                    <button
+                      class="inline"
+                      aria-label={`Log of ${node.name}`}
+                      onClick={() => setRead({ node: node.name! })}
+                    >
+                      Log…
+                    </button>
+                  ) : (
+                    "–"
+                  )}
+                </td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      )}
+      <button class="quiet" onClick={() => setRead({})}>
+        Log of the server…
+      </button>
+      {read && <LogDialog {...read} close={() => setRead(undefined)} />}
     </>
   );
 }
