@@ -55,8 +55,8 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
   {
     Progress progress("compositing");
     const auto report = [&progress](double fraction) { progress.update(fraction); };
-    GW_ASSIGN_OR_RETURN(const ObjectInFront object,
-                        ObjectInFront::create(arguments.matte, arguments, report));
+    GW_ASSIGN_OR_RETURN(ObjectInFront object,
+                        ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kOne));
     GW_ASSIGN_OR_RETURN(Backgrounds backgrounds,
                         Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());

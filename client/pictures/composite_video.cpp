@@ -11,11 +11,10 @@
 #include "client/cli/progress.h"
 #include "client/pictures/picture.h"
 #include "client/pictures/video_file.h"
+#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/footprint/composite_error.h"
 #include "core/matte/compositor.h"
-#include "core/matte/fill_unsolved.h"
-#include "core/matte/matte_file.h"
 
 namespace glasswing {
 namespace {
@@ -89,6 +88,11 @@ class Output {
   std::optional<VideoWriter> video_;
 };
 
+absl::Status in_file(const std::string& file, const absl::Status& status) {
+  if (status.ok()) return status;
+  return absl::Status(status.code(), fmt::format("{}: {}", file, std::string(status.message())));
+}
+
 bool same_monitors(const v1::MatteMetadata& a, const v1::MatteMetadata& b) {
   return std::ranges::equal(a.monitors(), b.monitors(), [](const v1::Monitor& m, const v1::Monitor& n) {
     return m.name() == n.name() && m.width_px() == n.width_px() && m.height_px() == n.height_px();
@@ -106,7 +110,8 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
   v1::MatteMetadata first;
   Progress progress("compositing");
   for (size_t i = 0; i < files.size(); ++i) {
-    GW_ASSIGN_OR_RETURN(const ObjectInFront object, ObjectInFront::create(files[i], arguments));
+    GW_ASSIGN_OR_RETURN(ObjectInFront object,
+                        ObjectInFront::create(files[i], arguments, ObjectInFront::Pictures::kOne));
     if (!backgrounds) {
       first = object.metadata();
       GW_ASSIGN_OR_RETURN(backgrounds, Backgrounds::open(arguments.backgrounds, first, arguments.encoding()));
@@ -127,7 +132,8 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
 absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
   GW_ASSIGN_OR_RETURN(Output output, Output::create(arguments));
   Progress progress("compositing");
-  GW_ASSIGN_OR_RETURN(const ObjectInFront object, ObjectInFront::create(arguments.matte, arguments));
+  GW_ASSIGN_OR_RETURN(ObjectInFront object,
+                      ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kMany));
   GW_ASSIGN_OR_RETURN(Backgrounds backgrounds,
                       Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
   if (arguments.frame_count == 0 && !backgrounds.has_video()) {
@@ -150,33 +156,66 @@ absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
 
 }  // namespace
 
+ObjectInFront::ObjectInFront(std::string file, std::string bytes, MatteOutline outline,
+                             const CompositeArguments& arguments)
+    : file_(std::move(file)),
+      bytes_(std::move(bytes)),
+      outline_(std::move(outline)),
+      crop_(arguments.crop),
+      fill_(arguments.fill),
+      foreground_gain_(arguments.foreground_gain),
+      unsolved_(static_cast<size_t>(outline_.width_px) * static_cast<size_t>(outline_.height_px)) {}
+
 absl::StatusOr<ObjectInFront> ObjectInFront::create(const fs::path& file, const CompositeArguments& arguments,
-                                                    const std::function<void(double)>& progress) {
-  GW_ASSIGN_OR_RETURN(Matte matte, read_matte(file));
-  for (int y = 0; y < matte.height_px(); ++y) {
-    for (int x = 0; x < matte.width_px(); ++x) {
-      for (float& light : matte.foreground(x, y)) light *= arguments.foreground_gain;
-    }
-  }
-  ObjectInFront object(std::move(matte), arguments);
-  if (!arguments.exact) {
-    GW_ASSIGN_OR_RETURN(FastCompositor fast, FastCompositor::create(object.matte_, 0, progress));
-    object.fast_.emplace(std::move(fast));
-  }
+                                                    Pictures pictures) {
+  GW_ASSIGN_OR_RETURN(std::string bytes, read_file(file));
+  absl::StatusOr<MatteOutline> outline = outline_of(bytes);
+  if (!outline.ok()) return in_file(file.string(), outline.status());
+  ObjectInFront object(file.string(), std::move(bytes), *std::move(outline), arguments);
+  GW_RETURN_IF_ERROR(in_file(object.file_, object.prepare(pictures, arguments.exact)));
   return object;
 }
 
+absl::Status ObjectInFront::prepare(Pictures pictures, bool exact) {
+  if (exact) {
+    GW_ASSIGN_OR_RETURN(exact_, decode_matte(bytes_));
+    take(*exact_);
+  } else if (pictures == Pictures::kMany) {
+    GW_ASSIGN_OR_RETURN(many_, FastCompositor::create(bytes_, [this](Matte& rows) { take(rows); }));
+  }
+  return absl::OkStatus();
+}
+
+void ObjectInFront::take(Matte& rows) {
+  note_unsolved(rows, rows.y0_px() - outline_.y0_px, unsolved_);
+  for (int y = 0; y < rows.height_px(); ++y) {
+    for (int x = 0; x < rows.width_px(); ++x) {
+      for (float& light : rows.foreground(x, y)) light *= foreground_gain_;
+    }
+  }
+}
+
+absl::StatusOr<RadianceImage> ObjectInFront::composite_whole(const std::vector<RadianceImage>& backgrounds,
+                                                             const std::function<void(double)>& progress) {
+  if (exact_) return glasswing::composite(*exact_, backgrounds, 0, progress);
+  if (many_) return many_->composite(backgrounds);
+  absl::StatusOr<RadianceImage> made = composite_file(
+      bytes_, backgrounds, [this](Matte& rows) { take(rows); }, 0, progress);
+  if (!made.ok()) return in_file(file_, made.status());
+  return made;
+}
+
 absl::StatusOr<RadianceImage> ObjectInFront::composite(const std::vector<RadianceImage>& backgrounds,
-                                                       const std::function<void(double)>& progress) const {
-  GW_ASSIGN_OR_RETURN(RadianceImage whole, fast_ ? fast_->composite(backgrounds)
-                                                 : glasswing::composite(matte_, backgrounds, 0, progress));
-  if (fill_) fill_unsolved(matte_, whole);
+                                                       const std::function<void(double)>& progress) {
+  GW_ASSIGN_OR_RETURN(RadianceImage whole, composite_whole(backgrounds, progress));
+  if (fill_) fill_unsolved(unsolved_, whole);
   return cropped(whole, crop_);
 }
 
 absl::StatusOr<RadianceImage> ObjectInFront::error(const std::vector<RadianceImage>& backgrounds,
                                                    const std::function<void(double)>& progress) const {
-  GW_ASSIGN_OR_RETURN(const RadianceImage whole, composite_error(matte_, backgrounds, 0, progress));
+  GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(bytes_));
+  GW_ASSIGN_OR_RETURN(const RadianceImage whole, composite_error(matte, backgrounds, 0, progress));
   return cropped(whole, crop_);
 }
 

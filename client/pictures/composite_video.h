@@ -4,6 +4,8 @@
 
 #include <absl/status/status.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -15,7 +17,9 @@
 #include "client/pictures/composite.h"
 #include "core/frame/image_file.h"
 #include "core/matte/fast_compositor.h"
+#include "core/matte/fill_unsolved.h"
 #include "core/matte/matte.h"
+#include "core/matte/matte_file.h"
 
 namespace glasswing {
 
@@ -36,29 +40,41 @@ struct CompositeArguments {
   Encoding encoding() const { return linear ? Encoding::kLinear : Encoding::kDisplay; }
 };
 
-// Composites one matte over pictures, with the options of the arguments.
+// Composites one matte over pictures, with the options of the arguments. Holds the matte's file rather than
+// the matte, which is several times as large; with --exact both.
 class ObjectInFront {
  public:
+  // `pictures`: how many composites will be made; of many, preparation is kept.
+  enum class Pictures { kOne, kMany };
   static absl::StatusOr<ObjectInFront> create(const std::filesystem::path& matte,
-                                              const CompositeArguments& arguments,
-                                              const std::function<void(double)>& progress = nullptr);
+                                              const CompositeArguments& arguments, Pictures pictures);
 
-  const v1::MatteMetadata& metadata() const { return matte_.metadata; }
-  std::int64_t unsolved_count() const { return count_pixels(matte_).unsolved; }
+  const v1::MatteMetadata& metadata() const { return outline_.metadata; }
   absl::StatusOr<RadianceImage> composite(const std::vector<RadianceImage>& backgrounds,
-                                          const std::function<void(double)>& progress = nullptr) const;
-  // The standard error that the frames' noise leaves in that (core/footprint/composite_error.h).
+                                          const std::function<void(double)>& progress = nullptr);
+  // The pixels that are not solved; known after a composite.
+  std::int64_t unsolved_count() const { return std::ranges::count(unsolved_, 1); }
+  // The standard error that the frames' noise leaves in the composite (core/footprint/composite_error.h).
   absl::StatusOr<RadianceImage> error(const std::vector<RadianceImage>& backgrounds,
                                       const std::function<void(double)>& progress = nullptr) const;
 
  private:
-  ObjectInFront(Matte matte, const CompositeArguments& arguments)
-      : matte_(std::move(matte)), crop_(arguments.crop), fill_(arguments.fill) {}
+  ObjectInFront(std::string file, std::string bytes, MatteOutline outline,
+                const CompositeArguments& arguments);
+  absl::Status prepare(Pictures pictures, bool exact);
+  absl::StatusOr<RadianceImage> composite_whole(const std::vector<RadianceImage>& backgrounds,
+                                                const std::function<void(double)>& progress);
+  // Brightens the object's own light, and notes what is not solved.
+  void take(Matte& rows);
 
-  Matte matte_;
+  std::string file_, bytes_;
+  MatteOutline outline_;
   std::string crop_;
   bool fill_;
-  std::optional<FastCompositor> fast_;  // nullopt: exact
+  float foreground_gain_;
+  UnsolvedPixels unsolved_;
+  std::optional<Matte> exact_;
+  std::optional<FastCompositor> many_;
 };
 
 // True if the arguments ask for several pictures.

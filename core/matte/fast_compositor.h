@@ -1,21 +1,21 @@
-// The compositor for many pictures behind one matte, such as a video. Matches composite() (compositor.h)
-// within 0.002 of full scale, rms.
+// Composites of a matte that match composite() (compositor.h) within 0.002 of full scale, rms.
 //
-// The matte is converted once to weights of the samples of a pyramid (footprint_tiles.h); each picture then
-// costs a pyramid and the products. Boxes wider than a tile are looked up in a FastSummedAreaTable.
+// The matte is converted to weights of the samples of a pyramid (footprint_rows.h). For many pictures, such
+// as a video, the weights are kept: each picture then costs a pyramid and the products. For a single picture
+// they are made and used row by row.
 #pragma once
 
+#include <absl/functional/function_ref.h>
 #include <absl/status/statusor.h>
 
-#include <array>
-#include <cstdint>
 #include <functional>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "core/frame/image.h"
+#include "core/matte/footprint_rows.h"
 #include "core/matte/matte.h"
-#include "core/matte/pyramid.h"
-#include "core/matte/tile_kernel.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {
@@ -23,10 +23,14 @@ namespace glasswing {
 class FastCompositor {
  public:
   // Takes about 40 bytes per mode and channel; long, narrow, oblique footprints take as much per row that
-  // they touch, and lose sharpness if the total would exceed 2 GiB. `thread_count` 0: all cores.
+  // they touch, and lose sharpness if the total would exceed 4 GiB. `thread_count` 0: all cores.
   // INVALID_ARGUMENT: the matte's crosstalk is invalid.
-  static absl::StatusOr<FastCompositor> create(const Matte& matte, int thread_count = 0,
-                                               const std::function<void(double)>& progress = nullptr);
+  static absl::StatusOr<FastCompositor> create(const Matte& matte, int thread_count = 0);
+  // The same of a matte's file, of which a few rows are in memory at a time. `edit` may look at and change
+  // them before they are converted; several threads call it, with blocks of rows in any order.
+  // Errors are also those of decode_matte().
+  static absl::StatusOr<FastCompositor> create(std::string_view file, absl::FunctionRef<void(Matte&)> edit,
+                                               int thread_count = 0);
 
   // As glasswing::composite() of this matte. The result does not depend on `thread_count`.
   absl::StatusOr<RadianceImage> composite(const std::vector<RadianceImage>& backgrounds,
@@ -36,33 +40,30 @@ class FastCompositor {
   size_t size_bytes() const;
 
  private:
-  struct Texture {
-    PyramidShape shape;
-    int level_count = 0;  // levels that tiles use
-    bool has_wide_boxes = false;
-  };
-  struct WideBox {
-    int pixel = 0, texture = 0;
-    float x_px = 0.0f, y_px = 0.0f, width_px = 0.0f, height_px = 0.0f;
-    std::array<float, kChannels> weight{};
-  };
-  // A row of the camera's picture.
-  struct Row {
-    std::vector<float> foreground;
-    std::vector<PixelTiles> tiles;
-    std::vector<std::uint16_t> words;
-    std::vector<WideBox> boxes;
-  };
-  class Preparation;
-
-  FastCompositor(v1::MatteMetadata metadata, PrimaryMix mix)
-      : metadata_(std::move(metadata)), mix_(std::move(mix)) {}
+  // Converts rows [first, end) of a matte to those from `to` on. Thread-safe.
+  using Convert = absl::FunctionRef<absl::Status(const Matte& matte, int first, int end, int to)>;
+  using ForBlocks = absl::FunctionRef<absl::Status(Convert convert)>;
+  static absl::StatusOr<FastCompositor> create(const v1::MatteMetadata& metadata, int width_px, int height_px,
+                                               ForBlocks for_blocks);
+  FastCompositor(v1::MatteMetadata metadata, PrimaryMix mix, int width_px, int height_px)
+      : metadata_(std::move(metadata)),
+        mix_(std::move(mix)),
+        width_px_(width_px),
+        textures_(footprint_textures(metadata_)),
+        rows_(static_cast<size_t>(height_px)) {}
 
   v1::MatteMetadata metadata_;
   PrimaryMix mix_;
-  int width_px_ = 0;
-  std::vector<Texture> textures_;
-  std::vector<Row> rows_;
+  int width_px_;
+  std::vector<FootprintTexture> textures_;
+  std::vector<FootprintRow> rows_;
 };
+
+// The composite of a matte's file over one set of pictures, in the memory of these, the composite, and a few
+// rows of the matte. `edit` and errors as for FastCompositor; `progress` is called with the fraction done.
+absl::StatusOr<RadianceImage> composite_file(std::string_view file,
+                                             const std::vector<RadianceImage>& backgrounds,
+                                             absl::FunctionRef<void(Matte&)> edit, int thread_count = 0,
+                                             const std::function<void(double)>& progress = nullptr);
 
 }  // namespace glasswing

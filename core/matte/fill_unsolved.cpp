@@ -10,12 +10,12 @@ namespace {
 
 class Filler {
  public:
-  Filler(const Matte& matte, RadianceImage& picture)
+  Filler(std::span<const std::uint8_t> unsolved, RadianceImage& picture)
       : picture_(picture),
         known_(static_cast<size_t>(picture.width_px) * static_cast<size_t>(picture.height_px)) {
     for (int y = 0; y < picture.height_px; ++y) {
       for (int x = 0; x < picture.width_px; ++x) {
-        known_[index(x, y)] = (matte.flags(x, y) & kFlagNoData) == 0;
+        known_[index(x, y)] = unsolved[index(x, y)] == 0;
         if (!known_[index(x, y)]) open_.emplace_back(x, y);
       }
     }
@@ -59,9 +59,17 @@ class Filler {
 
 }  // namespace
 
-std::int64_t fill_unsolved(const Matte& matte, RadianceImage& composite) {
-  assert(matte.width_px() == composite.width_px && matte.height_px() == composite.height_px);
-  Filler filler(matte, composite);
+void note_unsolved(const Matte& rows, int to, std::span<std::uint8_t> unsolved) {
+  const auto width = static_cast<size_t>(rows.width_px());
+  for (int y = 0; y < rows.height_px(); ++y) {
+    std::uint8_t* const row = &unsolved[static_cast<size_t>(to + y) * width];
+    for (int x = 0; x < rows.width_px(); ++x) row[x] = (rows.flags(x, y) & kFlagNoData) != 0 ? 1 : 0;
+  }
+}
+
+std::int64_t fill_unsolved(std::span<const std::uint8_t> unsolved, RadianceImage& composite) {
+  assert(3 * unsolved.size() == composite.samples.size());
+  Filler filler(unsolved, composite);
   std::int64_t all = 0;
   while (const std::int64_t rim = filler.fill_rim()) all += rim;
   return all;

@@ -22,6 +22,23 @@ constexpr double kThinReach = 3.3;
 // Neglecting a correlation changes the footprint by half of it, relative rms.
 constexpr double kUpright = 0.02;
 
+// The share of a Gaussian beyond `reach` sigmas on one side: erfc(reach / sqrt 2) / 2, interpolated within
+// 2e-6, which half floats do not hold.
+double beyond(double reach) {
+  constexpr int kEntries = 1024;
+  constexpr double kPerSigma = 128.0;
+  static const std::array<double, kEntries + 1> table = [] {
+    std::array<double, kEntries + 1> made{};
+    for (int i = 0; i < kEntries; ++i)
+      made[static_cast<size_t>(i)] = 0.5 * std::erfc(i / kPerSigma / std::numbers::sqrt2);
+    return made;
+  }();
+  const double at = reach * kPerSigma;
+  if (!(at < kEntries - 1)) return 0.0;
+  const auto i = static_cast<size_t>(at);
+  return table[i] + (at - static_cast<double>(i)) * (table[i + 1] - table[i]);
+}
+
 double side_of(float variance_px2) {
   return std::sqrt(12.0 * std::max<double>(variance_px2, 0.0));
 }
@@ -94,38 +111,69 @@ FootprintTiles::Placement FootprintTiles::place(const Mode& mode) const {
   return placed;
 }
 
+// A Gaussian's values at `first`, `first` + 1, ... from its centre, each from the one before by two products:
+// g(a + 1) = g(a) q(a) and q(a + 1) = q(a) exp(-1 / variance), with q(a) = exp(-(2 a + 1) / (2 variance)).
+class FootprintTiles::Gaussian {
+ public:
+  explicit Gaussian(double variance)
+      : sigma_(std::sqrt(variance)),
+        scale_(-0.5 / variance),
+        change_(std::exp(2.0 * scale_)),
+        peak_(1.0 / (sigma_ * std::sqrt(2.0 * std::numbers::pi))) {}
+  double sigma() const { return sigma_; }
+  void start(double first) {
+    value_ = peak_ * std::exp(scale_ * first * first);
+    ratio_ = std::exp(scale_ * (2.0 * first + 1.0));
+  }
+  double next() {
+    const double value = value_;
+    value_ *= ratio_;
+    ratio_ *= change_;
+    return value;
+  }
+
+ private:
+  double sigma_, scale_, change_, peak_, value_ = 0.0, ratio_ = 0.0;
+};
+
 // Samples a Gaussian at -kBorder to `extent` + kBorder - 1. The light beyond the reach is added to the end
 // samples, so that the weights sum to 1 and keep the centroid.
-void FootprintTiles::sample(double centre, double variance, double reach, int extent, Taps& taps) const {
+void FootprintTiles::sample(double centre, Gaussian gaussian, double reach, int extent, Taps& taps) const {
   taps.weights.clear();
-  const double sigma = std::sqrt(variance), scale = -0.5 / variance;
+  const double sigma = gaussian.sigma();
   double low = std::floor(centre - reach * sigma), high = std::floor(centre + reach * sigma);
   // Drops a single sample that would need a tile of its own.
   if (static_cast<int>(high - low) == kTileWidth)
     (centre - low > high + 1.0 - centre ? low += 1.0 : high -= 1.0);
-  const auto weight = [&](double at) {
-    const double away = at + 0.5 - centre;
-    return std::exp(scale * away * away) / (sigma * std::sqrt(2.0 * std::numbers::pi));
-  };
-  double before = 0.5 * std::erfc(reach / std::numbers::sqrt2), after = before;
-  constexpr double kManySamples = 32.0;
-  if (high > low && high - low <= kManySamples) {
-    double sum = 0.0, moment = 0.0;  // about the centre
-    for (double at = low; at <= high; at += 1.0) {
-      const double each = weight(at);
-      sum += each;
-      moment += each * (at + 0.5 - centre);
-    }
-    after = ((sum - 1.0) * (low + 0.5 - centre) - moment) / (high - low);
-    before = 1.0 - sum - after;
-  }
   const double from = std::max<double>(low, -PyramidShape::kBorder);
   const double to = std::min(high, extent + PyramidShape::kBorder - 1.0);
   if (!(from <= to)) return;
   taps.first = static_cast<int>(from);
-  for (double at = from; at <= to; at += 1.0)
-    taps.weights.push_back(
-        static_cast<float>(weight(at) + (at == low ? before : 0.0) + (at == high ? after : 0.0)));
+  double before = beyond(reach), after = before;
+  constexpr double kManySamples = 32.0;
+  const bool few = high > low && high - low <= kManySamples;
+  // All samples of the reach are needed for their sum, those on the picture for the tile.
+  const double first = few ? low : from, last = few ? high : to;
+  taps.weights.resize(static_cast<size_t>(last - first) + 1);
+  double sum = 0.0, moment = 0.0, away = first + 0.5 - centre;  // moment: about the centre
+  gaussian.start(away);
+  for (float& weight : taps.weights) {
+    const double value = gaussian.next();
+    weight = static_cast<float>(value);
+    sum += value;
+    moment += value * away;
+    away += 1.0;
+  }
+  if (few) {
+    after = ((sum - 1.0) * (low + 0.5 - centre) - moment) / (high - low);
+    before = 1.0 - sum - after;
+    if (from > low)
+      taps.weights.erase(taps.weights.begin(),
+                         taps.weights.begin() + static_cast<std::ptrdiff_t>(from - low));
+    taps.weights.resize(static_cast<size_t>(to - from) + 1);
+  }
+  if (from == low) taps.weights.front() += static_cast<float>(before);
+  if (to == high) taps.weights.back() += static_cast<float>(after);
 }
 
 // Integrates a Gaussian over pixels 0 to `extent` - 1. The light beyond the reach is added to the end pixels.
@@ -165,7 +213,7 @@ int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t
       if (left < kMinVariance) {
         integrate(centre, std::max(variance, 0.0), extent, taps);
       } else {
-        sample(centre, left, reach_, extent, taps);
+        sample(centre, Gaussian(left), reach_, extent, taps);
       }
     };
     along(placed.x, placed.xx, static_cast<double>(mode.xx_px2), level.width_px, across_);
@@ -226,12 +274,13 @@ void FootprintTiles::add_row(const PyramidShape::Level& level, int x, int y, std
 void FootprintTiles::add_oriented(const Placement& placed, double weight, int channel) {
   const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(placed.level)];
   const double slope = placed.xy / placed.yy, cut = placed.xx - slope * placed.xy;
-  sample(placed.y, placed.yy, reach_, level.height_px, down_);
+  sample(placed.y, Gaussian(placed.yy), reach_, level.height_px, down_);
+  const Gaussian across(cut);
   for (size_t i = 0; i < down_.weights.size(); ++i) {
     const int y = down_.first + static_cast<int>(i);
     const double away = y + 0.5 - placed.y;
     const double reach = std::sqrt(std::max(reach_ * reach_ - away * away / placed.yy, 1.0));
-    sample(placed.x + slope * away, cut, reach, level.width_px, across_);
+    sample(placed.x + slope * away, across, reach, level.width_px, across_);
     if (!across_.empty())
       add_row(level, across_.first, y, across_.weights, weight * static_cast<double>(down_.weights[i]),
               channel);

@@ -59,7 +59,8 @@ class FootprintTiles {
   };
 
   Placement place(const Mode& mode) const;
-  void sample(double centre, double variance, double reach, int extent, Taps& taps) const;
+  class Gaussian;
+  void sample(double centre, Gaussian gaussian, double reach, int extent, Taps& taps) const;
   void integrate(double centre, double variance, int extent, Taps& taps) const;
   void add_product(const PyramidShape::Level& level, double weight, int channel);
   void add_oriented(const Placement& placed, double weight, int channel);

@@ -9,10 +9,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
+#include <mutex>
 
 #include "core/base/file.h"
+#include "core/base/for_rows.h"
 #include "core/base/status.h"
 #include "core/matte/exr_header.h"
 #include "core/matte/exr_writer.h"
@@ -178,10 +181,19 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
 
 absl::Status for_rows_of_matte(std::string_view bytes,
                                absl::FunctionRef<absl::Status(const Matte& rows)> use) {
-  return with_matte_file(bytes, [&](const MatteHead& head, Imf::MultiPartInputFile& file) -> absl::Status {
-    const MatteOutline& outline = head.outline;
+  return for_blocks_of_matte(bytes, 1, [&](const Matte& rows) { return use(rows); });
+}
+
+absl::Status for_blocks_of_matte(std::string_view bytes, int thread_count,
+                                 absl::FunctionRef<absl::Status(Matte& rows)> use) {
+  GW_ASSIGN_OR_RETURN(const MatteHead head, read_matte_head(bytes));
+  const MatteOutline& outline = head.outline;
+  std::atomic<int> next = 0;
+  std::mutex mutex;
+  absl::Status failed;
+  const auto read_blocks = [&](const MatteHead&, Imf::MultiPartInputFile& file) -> absl::Status {
     RowReader reader(file, outline);
-    for (int y = 0; y < outline.height_px; y += kMaxBlockRows) {
+    for (int y = next.fetch_add(kMaxBlockRows); y < outline.height_px; y = next.fetch_add(kMaxBlockRows)) {
       const int count = std::min(kMaxBlockRows, outline.height_px - y);
       GW_RETURN_IF_ERROR(reader.read(y, count, head.row_checksums));
       Matte rows(outline.x0_px, outline.y0_px + y, outline.width_px, count, outline.modes_per_channel,
@@ -192,7 +204,15 @@ absl::Status for_rows_of_matte(std::string_view bytes,
       GW_RETURN_IF_ERROR(use(rows));
     }
     return absl::OkStatus();
+  };
+  for_rows((outline.height_px + kMaxBlockRows - 1) / kMaxBlockRows, thread_count, [&](int, int) {
+    const absl::Status read = with_matte_file(bytes, read_blocks);
+    if (read.ok()) return;
+    next = outline.height_px;  // ends the others
+    const std::lock_guard lock(mutex);
+    failed.Update(read);
   });
+  return failed;
 }
 
 absl::Status verify_matte(std::string_view bytes) {

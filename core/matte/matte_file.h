@@ -24,6 +24,10 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes);
 // whole rows after another, from the top. Errors of `use` end it.
 absl::Status for_rows_of_matte(std::string_view bytes,
                                absl::FunctionRef<absl::Status(const Matte& rows)> use);
+// The same by `thread_count` threads (0: all cores), which call `use` at once, with blocks of rows in any
+// order.
+absl::Status for_blocks_of_matte(std::string_view bytes, int thread_count,
+                                 absl::FunctionRef<absl::Status(Matte& rows)> use);
 // The checks alone.
 absl::Status verify_matte(std::string_view bytes);
 

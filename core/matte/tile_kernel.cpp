@@ -158,16 +158,17 @@ HWY_EXPORT(HalveRow);
 
 void add_tile(std::uint32_t offset, std::uint16_t stride, std::span<const float> across,
               std::span<const float> down, std::vector<std::uint16_t>& words) {
-  words.push_back(static_cast<std::uint16_t>(offset));
-  words.push_back(static_cast<std::uint16_t>(offset >> 16));
-  words.push_back(stride);
-  words.push_back(static_cast<std::uint16_t>(down.size()));
-  const auto add = [&words](float weight) { words.push_back(Imath::half(weight).bits()); };
-  const float common = down.size() == 1 ? down.front() : 1.0f;
-  for (const float weight : across) add(common * weight);
-  words.resize(words.size() + kTileWidth - across.size());
-  if (down.size() == 1) return;
-  for (const float weight : down) add(weight);
+  const size_t rows = down.size() == 1 ? 0 : down.size(), start = words.size();
+  words.resize(start + kTileHeader + kTileWidth + rows);
+  std::uint16_t* to = &words[start];
+  *to++ = static_cast<std::uint16_t>(offset);
+  *to++ = static_cast<std::uint16_t>(offset >> 16);
+  *to++ = stride;
+  *to++ = static_cast<std::uint16_t>(down.size());
+  const float common = rows == 0 ? down.front() : 1.0f;
+  for (size_t i = 0; i < across.size(); ++i) to[i] = Imath::half(common * across[i]).bits();
+  to += kTileWidth;
+  for (size_t i = 0; i < rows; ++i) to[i] = Imath::half(down[i]).bits();
 }
 
 void evaluate_tiles(std::span<const PixelTiles> pixels, const std::uint16_t* words, const float* samples,

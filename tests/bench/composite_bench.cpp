@@ -9,10 +9,13 @@
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
+#include <string>
 #include <thread>
 
 #include "core/matte/compositor.h"
 #include "core/matte/fast_compositor.h"
+#include "core/matte/matte_file.h"
 #include "tests/bench/rows.h"
 
 namespace glasswing {
@@ -32,19 +35,22 @@ constexpr std::array<Kind, 5> kKinds{{{"narrow", 0.4, 1.0, 1, false},
                                       {"two modes, oriented", 2.0, 2.0, 2, false},
                                       {"boxes", 4.0, 1.0, 1, true}}};
 
-// A lens over a third of the picture. Channels differ, as through glass; around it the monitor is seen
-// directly. Uses all kHeight rows, or this many of them, evenly spread.
-Matte lens(const Kind& kind, int rows = kHeight) {
-  Matte matte(0, 0, kWidth, rows, kind.modes);
+// A lens over a third of the picture, `width` x `height` px as the monitor. Channels differ, as through
+// glass; around it the monitor is seen directly. Has all rows, or this many of them, evenly spread.
+Matte lens(const Kind& kind, int width, int height, int rows) {
+  Matte matte(0, 0, width, rows, kind.modes);
+  matte.metadata.set_format_version(1);
+  matte.metadata.set_width_px(width);
+  matte.metadata.set_height_px(rows);
   v1::Monitor& monitor = *matte.metadata.add_monitors();
-  monitor.set_width_px(kWidth);
-  monitor.set_height_px(kHeight);
+  monitor.set_width_px(width);
+  monitor.set_height_px(height);
   if (kind.boxes) matte.metadata.set_footprint(std::string(kBoxFootprint));
-  const double radius = std::sqrt(kWidth * kHeight / 3.0 / std::numbers::pi);
+  const double radius = std::sqrt(static_cast<double>(width) * height / 3.0 / std::numbers::pi);
   for (int row = 0; row < rows; ++row) {
-    const double y = (row + 0.5) * kHeight / rows;
-    for (int x = 0; x < kWidth; ++x) {
-      const double dx = x + 0.5 - 0.5 * kWidth, dy = y - 0.5 * kHeight, away = std::hypot(dx, dy) / radius;
+    const double y = (row + 0.5) * height / rows;
+    for (int x = 0; x < width; ++x) {
+      const double dx = x + 0.5 - 0.5 * width, dy = y - 0.5 * height, away = std::hypot(dx, dy) / radius;
       for (int c = 0; c < kChannels; ++c) {
         const std::span<Mode> modes = matte.modes(x, row, c);
         if (away > 1.0) {
@@ -62,8 +68,8 @@ Matte lens(const Kind& kind, int rows = kHeight) {
           const double cosine = std::cos(angle), sine = std::sin(angle), u = wide * wide, v = narrow * narrow;
           const double shrink = (0.4 + 0.01 * c + 0.3 * away) * (m == 0 ? -1.0 : 0.8);
           modes[m] = {.weight = 0.9f / static_cast<float>(modes.size()),
-                      .x_px = static_cast<float>(0.5 * kWidth + shrink * dx),
-                      .y_px = static_cast<float>(0.5 * kHeight + shrink * dy),
+                      .x_px = static_cast<float>(0.5 * width + shrink * dx),
+                      .y_px = static_cast<float>(0.5 * height + shrink * dy),
                       .xx_px2 = static_cast<float>(cosine * cosine * u + sine * sine * v),
                       .xy_px2 = static_cast<float>(kind.ratio > 1.0 ? cosine * sine * (u - v) : 0.0),
                       .yy_px2 = static_cast<float>(sine * sine * u + cosine * cosine * v)};
@@ -75,22 +81,25 @@ Matte lens(const Kind& kind, int rows = kHeight) {
 }
 
 // Waves of all lengths that move from picture to picture.
-const std::vector<std::vector<RadianceImage>>& pictures() {
-  static const std::vector<std::vector<RadianceImage>> made = [] {
-    std::vector<std::vector<RadianceImage>> all(kPictures, {RadianceImage(kWidth, kHeight)});
-    for (size_t i = 0; i < all.size(); ++i) {
-      for (int y = 0; y < kHeight; ++y) {
-        for (int x = 0; x < kWidth; ++x) {
-          for (int c = 0; c < kChannels; ++c) {
-            double light = 0.5;
-            for (int octave = 1; octave < 8; ++octave)
-              light += 0.06 * std::sin((x + 7.0 * static_cast<double>(i) + (0.6 + 0.1 * c) * y) *
-                                       std::exp2(octave) * 0.005);
-            all[i][0].at(x, y, c) = static_cast<float>(light);
-          }
-        }
+RadianceImage waves(int width, int height, size_t i) {
+  RadianceImage picture(width, height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        double light = 0.5;
+        for (int octave = 1; octave < 8; ++octave)
+          light += 0.06 * std::sin((x + 7.0 * static_cast<double>(i) + (0.6 + 0.1 * c) * y) *
+                                   std::exp2(octave) * 0.005);
+        picture.at(x, y, c) = static_cast<float>(light);
       }
     }
+  }
+  return picture;
+}
+const std::vector<std::vector<RadianceImage>>& pictures() {
+  static const std::vector<std::vector<RadianceImage>> made = [] {
+    std::vector<std::vector<RadianceImage>> all;
+    for (size_t i = 0; i < kPictures; ++i) all.push_back({waves(kWidth, kHeight, i)});
     return all;
   }();
   return made;
@@ -104,7 +113,7 @@ const Prepared& prepared(size_t kind) {
   static std::map<size_t, Prepared> all;
   const auto known = all.find(kind);
   if (known != all.end()) return known->second;
-  Matte matte = lens(kKinds[kind]);
+  Matte matte = lens(kKinds[kind], kWidth, kHeight, kHeight);
   FastCompositor fast = FastCompositor::create(matte, kThreads).value();
   return all.emplace(kind, Prepared{std::move(matte), std::move(fast)}).first->second;
 }
@@ -120,7 +129,7 @@ void fast(benchmark::State& state, size_t kind) {
 // Three rows only, since a frame with wide footprints takes minutes.
 void exact(benchmark::State& state, size_t kind) {
   constexpr int kRows = 3;
-  const Matte matte = lens(kKinds[kind], kRows);
+  const Matte matte = lens(kKinds[kind], kWidth, kHeight, kRows);
   size_t i = 0;
   for (auto _ : state)
     benchmark::DoNotOptimize(composite(matte, pictures()[i++ % kPictures], kThreads).value());
@@ -201,6 +210,69 @@ void read_memory(benchmark::State& state, size_t kind) {
   state.SetItemsProcessed(state.iterations());
 }
 
+// A matte's file of 12 megapixels, two modes a channel, before a monitor as large.
+struct Large {
+  static constexpr int kLargeWidth = 4000, kLargeHeight = 3000;
+  std::string file;
+  std::vector<RadianceImage> background;
+  std::optional<FastCompositor> fast;  // made by the first that needs it
+};
+Large& large() {
+  static Large made{
+      .file =
+          encode_matte(lens(kKinds[3], Large::kLargeWidth, Large::kLargeHeight, Large::kLargeHeight)).value(),
+      .background = {waves(Large::kLargeWidth, Large::kLargeHeight, 0)},
+      .fast = std::nullopt};
+  return made;
+}
+
+void large_first(benchmark::State& state) {
+  const Large& of = large();
+  for (auto _ : state)
+    benchmark::DoNotOptimize(composite_file(
+                                 of.file, of.background, [](Matte&) {}, kThreads)
+                                 .value());
+  state.SetItemsProcessed(state.iterations());
+}
+
+void large_prepare(benchmark::State& state) {
+  Large& of = large();
+  for (auto _ : state)
+    of.fast.emplace(FastCompositor::create(
+                        of.file, [](Matte&) {}, kThreads)
+                        .value());
+  state.SetItemsProcessed(state.iterations());
+}
+
+void large_next(benchmark::State& state) {
+  Large& of = large();
+  if (!of.fast)
+    of.fast.emplace(FastCompositor::create(
+                        of.file, [](Matte&) {}, kThreads)
+                        .value());
+  for (auto _ : state) benchmark::DoNotOptimize(of.fast->composite(of.background, kThreads).value());
+  state.SetItemsProcessed(state.iterations());
+}
+
+void add_large_rows(std::vector<Row>& rows) {
+  const auto add = [&rows](const std::string& name, const std::string& unit, const std::string& key,
+                           void (*run)(benchmark::State&)) {
+    benchmark::RegisterBenchmark(key.c_str(), run)
+        ->UseRealTime()
+        ->MeasureProcessCPUTime()
+        ->Iterations(1)
+        ->Repetitions(3)
+        ->Unit(benchmark::kMillisecond);
+    const std::string timed = key + "/iterations:1/repeats:3/process_time/real_time";
+    rows.push_back({"composite, 12 megapixels, two threads: " + name, unit, {timed}, [=](const Rates& rates) {
+                      return unit == "s" ? 1.0 / rates.at(key) : rates.at(key);
+                    }});
+  };
+  add("a file's first picture", "s", "composite/large/first", large_first);
+  add("preparing many", "s", "composite/large/prepare", large_prepare);
+  add("each of many", "frames/s", "composite/large/next", large_next);
+}
+
 }  // namespace
 
 void add_composite_rows(std::vector<Row>& rows) {
@@ -237,6 +309,7 @@ void add_composite_rows(std::vector<Row>& rows) {
     rows.push_back(
         {name + ", preparing the matte", "frames' time", {timed(own), timed(made)}, ratio(own, made)});
   }
+  add_large_rows(rows);
 }
 
 }  // namespace glasswing

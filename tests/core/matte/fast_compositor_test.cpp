@@ -3,12 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <functional>
 #include <numbers>
 #include <random>
+#include <string>
+#include <vector>
 
 #include "core/matte/compositor.h"
+#include "core/matte/matte_file.h"
 
 namespace glasswing {
 namespace {
@@ -279,6 +283,52 @@ TEST(FastCompositor, TakesMattesThatAreAlikeInAllChannels) {
   EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kMaxRms);
   matte.metadata.set_footprint("box");
   EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kMaxRms);
+}
+
+// Rows, of Gaussians and of boxes wide and small, at a place of their own in a larger picture.
+TEST(FastCompositor, AFileGivesWhatItsMatteGives) {
+  for (const char* const footprint : {"", "box"}) {
+    Matte matte(5, 7, 30, 50, 2);
+    add_monitor(matte, kWidth, kHeight);
+    matte.metadata.set_format_version(1);
+    matte.metadata.set_width_px(60);
+    matte.metadata.set_height_px(70);
+    matte.metadata.set_footprint(footprint);
+    Random random(10);
+    for (int y = 0; y < matte.height_px(); ++y) {
+      for (int x = 0; x < matte.width_px(); ++x) {
+        matte.foreground(x, y) = {0.5f, 0.25f, static_cast<float>(y)};
+        for (int c = 0; c < kChannels; ++c) {
+          for (Mode& mode : matte.modes(x, y, c))
+            mode = round(uniform(random, 0, kWidth), uniform(random, 0, kHeight), uniform(random, 0, 20));
+        }
+      }
+    }
+    const std::string file = encode_matte(matte).value();
+    std::vector<std::atomic<int>> seen(50);
+    const auto brighten = [&](Matte& rows) {
+      for (int y = 0; y < rows.height_px(); ++y) {
+        ++seen[static_cast<size_t>(rows.y0_px() + y - 7)];
+        for (int x = 0; x < rows.width_px(); ++x) rows.foreground(x, y)[0] *= 3.0f;
+      }
+    };
+    const std::vector<RadianceImage> background{noise(kWidth, kHeight)};
+    const RadianceImage once = composite_file(file, background, brighten, 3).value();
+    EXPECT_TRUE(std::ranges::all_of(seen, [](const std::atomic<int>& times) { return times == 1; }));
+    const RadianceImage kept =
+        FastCompositor::create(file, brighten, 2).value().composite(background).value();
+    for (int y = 0; y < matte.height_px(); ++y) {
+      for (int x = 0; x < matte.width_px(); ++x) matte.foreground(x, y)[0] *= 3.0f;
+    }
+    EXPECT_LE(rms(once, composite(matte, background).value()), kMaxRms * std::sqrt(2.0));
+    EXPECT_EQ(once.samples, FastCompositor::create(matte).value().composite(background).value().samples);
+    EXPECT_EQ(once.samples, kept.samples);
+
+    std::string altered = file;
+    altered[altered.size() / 2] = static_cast<char>(altered[altered.size() / 2] ^ 4);
+    EXPECT_TRUE(absl::IsDataLoss(composite_file(altered, background, brighten).status()));
+    EXPECT_TRUE(absl::IsDataLoss(FastCompositor::create(altered, brighten).status()));
+  }
 }
 
 }  // namespace

@@ -22,12 +22,18 @@ struct Scene {
       }
     }
   }
+
+  std::int64_t fill() {
+    UnsolvedPixels unsolved(static_cast<size_t>(kWidth * kHeight));
+    note_unsolved(matte, 0, unsolved);
+    return fill_unsolved(unsolved, picture);
+  }
 };
 
 TEST(FillUnsolved, ContinuesWhatIsAround) {
   Scene scene(4, 3, 13, 9, [](int, int, int c) { return 0.25f * static_cast<float>(c + 1); });
   EXPECT_EQ(count_pixels(scene.matte).unsolved, 9 * 6);
-  EXPECT_EQ(fill_unsolved(scene.matte, scene.picture), 9 * 6);
+  EXPECT_EQ(scene.fill(), 9 * 6);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       for (int c = 0; c < kChannels; ++c)
@@ -40,7 +46,7 @@ TEST(FillUnsolved, ContinuesWhatIsAround) {
 TEST(FillUnsolved, ASinglePixelIsTheMeanOfItsNeighbours) {
   const auto plane = [](int x, int y, int c) { return static_cast<float>(x + 3 * y + c); };
   Scene scene(7, 5, 8, 6, plane);
-  EXPECT_EQ(fill_unsolved(scene.matte, scene.picture), 1);
+  EXPECT_EQ(scene.fill(), 1);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) EXPECT_FLOAT_EQ(scene.picture.at(x, y, 1), plane(x, y, 1));
   }
@@ -48,10 +54,10 @@ TEST(FillUnsolved, ASinglePixelIsTheMeanOfItsNeighbours) {
 
 TEST(FillUnsolved, NothingIsMadeOfNothing) {
   Scene none(0, 0, kWidth, kHeight, [](int, int, int) { return 1.0f; });
-  EXPECT_EQ(fill_unsolved(none.matte, none.picture), 0);
+  EXPECT_EQ(none.fill(), 0);
   EXPECT_EQ(none.picture.at(3, 3, 0), 0.0f);
   Scene all(0, 0, 0, 0, [](int, int, int) { return 1.0f; });
-  EXPECT_EQ(fill_unsolved(all.matte, all.picture), 0);
+  EXPECT_EQ(all.fill(), 0);
 }
 
 }  // namespace
