@@ -31,6 +31,7 @@ class HeldRig {
     reader_ = server_.stub->HoldRig(&context_, request);
   }
   ~HeldRig() {
+    release();
     context_.TryCancel();
     if (waiting_.joinable()) waiting_.join();
   }
@@ -46,6 +47,8 @@ class HeldRig {
       }
       end_ = status_from(reader_->Finish(), server_.title);
     });
+    const char* const outer = std::getenv(kHoldVariable);
+    if (outer == nullptr || response.token() != outer) token_ = response.token();
     return response.token();
   }
   // Blocks until the server ends the hold, and returns why.
@@ -55,11 +58,22 @@ class HeldRig {
   }
 
  private:
+  // The server sees a little later that a call has ended, and whoever takes the rig next might come before.
+  void release() {
+    if (token_.empty()) return;
+    ::setenv(kHoldVariable, token_.c_str(), 1);
+    grpc::ClientContext context;
+    set_deadline(context, std::chrono::seconds(2));
+    v1::ReleaseRigResponse response;
+    server_.stub->ReleaseRig(&context, {}, &response);  // if it fails, the end of the call frees the rig
+  }
+
   const Peer<v1::RigService> server_;
   grpc::ClientContext context_;
   std::unique_ptr<grpc::ClientReader<v1::HoldRigResponse>> reader_;
   std::thread waiting_;
   absl::Status end_;
+  std::string token_;  // of a hold of our own; empty: none, or one within another
 };
 
 // Returns the exit status as a shell does: 128 + the signal's number if it was killed.

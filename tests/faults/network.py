@@ -33,7 +33,7 @@ class RelayedStage(Stage):
         self.lab.solvers.pop().end()
         self.lab.camera.end()
         camera_port = free_port()
-        self.lab.camera = self.lab.hidden_camera_at(camera_port)
+        self.lab.camera = self.lab.hidden_camera_at(camera_port, called_at=self.lab.archive_port)
         self.lab.camera.start()
         before_server = free_port()
         self.links = {"camera": Relay(self.lab.archive_port, camera_port), "server": Relay(before_server, self.lab.port)}
@@ -198,6 +198,7 @@ def _hold(environment: dict[str, str], reason: str) -> subprocess.Popen[bytes]:
 def lock_holder_dies(stage: RelayedStage) -> Report:
     """The holder is a process of its own."""
     environment = dict(os.environ, GLASSWING_SERVER=stage.lab.address, GLASSWING_CONFIG="/dev/null")
+    assert not any(_is_held(environment) for _ in range(10)), "a hold that had ended kept out the next"
     for end in (signal.SIGKILL, signal.SIGSTOP):
         holder = _hold(environment, "a fault")
         assert holder.stdout and b"=" in holder.stdout.readline(), "the rig could not be held"  # it prints the token

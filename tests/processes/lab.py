@@ -105,22 +105,23 @@ class Lab:
         """Makes a console that listens at `port`, without starting it."""
         return Daemon("console", ["glasswing-console", "--listen", f"127.0.0.1:{port}", "--server", self.address], self.work / "console.log")
 
-    def camera_at(self, port: int, name: str = "camera-1") -> Daemon:
+    def camera_at(self, port: int, name: str = "camera-1", called_at: int | None = None) -> Daemon:
         """Makes a camera node that listens at `port`, without starting it. Its data directory is also called
-        `name`."""
+        `name`. `called_at`: the port at which others call it, if that is another."""
         options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(self.work / name)]
+        options += ["--advertise", f"127.0.0.1:{called_at or port}"]
         return Daemon(name, ["glasswing-camera", *options, "--name", name, "--scene", "none"], self.work / f"{name}.log")
 
-    def hidden_camera_at(self, port: int) -> Daemon:
+    def hidden_camera_at(self, port: int, called_at: int) -> Daemon:
         """Like camera_at(), with the archives of the existing camera, but as root no other process sees their
-        files: solvers must read them over the network."""
+        files: solvers must read them over the network. `called_at`: the port at which others call it."""
         hidden = self.work / "hidden"
         hidden.mkdir()
         if os.geteuid() != 0:
-            return self.camera_at(port)
+            return self.camera_at(port, called_at=called_at)
         mount = 'mount --bind "$0" "$1" && shift && exec "$@"'
         before = ("unshare", "--mount", "sh", "-c", mount, str(self.work / "camera-1"), str(hidden))
-        options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(hidden)]
+        options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(hidden), "--advertise", f"127.0.0.1:{called_at}"]
         return Daemon("camera-1", ["glasswing-camera", *options, "--scene", "none"], self.work / "camera-1.log", before)
 
     def add_solver(self, server_port: int | None = None, threads: int = 1, more_options: Sequence[str] = ()) -> Daemon:

@@ -33,7 +33,7 @@ class FaultyRig:
         # its frames.
         self.lab.camera.end()
         self.camera_port = free_port()
-        self.lab.camera = self.lab.hidden_camera_at(self.camera_port)
+        self.lab.camera = self.lab.hidden_camera_at(self.camera_port, called_at=self.lab.archive_port)
         self.lab.camera.start()
         before_server = free_port()
         self.links = {"camera link": Relay(self.lab.archive_port, self.camera_port), "server link": Relay(before_server, self.lab.port)}
