@@ -88,11 +88,6 @@ class Output {
   std::optional<VideoWriter> video_;
 };
 
-absl::Status in_file(const std::string& file, const absl::Status& status) {
-  if (status.ok()) return status;
-  return absl::Status(status.code(), fmt::format("{}: {}", file, std::string(status.message())));
-}
-
 bool same_monitors(const v1::MatteMetadata& a, const v1::MatteMetadata& b) {
   return std::ranges::equal(a.monitors(), b.monitors(), [](const v1::Monitor& m, const v1::Monitor& n) {
     return m.name() == n.name() && m.width_px() == n.width_px() && m.height_px() == n.height_px();

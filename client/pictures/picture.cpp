@@ -43,6 +43,11 @@ absl::Status check_output(const std::filesystem::path& output, int bits) {
   return absl::OkStatus();
 }
 
+absl::Status in_file(const std::string& file, const absl::Status& status) {
+  if (status.ok()) return status;
+  return absl::Status(status.code(), fmt::format("{}: {}", file, std::string(status.message())));
+}
+
 absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding) {
   const std::filesystem::path archive = file.parent_path().parent_path();
   const std::string name = (file.parent_path().filename() / file.filename()).string();

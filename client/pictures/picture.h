@@ -20,6 +20,9 @@ void print_written(const Client& client, const std::string& file, int width_px, 
 // bits (0: the default). NOT_FOUND: its directory does not exist.
 absl::Status check_output(const std::filesystem::path& output, int bits = 0);
 
+// An error with the file's name before it.
+absl::Status in_file(const std::string& file, const absl::Status& status);
+
 // Reads a picture as radiance. A frame of a calibrated archive is linearised by the archive's calibrations,
 // like the composite of its matte; any other picture by `encoding`. Errors: as read_radiance(), and of the
 // calibrations.

@@ -1,13 +1,16 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <limits>
 
 #include "client/cli/output.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/contact_sheet.h"
 #include "client/pictures/matte_panels.h"
 #include "client/pictures/picture.h"
+#include "client/pictures/sampled_matte.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
@@ -20,9 +23,12 @@ struct ViewArguments {
   std::string matte, output, only, channel;
 };
 
+// A panel of the sheet is some hundred pixels wide: more than these are not seen in it.
+constexpr double kMaxSheetPixels = 2e6;
+
 // The matte's metadata in words.
-std::vector<std::string> lines_of(const Matte& matte) {
-  const v1::MatteMetadata& metadata = matte.metadata;
+std::vector<std::string> lines_of(const SampledMatte& sampled) {
+  const v1::MatteMetadata& metadata = sampled.outline.metadata;
   std::vector<std::string> monitors;
   for (const v1::Monitor& monitor : metadata.monitors())
     monitors.push_back(fmt::format("{} {}x{}", monitor.name(), monitor.width_px(), monitor.height_px()));
@@ -30,11 +36,12 @@ std::vector<std::string> lines_of(const Matte& matte) {
   for (const auto& [name, value] :
        std::map<std::string, std::string>(metadata.options().begin(), metadata.options().end()))
     options += fmt::format(", {} {}", name, value);
-  const PixelCount pixels = count_pixels(matte);
   std::vector<std::string> lines = {
-      fmt::format("{}x{} px, {} of them object{}. Method {}{}. Monitor{}: {}. {}", matte.width_px(),
-                  matte.height_px(), pixels.object, unsolved_text(pixels.unsolved), metadata.method(),
-                  options, monitors.size() == 1 ? "" : "s", fmt::join(monitors, ", "), metadata.created())};
+      fmt::format("{}x{} px, {} of them object{}. Method {}{}. Monitor{}: {}. {}", sampled.outline.width_px,
+                  sampled.outline.height_px, sampled.pixels.object, unsolved_text(sampled.pixels.unsolved),
+                  metadata.method(), options, monitors.size() == 1 ? "" : "s", fmt::join(monitors, ", "),
+                  metadata.created())};
+  if (sampled.step > 1) lines.push_back(fmt::format("Panels show one pixel of {0}x{0}.", sampled.step));
   for (const std::string& warning : metadata.warnings()) lines.push_back("Warning: " + warning);
   return lines;
 }
@@ -52,15 +59,20 @@ absl::Status view(const Client& client, const ViewArguments& arguments) {
     return absl::InvalidArgumentError(
         fmt::format("the output is {}; its name must end in .png", arguments.output));
   }
-  GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(arguments.matte));
+  GW_ASSIGN_OR_RETURN(const std::string file, read_file(arguments.matte));
+  const absl::StatusOr<SampledMatte> sampled =
+      sample_matte(file, arguments.only.empty() ? kMaxSheetPixels : std::numeric_limits<double>::infinity());
+  if (!sampled.ok()) return in_file(arguments.matte, sampled.status());
+  const Matte& matte = sampled->matte;
   const int channel =
       arguments.channel.empty()
           ? strongest_channel(matte)
           : static_cast<int>(std::ranges::find(kChannelNames, arguments.channel) - kChannelNames.begin());
   const std::vector<MattePanel> panels = panels_of(matte, channel);
   const CodeImage picture =
-      arguments.only.empty() ? contact_sheet(panels, heading_of(arguments, matte.metadata), lines_of(matte))
-                             : std::ranges::find(panels, arguments.only, &MattePanel::name)->picture;
+      arguments.only.empty()
+          ? contact_sheet(panels, heading_of(arguments, matte.metadata), lines_of(*sampled))
+          : std::ranges::find(panels, arguments.only, &MattePanel::name)->picture;
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_png8(picture));
   GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
   print_written(client, arguments.output, picture.width_px, picture.height_px);

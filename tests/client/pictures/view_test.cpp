@@ -3,6 +3,7 @@
 
 #include "client/pictures/contact_sheet.h"
 #include "client/pictures/matte_panels.h"
+#include "client/pictures/sampled_matte.h"
 #include "core/base/file.h"
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
@@ -59,6 +60,28 @@ MattePanel panel_of(const Matte& matte, const std::string& name) {
   }
   ADD_FAILURE() << "no panel " << name;
   return {};
+}
+
+TEST(SampledMatte, HasEveryNthPixelAndTheCountOfAll) {
+  Matte matte = a_matte();
+  matte.flags(3, 3) = kFlagPoorFit;
+  matte.flags(4, 4) = kFlagNoData;
+  const SampledMatte sampled = sample_matte(encode_matte(matte).value(), 60.0).value();
+  ASSERT_EQ(sampled.step, 2);
+  EXPECT_EQ(sampled.outline.width_px, kWidth);
+  EXPECT_EQ(sampled.pixels.object, kWidth * kHeight);
+  EXPECT_EQ(sampled.pixels.flagged, 2);
+  EXPECT_EQ(sampled.pixels.unsolved, 1);
+  ASSERT_EQ(sampled.matte.width_px(), kWidth / 2);
+  ASSERT_EQ(sampled.matte.height_px(), kHeight / 2);
+  for (int y = 0; y < kHeight; y += 2) {
+    for (int x = 0; x < kWidth; x += 2) {
+      EXPECT_EQ(sampled.matte.flags(x / 2, y / 2), matte.flags(x, y));
+      EXPECT_EQ(sampled.matte.modes(x / 2, y / 2, 2)[0].x_px, matte.modes(x, y, 2)[0].x_px);
+      EXPECT_EQ(sampled.matte.modes(x / 2, y / 2, 0)[0].y_px, matte.modes(x, y, 0)[0].y_px);
+    }
+  }
+  EXPECT_EQ(sample_matte(encode_matte(matte).value(), kWidth * kHeight).value().step, 1);
 }
 
 TEST(MattePanels, AreAsLargeAsTheMatteAndInTheOrderOfTheirNames) {
