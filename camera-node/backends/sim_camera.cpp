@@ -153,7 +153,13 @@ nanoseconds SimCamera::end_of(const ExposureWindow& window) const {
 
 absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
   const ExposureWindow& window = exposed.window;
-  const std::vector<MonitorEmission> emission = timeline_.between(window.start, end_of(window));
+  const auto emitted = timeline_.between(window.start, end_of(window));
+  if (!emitted) {
+    return absl::UnavailableError(
+        "the light of this exposure is not kept any more: the monitors' pictures change faster than the "
+        "simulated camera computes frames");
+  }
+  const std::vector<MonitorEmission>& emission = *emitted;
   if (emission.empty()) return RadianceImage(options_.width_px, options_.height_px);
   std::vector<EmissionMonitor> monitors;
   for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);

@@ -89,9 +89,7 @@ absl::Status settle_response(const fs::path& directory, double black, std::optio
 // The size of the frame's file, if an archive of ours stores it as it is. Its checksum is not verified.
 std::optional<size_t> stored_bytes(const fs::path& directory, const v1::Camera& camera,
                                    const v1::Frame& frame) {
-  if (frame.checksum().empty() || !is_stored_name(frame.file()) ||
-      fs::path(frame.file()).extension() != ".tif")
-    return std::nullopt;
+  if (frame.checksum().empty() || !is_stored_frame(frame)) return std::nullopt;
   absl::StatusOr<FileReader> file = FileReader::open(directory / frame.file());
   if (!file.ok()) return std::nullopt;
   const FrameShape shape = shape_of(camera);

@@ -110,19 +110,13 @@ class FrameSender {
   v1::PutFrameRequest message_;
 };
 
-// Frames are stored as TIFF. False for foreign archives, whose frames are renamed by their index.
-bool has_own_names(const v1::CaptureManifest& manifest) {
-  return std::all_of(manifest.frames().begin(), manifest.frames().end(), [](const v1::Frame& frame) {
-    return is_stored_name(frame.file()) && fs::path(frame.file()).extension() == ".tif";
-  });
-}
-
 // Stores a frame: its record, and the bytes of its file.
 using Store = std::function<absl::Status(const v1::Frame&, const Bytes&)>;
 
 // `broken_off`: the error after Ctrl-C, which says what is left.
 absl::Status store_frames(const FrameSource& source, const std::string& broken_off, const Store& store) {
-  const bool own_names = has_own_names(source.manifest);
+  // Frames of foreign archives are renamed by their index.
+  const bool own_names = std::ranges::all_of(source.manifest.frames(), is_stored_frame);
   Progress progress("importing");
   const int count = source.manifest.frames_size();
   for (int i = 0; i < count; ++i) {

@@ -6,8 +6,10 @@
 namespace glasswing {
 
 absl::StatusOr<const VideoCodecs*> video_codecs() {
-  GW_ASSIGN_OR_RETURN(const void* codecs, load_module("glasswing-videos.so", "glasswing_video_codecs"));
-  return static_cast<const VideoCodecs*>(codecs);
+  static const absl::StatusOr<const void*> kModule =
+      load_module("glasswing-videos.so", "glasswing_video_codecs");
+  GW_RETURN_IF_ERROR(kModule.status());
+  return static_cast<const VideoCodecs*>(*kModule);
 }
 
 }  // namespace glasswing

@@ -119,9 +119,7 @@ absl::StatusOr<v1::CaptureManifest> own_manifest(const std::string& json) {
   absl::Status status = parse_archive_json(json, "manifest.json", &manifest);
   if (status.ok()) status = check_manifest(manifest);
   if (!status.ok()) return absl::InvalidArgumentError(status.message());
-  const auto foreign = std::ranges::find_if_not(manifest.frames(), [](const v1::Frame& frame) {
-    return is_stored_name(frame.file()) && frame.file().ends_with(".tif");
-  });
+  const auto foreign = std::ranges::find_if_not(manifest.frames(), is_stored_frame);
   if (foreign != manifest.frames().end()) {
     return absl::InvalidArgumentError(fmt::format(
         "the frame {} is not a file frames/NAME.tif: only archives that Glasswing wrote can be imported here",

@@ -53,6 +53,10 @@ bool is_stored_name(const std::string& file) {
   return !name.empty() && name.front() != '.' && file == "frames/" + name;
 }
 
+bool is_stored_frame(const v1::Frame& frame) {
+  return is_stored_name(frame.file()) && frame.file().ends_with(".tif");
+}
+
 Archive::Archive(fs::path directory, v1::CaptureManifest manifest)
     : directory_(std::move(directory)),
       shape_(shape_of(manifest.camera())),

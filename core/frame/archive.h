@@ -43,6 +43,8 @@ absl::StatusOr<size_t> listed_bytes(const v1::Frame& frame, const FrameShape& sh
 // Whether an archive stores new frames under this name: frames/NAME, spelled just so (another spelling would
 // be another frame in the same file), and NAME without a dot at its start.
 bool is_stored_name(const std::string& file);
+// Whether a frame has such a name and is a TIFF, as in archives that Glasswing wrote.
+bool is_stored_frame(const v1::Frame& frame);
 
 // Thread-safe.
 class Archive {

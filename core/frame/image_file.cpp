@@ -15,7 +15,6 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -319,9 +318,8 @@ absl::Status write_srgb8(const fs::path& path, std::span<const std::uint8_t> cod
   for (size_t i = 0; i < codes.size(); ++i) mat.data[i / 3 * 3 + 2 - i % 3] = codes[i];
   const absl::StatusOr<std::string> bytes = encode_picture(".png", mat);
   if (!bytes.ok()) return named(path, bytes.status());
-  std::ofstream file(path, std::ios::binary);
-  if (file.write(bytes->data(), static_cast<std::streamsize>(bytes->size())).flush()) return absl::OkStatus();
-  return absl::UnavailableError(fmt::format("cannot write {}", path.string()));
+  GW_ASSIGN_OR_RETURN(FileWriter file, FileWriter::create(path));
+  return file.add(*bytes);
 }
 
 absl::StatusOr<PictureSize> picture_size(std::string_view bytes) {

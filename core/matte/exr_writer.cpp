@@ -105,6 +105,14 @@ ExrWindow window_of(const Matte& matte) {
           .picture_width_px = matte.metadata.width_px(),
           .picture_height_px = matte.metadata.height_px()};
 }
+ExrWindow window_of(const MatteOutline& outline) {
+  return {.x0_px = outline.x0_px,
+          .y0_px = outline.y0_px,
+          .width_px = outline.width_px,
+          .height_px = outline.height_px,
+          .picture_width_px = outline.metadata.width_px(),
+          .picture_height_px = outline.metadata.height_px()};
+}
 
 ExrWriter::ExrWriter(const std::vector<ExrPart>& parts, const ExrWindow& window,
                      const std::optional<std::filesystem::path>& path)

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/matte/matte.h"
+#include "core/matte/matte_file.h"
 
 namespace glasswing {
 
@@ -28,6 +29,7 @@ struct ExrWindow {
   int picture_width_px = 0, picture_height_px = 0;
 };
 ExrWindow window_of(const Matte& matte);
+ExrWindow window_of(const MatteOutline& outline);
 
 // Writes to memory, or to a new file: float32 scan lines, each compressed by itself (ZIPS). Deterministic.
 // Throws OpenEXR's exceptions.

@@ -196,26 +196,20 @@ absl::StatusOr<WrittenStmap> write_stmap(std::string_view matte, const StmapChoi
     GW_RETURN_IF_ERROR(writer.add(bytes));
     return written;
   }
-  const ExrWindow window{.x0_px = outline.x0_px,
-                         .y0_px = outline.y0_px,
-                         .width_px = outline.width_px,
-                         .height_px = outline.height_px,
-                         .picture_width_px = outline.metadata.width_px(),
-                         .picture_height_px = outline.metadata.height_px()};
   absl::Status rows_read;
-  GW_RETURN_IF_ERROR(written_exr([&] {
-                       StmapWriter writer(outline.metadata, texture, written.channel, window, file);
-                       rows_read = for_rows_of_matte(matte, [&](const Matte& rows) {
-                         return written_exr([&] {
-                                  writer.put(rows, [&](int x, int y, int c) {
-                                    return strongest_mode(rows, x, y, c, texture);
-                                  });
-                                  return std::string();
-                                })
-                             .status();
-                       });
-                       return writer.finish();
-                     }).status());
+  GW_RETURN_IF_ERROR(
+      written_exr([&] {
+        StmapWriter writer(outline.metadata, texture, written.channel, window_of(outline), file);
+        rows_read = for_rows_of_matte(matte, [&](const Matte& rows) {
+          return written_exr([&] {
+                   writer.put(rows,
+                              [&](int x, int y, int c) { return strongest_mode(rows, x, y, c, texture); });
+                   return std::string();
+                 })
+              .status();
+        });
+        return writer.finish();
+      }).status());
   GW_RETURN_IF_ERROR(rows_read);
   return written;
 }

@@ -3,15 +3,28 @@
 #include <algorithm>
 
 namespace glasswing {
+namespace {
+
+size_t bytes_of(const EmittedPicture& picture) {
+  return picture.image->samples.size() * sizeof(picture.image->samples[0]);
+}
+
+}  // namespace
+
+void EmissionTimeline::Track::forget_first() {
+  bytes -= bytes_of(pictures.front());
+  pictures.pop_front();
+  complete = false;
+}
 
 void EmissionTimeline::add_monitor(const EmissionMonitor& monitor) {
   const std::lock_guard lock(mutex_);
   for (Track& track : tracks_) {
     if (track.monitor.name != monitor.name) continue;
-    track = Track{.monitor = monitor, .pictures = {}, .horizon = {}};
+    track = {.monitor = monitor, .pictures = {}, .bytes = 0, .complete = true, .horizon = {}};
     return;
   }
-  tracks_.push_back({.monitor = monitor, .pictures = {}, .horizon = {}});
+  tracks_.push_back({.monitor = monitor, .pictures = {}, .bytes = 0, .complete = true, .horizon = {}});
 }
 
 void EmissionTimeline::add_picture(const std::string& monitor, EmittedPicture picture) {
@@ -20,8 +33,11 @@ void EmissionTimeline::add_picture(const std::string& monitor, EmittedPicture pi
     if (track.monitor.name != monitor) continue;
     // Keeps the picture that is visible at the start of the kept time.
     const nanoseconds oldest = picture.scanout_start - kept_;
-    while (track.pictures.size() > 1 && track.pictures[1].scanout_start < oldest) track.pictures.pop_front();
+    while (track.pictures.size() > 1 && track.pictures[1].scanout_start < oldest) track.forget_first();
+    track.bytes += bytes_of(picture);
     track.pictures.push_back(std::move(picture));
+    while (track.bytes > max_bytes_ && track.pictures.size() > 2) track.forget_first();
+    break;
   }
   changed_.notify_all();
 }
@@ -56,11 +72,15 @@ bool EmissionTimeline::wait_known_until(nanoseconds until, nanoseconds timeout) 
   });
 }
 
-std::vector<MonitorEmission> EmissionTimeline::between(nanoseconds from, nanoseconds until) const {
+std::optional<std::vector<MonitorEmission>> EmissionTimeline::between(nanoseconds from,
+                                                                      nanoseconds until) const {
   const std::lock_guard lock(mutex_);
   std::vector<MonitorEmission> emissions;
   for (const Track& track : tracks_) {
     MonitorEmission emission{.monitor = track.monitor, .pictures = {}};
+    if (!track.complete && from < track.pictures.front().scanout_start + track.monitor.lag +
+                                      track.monitor.scanout + track.monitor.settle)
+      return std::nullopt;
     for (size_t i = 0; i < track.pictures.size(); ++i) {
       const EmittedPicture& picture = track.pictures[i];
       const nanoseconds begins = picture.scanout_start + track.monitor.lag;

@@ -44,7 +44,9 @@ struct MonitorEmission {
 // picture.
 class EmissionTimeline {
  public:
-  explicit EmissionTimeline(nanoseconds kept = std::chrono::seconds(10)) : kept_(kept) {}
+  // Pictures are kept for a while, and fewer of them where a monitor's would take more memory.
+  explicit EmissionTimeline(nanoseconds kept = std::chrono::seconds(10), size_t max_bytes = size_t{2} << 30)
+      : kept_(kept), max_bytes_(max_bytes) {}
 
   void add_monitor(const EmissionMonitor& monitor);  // a known name is replaced, and its pictures dropped
   void add_picture(const std::string& monitor, EmittedPicture picture);
@@ -56,15 +58,21 @@ class EmissionTimeline {
   // out, or there are no monitors.
   bool wait_known_until(nanoseconds until, nanoseconds timeout) const;
   // Pictures whose light may overlap [from, until] on any row, by monitor, in the order of monitors().
-  std::vector<MonitorEmission> between(nanoseconds from, nanoseconds until) const;
+  // Nothing if some of these are not kept any more.
+  std::optional<std::vector<MonitorEmission>> between(nanoseconds from, nanoseconds until) const;
 
  private:
   struct Track {
     EmissionMonitor monitor;
     std::deque<EmittedPicture> pictures;
+    size_t bytes = 0;      // of the pictures
+    bool complete = true;  // since the monitor was added
     nanoseconds horizon{};
+
+    void forget_first();
   };
   const nanoseconds kept_;
+  const size_t max_bytes_;  // of a monitor's pictures
   mutable std::mutex mutex_;
   mutable std::condition_variable changed_;
   std::vector<Track> tracks_;  // guarded by mutex_

@@ -13,7 +13,7 @@ using std::chrono::milliseconds;
 // A monitor that changes every 50 ms for longer than the tests run.
 const EmissionTimeline& changing_light() {
   static const EmissionTimeline* const timeline = [] {
-    auto* made = new EmissionTimeline;
+    auto* made = new EmissionTimeline(std::chrono::seconds(30));  // all of it
     made->add_monitor(
         {.name = "back", .width_px = 8, .height_px = 6, .scanout = milliseconds(16), .lag = milliseconds(2)});
     const nanoseconds now = monotonic_now();

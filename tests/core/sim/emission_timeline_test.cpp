@@ -22,7 +22,7 @@ EmittedPicture picture(nanoseconds start) {
 TEST(EmissionTimeline, KnowsNothingWithoutMonitors) {
   const EmissionTimeline timeline;
   EXPECT_FALSE(timeline.wait_known_until(nanoseconds(0), nanoseconds(0)));
-  EXPECT_TRUE(timeline.between(nanoseconds(0), seconds(1)).empty());
+  EXPECT_TRUE(timeline.between(nanoseconds(0), seconds(1))->empty());
 }
 
 TEST(EmissionTimeline, KnowsAsFarAsTheSlowestMonitorPlusItsLag) {
@@ -49,7 +49,7 @@ TEST(EmissionTimeline, GivesThePicturesThatTouchAnInterval) {
   timeline.add_monitor(monitor("back"));
   for (const int start_ms : {0, 100, 200, 300}) timeline.add_picture("back", picture(milliseconds(start_ms)));
   const auto starts = [&](nanoseconds from, nanoseconds until) {
-    const std::vector<MonitorEmission> emissions = timeline.between(from, until);
+    const std::vector<MonitorEmission> emissions = timeline.between(from, until).value();
     std::vector<nanoseconds> found;
     for (const EmittedPicture& p : emissions.at(0).pictures) found.push_back(p.scanout_start);
     return found;
@@ -71,20 +71,44 @@ TEST(EmissionTimeline, GivesAPictureUntilTheNextHasSettled) {
   slow.settle = milliseconds(10);
   timeline.add_monitor(slow);
   for (const int start_ms : {0, 100}) timeline.add_picture("back", picture(milliseconds(start_ms)));
-  EXPECT_EQ(timeline.between(milliseconds(130), milliseconds(150)).at(0).pictures.size(), 2u);
-  EXPECT_EQ(timeline.between(milliseconds(131), milliseconds(150)).at(0).pictures.size(), 1u);
+  EXPECT_EQ(timeline.between(milliseconds(130), milliseconds(150))->at(0).pictures.size(), 2u);
+  EXPECT_EQ(timeline.between(milliseconds(131), milliseconds(150))->at(0).pictures.size(), 1u);
 }
 
 TEST(EmissionTimeline, ForgetsWhatIsOlderThanItKeeps) {
   EmissionTimeline timeline(seconds(1));
   timeline.add_monitor(monitor("back"));
   for (int i = 0; i <= 50; ++i) timeline.add_picture("back", picture(i * milliseconds(100)));
-  const auto kept = timeline.between(nanoseconds(0), hours(1)).at(0).pictures;
   // The pictures that start in the last second, and the one visible at its beginning.
+  const auto kept = timeline.between(milliseconds(4100), hours(1)).value().at(0).pictures;
   ASSERT_FALSE(kept.empty());
-  EXPECT_LE(kept.front().scanout_start, seconds(4));
+  EXPECT_LE(kept.front().scanout_start, milliseconds(4100));
   EXPECT_LE(kept.size(), 12u);
   EXPECT_EQ(kept.back().scanout_start, seconds(5));
+  EXPECT_FALSE(timeline.between(milliseconds(3800), milliseconds(3900)));
+}
+
+// The light of an exposure is that of all pictures on it, or not known.
+TEST(EmissionTimeline, ForgetsWhatTakesMoreMemoryThanItMay) {
+  EmissionTimeline all,
+      few(seconds(10), 4 * sizeof(std::uint16_t) * picture(seconds(0)).image->samples.size());
+  for (EmissionTimeline* timeline : {&all, &few}) {
+    timeline->add_monitor(monitor("back"));
+    for (int i = 0; i <= 50; ++i) timeline->add_picture("back", picture(i * milliseconds(100)));
+  }
+  int known = 0;
+  for (int ms = 0; ms < 5000; ms += 10) {
+    const nanoseconds from = milliseconds(ms), until = milliseconds(ms + 50);
+    const auto kept = few.between(from, until);
+    if (!kept) continue;
+    ++known;
+    const auto truth = all.between(from, until).value();
+    ASSERT_EQ(kept->at(0).pictures.size(), truth.at(0).pictures.size()) << ms;
+    EXPECT_EQ(kept->at(0).pictures.front().scanout_start, truth.at(0).pictures.front().scanout_start) << ms;
+  }
+  EXPECT_GE(known, 20);  // of the last four pictures, 100 ms each
+  EXPECT_LE(known, 40);
+  EXPECT_FALSE(few.between(milliseconds(4000), milliseconds(4050)));
 }
 
 TEST(EmissionTimeline, ForgetsAMonitorThatIsAddedAgainOrCleared) {
@@ -94,7 +118,7 @@ TEST(EmissionTimeline, ForgetsAMonitorThatIsAddedAgainOrCleared) {
   timeline.set_horizon("back", seconds(1));
   timeline.add_monitor(monitor("back"));
   EXPECT_EQ(timeline.monitors().size(), 1u);
-  EXPECT_TRUE(timeline.between(nanoseconds(0), seconds(1)).at(0).pictures.empty());
+  EXPECT_TRUE(timeline.between(nanoseconds(0), seconds(1))->at(0).pictures.empty());
   EXPECT_FALSE(timeline.wait_known_until(milliseconds(100), nanoseconds(0)));
   timeline.clear();
   EXPECT_TRUE(timeline.monitors().empty());
