@@ -230,6 +230,7 @@ absl::Status PackedMatteWriter::finish() {
 absl::Status crop_matte(const PackedMatteReader& matte, const MatteRegion& region,
                         PackedMatteWriter::Put put) {
   MatteOutline part = matte.outline();
+  GW_RETURN_IF_ERROR(check_region(region, part.metadata.width_px(), part.metadata.height_px()));
   MatteRegion inside = region;  // counted from the data window's corner
   inside.x_px -= part.x0_px;
   inside.y_px -= part.y0_px;
