@@ -15,7 +15,7 @@
 namespace glasswing {
 
 // A frame that the camera has exposed. `image` makes its picture on demand: a real camera converts a held
-// buffer, the simulated one integrates the light at that moment.
+// buffer, the simulated one integrates the light at that moment. UNAVAILABLE: the frame is lost.
 struct CapturedFrame {
   v1::FrameTaken taken;  // times on CLOCK_MONOTONIC
   std::function<absl::StatusOr<Image16>()> image;

@@ -20,6 +20,10 @@ constexpr double kUsualRate_hz = 30.0;
 constexpr nanoseconds kLongestPause = std::chrono::seconds(1);
 constexpr nanoseconds kUncertainty = std::chrono::microseconds(1);
 
+size_t frame_bytes(const FrameShape& shape) {
+  return 2 * shape.row_samples() * static_cast<size_t>(shape.height_px);
+}
+
 bool same_exposure(double held_ms, double asked_ms) {
   return std::abs(held_ms - asked_ms) <= 0.01 * held_ms;
 }
@@ -160,6 +164,8 @@ std::optional<CapturedFrame> ReplayCamera::next(std::chrono::milliseconds timeou
   frame.taken.set_gain(replayed.frame.gain());
   frame.taken.set_width_px(camera_.width_px());
   frame.taken.set_height_px(camera_.height_px());
+  // Read from disk only when wanted, but kept as long as a camera's buffer would be.
+  frame.held_bytes = frame_bytes(shape_of(camera_));
   frame.image = [this, &replayed] {
     return read_picture(options_.archive / replayed.frame.file(), replayed.frame, camera_);
   };

@@ -210,6 +210,8 @@ void SimCamera::prepare(std::stop_token stop) {
     const std::string now = key_of(monitors);
     // Wait for one poll without a change: monitors are added one by one.
     if (!monitors.empty() && now == before && now != traced) {
+      // Megapixels take a minute, in which captures and self-tests wait for the camera in vain.
+      spdlog::info("scene={} is being traced; no frame before that", options_.scene);
       if (stage(monitors).ok()) spdlog::info("scene={} is traced", options_.scene);
       traced = now;
     }

@@ -62,7 +62,10 @@ grpc::Status answer(absl::StatusOr<Response> result, Response& response) {
 grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCameraRequest*,
                                           v1::GetCameraResponse* response) {
   *response = camera_.describe();
-  response->set_ring_frames(kRingFrames);
+  const FrameShape shape = shape_of(response->camera());
+  const size_t frame_bytes = 2 * shape.row_samples() * static_cast<size_t>(shape.height_px);
+  const size_t fit = frame_bytes > 0 ? FrameRing::kMaxHeld_bytes / frame_bytes : 0;
+  response->set_ring_frames(static_cast<int>(std::clamp<size_t>(fit, 1, kRingFrames)));
   return grpc::Status::OK;
 }
 

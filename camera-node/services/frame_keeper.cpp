@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "camera-node/camera_metrics.h"
 #include "core/base/status.h"
@@ -14,6 +15,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kMaxBatch = 4096;
+constexpr size_t kMaxPictures_bytes = 256 << 20;  // in memory at a time, beside the ring's frames
 
 bool is_patch_learning_frame(const v1::Frame& frame) {
   return kind_of(frame.stimulus()) == StimulusKind::kPatch;
@@ -39,20 +41,31 @@ v1::UnseenPatch unseen_patch(const PatchProof::LearningSet& set) {
 
 }  // namespace
 
-absl::StatusOr<std::vector<Archive::NewFrame>> FrameKeeper::find(const Frames& wanted) const {
+absl::StatusOr<std::vector<FrameKeeper::Held>> FrameKeeper::find(const Frames& wanted) const {
   if (wanted.size() > kMaxBatch) {
     return absl::InvalidArgumentError(
         fmt::format("{} frames are requested at once; at most {} are allowed", wanted.size(), kMaxBatch));
   }
-  std::vector<Archive::NewFrame> frames;
+  std::vector<Held> frames;
   for (const v1::Frame& record : wanted) {
     if (record.step() < 0 || !record.file().empty())
       return absl::InvalidArgumentError("a frame to keep needs a step of 0 or more, and no file");
-    const std::optional<CapturedFrame> found = ring_.find(record.sequence());
+    std::optional<CapturedFrame> found = ring_.find(record.sequence());
     if (!found) continue;
-    GW_ASSIGN_OR_RETURN(Image16 image, found->image());
-    frames.push_back({.record = record, .image = std::move(image)});
+    frames.push_back({.record = record, .frame = *std::move(found)});
     frames.back().record.set_proof(v1::PROOF_TIME);
+  }
+  return frames;
+}
+
+absl::StatusOr<std::vector<Archive::NewFrame>> FrameKeeper::find_pictures(const Frames& wanted) const {
+  GW_ASSIGN_OR_RETURN(const std::vector<Held> held, find(wanted));
+  std::vector<Archive::NewFrame> frames;
+  for (const Held& each : held) {
+    absl::StatusOr<Image16> image = each.frame.image();
+    if (absl::IsUnavailable(image.status())) continue;  // lost, as if it had left the ring
+    GW_RETURN_IF_ERROR(image.status());
+    frames.push_back({.record = each.record, .image = *std::move(image)});
   }
   return frames;
 }
@@ -94,10 +107,32 @@ absl::StatusOr<v1::KeepFramesResponse> FrameKeeper::keep(const v1::KeepFramesReq
     return absl::InvalidArgumentError("KeepFrames got a frame of kind \"patch\"; send it with LearnPatches");
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store_.find(request.session()));
   const nanoseconds waited = wait_of(request.frames());
-  GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find(request.frames()));
+  // From here on they may leave the ring.
+  GW_ASSIGN_OR_RETURN(std::vector<Held> held, find(request.frames()));
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(use_proof_of(request.session(), *archive));
   v1::KeepFramesResponse response;
+  std::vector<Archive::NewFrame> frames;
+  size_t bytes = 0;
+  for (size_t i = 0; i < held.size(); ++i) {
+    absl::StatusOr<Image16> image = held[i].frame.image();
+    if (image.ok()) {
+      bytes += image->samples.size() * sizeof(std::uint16_t);
+      frames.push_back({.record = std::move(held[i].record), .image = *std::move(image)});
+    } else if (!absl::IsUnavailable(image.status())) {  // else lost, as if it had left the ring
+      return image.status();
+    }
+    held[i].frame = {};  // its buffer
+    if (bytes < kMaxPictures_bytes && i + 1 < held.size()) continue;
+    GW_RETURN_IF_ERROR(judge_and_store(*archive, std::exchange(frames, {}), waited, response));
+    bytes = 0;
+  }
+  camera_metrics().refused.Increment(response.refused());
+  return response;
+}
+
+absl::Status FrameKeeper::judge_and_store(Archive& archive, std::vector<Archive::NewFrame> frames,
+                                          nanoseconds waited, v1::KeepFramesResponse& response) {
   std::vector<Archive::NewFrame> proven;
   for (Archive::NewFrame& frame : frames) {
     const PatchVerdict verdict = proof_.judge(frame.record, frame.image);
@@ -108,11 +143,10 @@ absl::StatusOr<v1::KeepFramesResponse> FrameKeeper::keep(const v1::KeepFramesReq
     response.add_refused_steps(frame.record.step());
     if (verdict == PatchVerdict::kUnreadable) response.add_unreadable_steps(frame.record.step());
   }
-  response.set_refused(static_cast<int>(frames.size() - proven.size()));
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven, waited));
+  response.set_refused(response.refused() + static_cast<int>(frames.size() - proven.size()));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(archive, proven, waited));
   for (const v1::Frame& frame : stored) *response.add_frames() = frame;
-  camera_metrics().refused.Increment(response.refused());
-  return response;
+  return absl::OkStatus();
 }
 
 absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatchesRequest& request) {
@@ -120,7 +154,7 @@ absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatch
     return absl::InvalidArgumentError(
         "LearnPatches takes frames of kind \"patch\"; send others with KeepFrames");
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store_.find(request.session()));
-  GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find(request.frames()));
+  GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find_pictures(request.frames()));
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(use_proof_of(request.session(), *archive));
   v1::LearnPatchesResponse response;
@@ -150,7 +184,7 @@ absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatch
 }
 
 absl::StatusOr<v1::LookForPatchesResponse> FrameKeeper::look(const v1::LookForPatchesRequest& request) const {
-  GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find(request.frames()));
+  GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find_pictures(request.frames()));
   PatchProof proof;
   std::map<std::string, v1::UnseenPatch> unseen;  // by monitor
   for (const v1::Frame& frame : request.frames()) {

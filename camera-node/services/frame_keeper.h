@@ -26,8 +26,17 @@ class FrameKeeper {
 
  private:
   using Frames = google::protobuf::RepeatedPtrField<v1::Frame>;
+  struct Held {
+    v1::Frame record;
+    CapturedFrame frame;
+  };
   // The requested frames that are still in the ring.
-  absl::StatusOr<std::vector<Archive::NewFrame>> find(const Frames& wanted) const;
+  absl::StatusOr<std::vector<Held>> find(const Frames& wanted) const;
+  // The same with their pictures.
+  absl::StatusOr<std::vector<Archive::NewFrame>> find_pictures(const Frames& wanted) const;
+  // Judges the frames, and stores those that pass. Requires mutex_.
+  absl::Status judge_and_store(Archive& archive, std::vector<Archive::NewFrame> frames, nanoseconds waited,
+                               v1::KeepFramesResponse& response);
   // Makes proof_ that of `session`: learned anew from its archive if another session's frames came before.
   absl::Status use_proof_of(const std::string& session, Archive& archive);
   // How long the oldest of them has been in the ring, beside the newest frame there.

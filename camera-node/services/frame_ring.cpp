@@ -3,11 +3,6 @@
 #include <algorithm>
 
 namespace glasswing {
-namespace {
-
-constexpr size_t kMaxHeld_bytes = size_t{1} << 30;
-
-}  // namespace
 
 void FrameRing::push(CapturedFrame frame, size_t max_frames) {
   {

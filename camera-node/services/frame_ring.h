@@ -13,7 +13,9 @@ namespace glasswing {
 // Thread-safe.
 class FrameRing {
  public:
-  // Drops the oldest frames beyond `max_frames` or 1 GiB of held buffers. The newest frame always stays.
+  static constexpr size_t kMaxHeld_bytes = size_t{1} << 30;
+  // Drops the oldest frames beyond `max_frames` or kMaxHeld_bytes of held buffers. The newest frame always
+  // stays.
   void push(CapturedFrame frame, size_t max_frames);
   void clear();
   // None: the ring is empty.

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <iostream>
@@ -12,8 +13,9 @@
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/file.h"
+#include "core/base/positioned_file.h"
 #include "core/base/status.h"
-#include "core/matte/matte_file.h"
+#include "core/matte/packed_matte.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -27,88 +29,147 @@ using Sessions = Peer<v1::SessionService>;
 struct FetchArguments {
   std::string session, output;
   std::optional<int> frame;
+  std::optional<MatteRegion> region;
   bool partial = false;
 };
 
 struct Fetched {
-  std::string bytes;
-  Matte matte;
+  MatteOutline outline;
+  std::uint64_t bytes = 0;
+  int unsolved_rows = 0;  // in which nothing is solved yet, or which saw the id patch
 };
+
+absl::StatusOr<Fetched> verified(const PositionedFile& file) {
+  Fetched fetched;
+  GW_ASSIGN_OR_RETURN(fetched.bytes, file.size_bytes());
+  GW_ASSIGN_OR_RETURN(const PackedMatteReader matte, PackedMatteReader::open(file));
+  fetched.outline = matte.outline();
+  GW_RETURN_IF_ERROR(matte.for_rows(0, matte.outline().height_px, [&](const Matte& rows) {
+    for (int y = 0; y < rows.height_px(); ++y) {
+      bool solved = false;
+      for (int x = 0; x < rows.width_px() && !solved; ++x) solved = (rows.flags(x, y) & kFlagNoData) == 0;
+      if (!solved) ++fetched.unsolved_rows;
+    }
+    return absl::OkStatus();
+  }));
+  return fetched;
+}
+
+// A file that is removed unless it gets its name.
+class Unfinished {
+ public:
+  explicit Unfinished(const fs::path& path)
+      : path_(path), unfinished_(fmt::format("{}.{}.tmp", path.string(), ::getpid())) {}
+  Unfinished(const Unfinished&) = delete;
+  Unfinished& operator=(const Unfinished&) = delete;
+  ~Unfinished() {
+    std::error_code ignored;
+    fs::remove(unfinished_, ignored);
+  }
+  const fs::path& path() const { return unfinished_; }
+  // Durable after flush_directory().
+  absl::Status finish() { return rename_file(unfinished_, path_); }
+
+ private:
+  const fs::path path_, unfinished_;
+};
+
+// Writes a matte to a flushed file as it comes: it is never whole in memory.
 absl::StatusOr<Fetched> fetched(const Sessions& server, const v1::FetchMatteRequest& request,
-                                Waiting* waiting = nullptr) {
+                                const fs::path& path, Waiting* waiting = nullptr) {
+  Unfinished unfinished(path);
+  GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(unfinished.path()));
   grpc::ClientContext context;
   set_deadline(context, kFetchTimeout);
   const auto reader = server.stub->FetchMatte(&context, request);
-  Fetched fetched;
-  for (v1::FetchMatteResponse response; reader->Read(&response);) {
-    fetched.bytes += response.chunk();
-    if (waiting != nullptr) waiting->tell(bytes_text(static_cast<double>(fetched.bytes.size())));
+  absl::Status written;
+  double bytes = 0.0;
+  for (v1::FetchMatteResponse response; written.ok() && reader->Read(&response);) {
+    written = writer.add(response.chunk());
+    bytes += static_cast<double>(response.chunk().size());
+    if (waiting != nullptr) waiting->tell(bytes_text(bytes));
   }
+  if (!written.ok()) context.TryCancel();
   const grpc::Status status = reader->Finish();
+  GW_RETURN_IF_ERROR(written);
   if (!status.ok()) return status_from(status, server.title);
-  absl::StatusOr<Matte> matte = decode_matte(fetched.bytes);
+  GW_RETURN_IF_ERROR(writer.flush());
+  GW_ASSIGN_OR_RETURN(const PositionedFile file, PositionedFile::open(unfinished.path()));
+  absl::StatusOr<Fetched> matte = verified(file);
   if (!matte.ok()) {
     return absl::Status(matte.status().code(),
                         fmt::format("the matte of {}session {} came damaged: {}",
                                     request.has_frame() ? fmt::format("frame {} of ", request.frame()) : "",
                                     request.name(), std::string(matte.status().message())));
   }
-  fetched.matte = *std::move(matte);
-  return fetched;
+  GW_RETURN_IF_ERROR(unfinished.finish());
+  return matte;
 }
 
-// Rows of which nothing is solved yet. Only a partial matte has any: in a finished one, rows without a solved
-// pixel are those that saw the id patch.
-int unsolved_rows(const Matte& matte, bool partial) {
-  int rows = 0;
-  if (!partial) return rows;
-  for (int y = 0; y < matte.height_px(); ++y) {
-    bool solved = false;
-    for (int x = 0; x < matte.width_px() && !solved; ++x) solved = (matte.flags(x, y) & kFlagNoData) == 0;
-    if (!solved) ++rows;
-  }
-  return rows;
-}
-
-absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const FetchArguments& arguments) {
-  Waiting waiting("fetching");
+v1::FetchMatteRequest request_of(const FetchArguments& arguments) {
   v1::FetchMatteRequest request;
   request.set_name(arguments.session);
   if (arguments.frame) request.set_frame(*arguments.frame);
   request.set_partial(arguments.partial);
-  GW_ASSIGN_OR_RETURN(Fetched whole, fetched(server, request, &waiting));
-  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, whole.bytes));
+  if (arguments.region) {
+    request.mutable_region()->set_x_px(arguments.region->x_px);
+    request.mutable_region()->set_y_px(arguments.region->y_px);
+    request.mutable_region()->set_width_px(arguments.region->width_px);
+    request.mutable_region()->set_height_px(arguments.region->height_px);
+  }
+  return request;
+}
+
+absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const FetchArguments& arguments) {
+  Waiting waiting("fetching");
+  const fs::path output = arguments.output;
+  GW_ASSIGN_OR_RETURN(Fetched whole, fetched(server, request_of(arguments), output, &waiting));
+  // Only a partial matte has rows that are not solved yet: in a finished one, rows without a solved pixel are
+  // those that saw the id patch.
+  if (!arguments.partial) whole.unsolved_rows = 0;
+  GW_RETURN_IF_ERROR(flush_directory(output.has_parent_path() ? output.parent_path() : "."));
   return whole;
 }
 
 absl::Status fetch_file(const Client& client, const Sessions& server, const FetchArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
-  const auto& warnings = whole.matte.metadata.warnings();
+  const MatteOutline& matte = whole.outline;
+  const auto& warnings = matte.metadata.warnings();
   if (client.json) {
-    nlohmann::ordered_json written = {{"session", arguments.session},
-                                      {"file", arguments.output},
-                                      {"bytes", whole.bytes.size()},
-                                      {"width_px", whole.matte.width_px()},
-                                      {"height_px", whole.matte.height_px()},
-                                      {"unsolved_rows", unsolved_rows(whole.matte, arguments.partial)}};
+    nlohmann::ordered_json written = {{"session", arguments.session}, {"file", arguments.output},
+                                      {"bytes", whole.bytes},         {"width_px", matte.width_px},
+                                      {"height_px", matte.height_px}, {"x_px", matte.x0_px},
+                                      {"y_px", matte.y0_px},          {"unsolved_rows", whole.unsolved_rows}};
     if (!warnings.empty()) written["warnings"] = std::vector<std::string>(warnings.begin(), warnings.end());
     std::cout << written.dump(1) << "\n";
   } else {
-    std::cout << fmt::format("{}: the matte of session {}, {}x{}\n", arguments.output, arguments.session,
-                             whole.matte.width_px(), whole.matte.height_px());
-    if (const int rows = unsolved_rows(whole.matte, arguments.partial); rows > 0)
-      std::cout << fmt::format("{} of its {} rows are not solved yet\n", rows, whole.matte.height_px());
+    std::cout << fmt::format("{}: the matte of session {}, {}x{}{}\n", arguments.output, arguments.session,
+                             matte.width_px, matte.height_px,
+                             arguments.region
+                                 ? fmt::format("+{}+{} of {}x{}", matte.x0_px, matte.y0_px,
+                                               matte.metadata.width_px(), matte.metadata.height_px())
+                                 : "");
+    if (whole.unsolved_rows > 0)
+      std::cout << fmt::format("{} of its {} rows are not solved yet\n", whole.unsolved_rows,
+                               matte.height_px);
     for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", warning);
   }
   return absl::OkStatus();
 }
 
-// True if the file is the last solve's matte of this frame; an older solve may have left another.
-bool is_there(const fs::path& path, const v1::Session& session, int frame) {
-  const absl::StatusOr<Matte> matte = fs::exists(path) ? read_matte(path) : absl::NotFoundError("");
+// True if the file is the last solve's matte of this frame and region; an older solve may have left another.
+bool is_there(const fs::path& path, const v1::Session& session, int frame,
+              const std::optional<MatteRegion>& region) {
+  const absl::StatusOr<PositionedFile> file = PositionedFile::open(path);
+  const absl::StatusOr<Fetched> matte = file.ok() ? verified(*file) : file.status();
   if (!matte.ok()) return false;
-  const v1::MatteMetadata& made = matte->metadata;
+  const MatteOutline& outline = matte->outline;
+  const v1::MatteMetadata& made = outline.metadata;
+  const MatteRegion wanted = region.value_or(
+      MatteRegion{.x_px = 0, .y_px = 0, .width_px = made.width_px(), .height_px = made.height_px()});
+  const MatteRegion has{outline.x0_px, outline.y0_px, outline.width_px, outline.height_px};
   return made.session() == session.name() && made.method() == session.method() && made.frame() == frame &&
+         has == wanted &&
          std::map<std::string, std::string>(made.options().begin(), made.options().end()) ==
              std::map<std::string, std::string>(session.options().begin(), session.options().end());
 }
@@ -125,7 +186,8 @@ struct Frames {
 };
 
 absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& session,
-                                    const fs::path& directory) {
+                                    const FetchArguments& arguments) {
+  const fs::path directory = arguments.output;
   Frames frames;
   Progress progress("fetching");
   const Interruptible ctrl_c;
@@ -138,18 +200,15 @@ absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& s
     }
     const int frame = session.solved_frames(i);
     const fs::path path = directory / fmt::format("{:04d}.exr", frame);
-    if (describes_mattes(session) && is_there(path, session, frame)) {
+    if (describes_mattes(session) && is_there(path, session, frame, arguments.region)) {
       ++frames.there_before;
     } else {
-      v1::FetchMatteRequest request;
-      request.set_name(session.name());
-      request.set_frame(frame);
-      GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, request));
-      GW_RETURN_IF_ERROR(write_file_flushed(path, whole.bytes));
+      FetchArguments one = arguments;
+      one.frame = frame;
+      GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, request_of(one), path));
       ++frames.fetched;
-      if (frames.warnings.empty())
-        frames.warnings.assign(whole.matte.metadata.warnings().begin(),
-                               whole.matte.metadata.warnings().end());
+      const auto& warnings = whole.outline.metadata.warnings();
+      if (frames.warnings.empty()) frames.warnings.assign(warnings.begin(), warnings.end());
     }
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
@@ -170,9 +229,10 @@ google::protobuf::RepeatedField<std::int32_t> unsolved_frames(const v1::Session&
 }
 
 absl::Status fetch_video(const Client& client, const Sessions& server, const v1::Session& session,
-                         const fs::path& directory) {
+                         const FetchArguments& arguments) {
+  const fs::path directory = arguments.output;
   GW_RETURN_IF_ERROR(make_directory_durably(directory));
-  GW_ASSIGN_OR_RETURN(const Frames frames, fetch_frames(server, session, directory));
+  GW_ASSIGN_OR_RETURN(const Frames frames, fetch_frames(server, session, arguments));
   const auto unsolved = unsolved_frames(session);
   if (client.json) {
     const nlohmann::ordered_json written = {
@@ -210,7 +270,7 @@ absl::Status fetch(const Client& client, const FetchArguments& arguments) {
                                                         : !found.session().solved_frames().empty();
   if (frames) {
     if (to_directory || !arguments.output.ends_with(".exr"))
-      return fetch_video(client, server, found.session(), arguments.output);
+      return fetch_video(client, server, found.session(), arguments);
     return absl::InvalidArgumentError(fmt::format(
         "session {} is a video of {} frames; -o is {}: it must be a directory, or --frame must name one",
         arguments.session, found.session().frame_count(), arguments.output));
@@ -233,10 +293,12 @@ void add_fetch_command(CLI::App& app, Client& client) {
       "are not fetched again.\n\n"
       "Examples:\n"
       "  glasswing fetch vase -o vase.exr\n"
+      "  glasswing fetch vase -o rim.exr --crop 640x480+1200+300\n"
       "  glasswing fetch vase -o so-far.exr --partial\n"
       "  glasswing fetch pouring -o pouring/\n"
       "  glasswing fetch pouring --frame 7 -o pouring-7.exr");
   auto arguments = std::make_shared<FetchArguments>();
+  auto crop = std::make_shared<std::string>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command
       .add_option("-o,--output", arguments->output, "the OpenEXR file to write, or the directory for a video")
@@ -247,8 +309,14 @@ void add_fetch_command(CLI::App& app, Client& client) {
       .add_flag("--partial", arguments->partial,
                 "fetch what is solved so far, also of a failed solve; the rest is flagged \"not solved\"")
       ->excludes("--frame");
-  command.callback(
-      [&client, arguments] { client.run = [&client, arguments] { return fetch(client, *arguments); }; });
+  command
+      .add_option("--crop", *crop,
+                  "WIDTHxHEIGHT+X+Y: fetch only this region, px from the picture's top left corner")
+      ->check([](const std::string& text) { return std::string(parse_region(text).status().message()); });
+  command.callback([&client, arguments, crop] {
+    if (!crop->empty()) arguments->region = parse_region(*crop).value();
+    client.run = [&client, arguments] { return fetch(client, *arguments); };
+  });
 }
 
 }  // namespace glasswing

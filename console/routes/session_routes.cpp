@@ -12,6 +12,7 @@
 #include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/matte/matte_region.h"
 #include "core/matte/stmap.h"
 #include "core/service/service.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
@@ -43,7 +44,7 @@ absl::StatusOr<Number> number_or(const Request& request, const char* name, Numbe
   return request.has_param(name) ? number_of<Number>(request, name, low, high) : otherwise;
 }
 
-// Hands over the file of the session in the path, as the parameters `frame` and `partial` say.
+// Hands over the file of the session in the path, as the parameters `frame`, `partial` and `crop` say.
 absl::Status fetch_matte(const ServerLink& server, const Login& login, const Request& wanted,
                          absl::FunctionRef<absl::Status(std::string_view)> take) {
   v1::FetchMatteRequest request;
@@ -52,6 +53,13 @@ absl::Status fetch_matte(const ServerLink& server, const Login& login, const Req
   if (wanted.has_param("frame")) {
     GW_ASSIGN_OR_RETURN(const int frame, number_of<int>(wanted, "frame", 0, 1 << 20));
     request.set_frame(frame);
+  }
+  if (wanted.has_param("crop")) {
+    GW_ASSIGN_OR_RETURN(const MatteRegion region, parse_region(wanted.get_param_value("crop")));
+    request.mutable_region()->set_x_px(region.x_px);
+    request.mutable_region()->set_y_px(region.y_px);
+    request.mutable_region()->set_width_px(region.width_px);
+    request.mutable_region()->set_height_px(region.height_px);
   }
   grpc::ClientContext context;
   set_deadline(context, kCallTimeout);
@@ -66,31 +74,52 @@ absl::Status fetch_matte(const ServerLink& server, const Login& login, const Req
   return from_grpc(finished, server.title());
 }
 
-// As send_stmap() answers it. Neither the matte nor the STMap is ever whole in memory.
+struct FetchedMatte {
+  std::shared_ptr<const MappedFile> file;
+  std::string checksum;
+};
+// The matte, which is never whole in memory.
+absl::StatusOr<FetchedMatte> fetched_matte(const ServerLink& server, const Login& login,
+                                           const Request& wanted) {
+  GW_ASSIGN_OR_RETURN(const ScratchFile scratch, ScratchFile::create());
+  GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(scratch.path()));
+  RunningChecksum checksum;
+  checksum.start();
+  GW_RETURN_IF_ERROR(fetch_matte(server, login, wanted, [&](std::string_view part) {
+    checksum.add(part);
+    return writer.add(part);
+  }));
+  GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> file, scratch.map());
+  return FetchedMatte{std::move(file), checksum.text()};
+}
+
+// As send_stmap() answers it, which is never whole in memory either.
 absl::StatusOr<std::shared_ptr<const MappedFile>> stmap_of(const ServerLink& server, const Login& login,
                                                            const Request& wanted, std::mutex& decoding) {
-  GW_ASSIGN_OR_RETURN(const ScratchFile matte, ScratchFile::create());
-  GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(matte.path()));
-  GW_RETURN_IF_ERROR(
-      fetch_matte(server, login, wanted, [&](std::string_view part) { return writer.add(part); }));
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> fetched, matte.map());
+  GW_ASSIGN_OR_RETURN(const FetchedMatte matte, fetched_matte(server, login, wanted));
   GW_ASSIGN_OR_RETURN(const ScratchFile stmap, ScratchFile::create());
   const std::lock_guard lock(decoding);
   GW_RETURN_IF_ERROR(
-      write_stmap(fetched->bytes(), {.monitor = wanted.get_param_value("monitor")}, stmap.path()).status());
+      write_stmap(matte.file->bytes(), {.monitor = wanted.get_param_value("monitor")}, stmap.path())
+          .status());
   return stmap.map();
+}
+
+void send_exr(std::shared_ptr<const MappedFile> file, Response& response) {
+  const size_t size = file->bytes().size();
+  response.set_content_provider(
+      size, "image/x-exr", [file = std::move(file)](size_t offset, size_t length, httplib::DataSink& sink) {
+        const std::string_view part = file->bytes().substr(offset, std::min<size_t>(length, 1 << 20));
+        return sink.write(part.data(), part.size()) && file->intact();
+      });
 }
 
 }  // namespace
 
 void SessionRoutes::send_matte(const Login& login, const Request& request, Response& response) const {
-  std::string bytes;
-  const absl::Status fetched = fetch_matte(server_, login, request, [&](std::string_view part) {
-    bytes += part;
-    return absl::OkStatus();
-  });
-  if (!fetched.ok()) return refuse(response, fetched);
-  const std::string tag = fmt::format("\"{}\"", checksum_of(bytes));
+  const absl::StatusOr<FetchedMatte> matte = fetched_matte(server_, login, request);
+  if (!matte.ok()) return refuse(response, matte.status());
+  const std::string tag = fmt::format("\"{}\"", matte->checksum);
   response.set_header("ETag", tag);
   response.headers.erase("Cache-Control");
   response.set_header("Cache-Control", "private, no-cache");
@@ -98,18 +127,13 @@ void SessionRoutes::send_matte(const Login& login, const Request& request, Respo
     response.status = 304;
     return;
   }
-  response.set_content(std::move(bytes), "image/x-exr");
+  send_exr(matte->file, response);
 }
 
 void SessionRoutes::send_stmap(const Login& login, const Request& request, Response& response) const {
   const auto stmap = stmap_of(server_, login, request, decoding_);
   if (!stmap.ok()) return refuse(response, stmap.status());
-  response.set_content_provider((*stmap)->bytes().size(), "image/x-exr",
-                                [file = *stmap](size_t offset, size_t length, httplib::DataSink& sink) {
-                                  const std::string_view part =
-                                      file->bytes().substr(offset, std::min<size_t>(length, 1 << 20));
-                                  return sink.write(part.data(), part.size()) && file->intact();
-                                });
+  send_exr(*stmap, response);
 }
 
 void SessionRoutes::send_archive(const Login& login, const Request& request, Response& response) const {

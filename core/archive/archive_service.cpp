@@ -187,12 +187,17 @@ grpc::Status ArchiveServiceImpl::ListArchives(grpc::ServerContext*, const v1::Li
   return grpc::Status::OK;
 }
 
-grpc::Status ArchiveServiceImpl::GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest*,
+grpc::Status ArchiveServiceImpl::GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest* request,
                                           v1::GetSpaceResponse* response) {
   const absl::StatusOr<DiskRoom::Room> room = store_.room().room();
   if (!room.ok()) return to_grpc(room.status());
   response->set_free_bytes(room->free_bytes);
   response->set_total_bytes(room->total_bytes);
+  if (request->measure_writing() && room->free_bytes > 0) {
+    const absl::StatusOr<std::int64_t> speed = store_.speed().write_bytes_per_second();
+    if (!speed.ok()) return to_grpc(speed.status());
+    response->set_write_bytes_per_second(*speed);
+  }
   return grpc::Status::OK;
 }
 

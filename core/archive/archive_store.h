@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/archive/disk_room.h"
+#include "core/archive/disk_speed.h"
 #include "core/base/directory_lock.h"
 #include "core/frame/archive.h"
 
@@ -23,7 +24,7 @@ class ArchiveStore {
   explicit ArchiveStore(const std::filesystem::path& directory)
       : ArchiveStore(directory, DiskRoom(directory)) {}
   ArchiveStore(std::filesystem::path directory, DiskRoom room)
-      : directory_(std::move(directory)), room_(std::move(room)) {}
+      : directory_(std::move(directory)), room_(std::move(room)), speed_(directory_) {}
 
   // Creates the directory and locks it. FAILED_PRECONDITION: another process holds it; the system's error if
   // it is not writable.
@@ -38,6 +39,7 @@ class ArchiveStore {
   absl::StatusOr<std::int64_t> remove(const std::string& session);
   const std::filesystem::path& directory() const { return directory_; }
   const DiskRoom& room() const { return room_; }
+  DiskSpeed& speed() { return speed_; }
 
   // Whoever has the token may put frames into this session's archive (PutFrame), until the import ends or
   // this process does. An empty token is nobody's.
@@ -57,6 +59,7 @@ class ArchiveStore {
 
   const std::filesystem::path directory_;
   const DiskRoom room_;
+  DiskSpeed speed_;
   DirectoryLock lock_;
   std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Archive>> open_;  // guarded by mutex_

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "core/base/status.h"
 #include "core/pattern/id_patch.h"
@@ -178,6 +179,19 @@ void add_level_misfits(const v1::Plan& plan, const std::vector<v1::Monitor>& mon
   }
 }
 
+// The solver would refuse the frames.
+void add_orientation_misfits(const v1::Plan& plan, std::vector<std::string>& out) {
+  constexpr size_t kMinOrientations = 3;
+  if (plan.method() != "gaussian" || plan.has_calibration() || plan.sweeps().empty()) return;
+  std::set<double> orientations;  // a stripe turned by 180 degrees is the same stripe
+  for (const v1::Sweep& sweep : plan.sweeps())
+    orientations.insert(std::round(1e3 * std::fmod(sweep.orientation_deg() + 360.0, 180.0)));
+  if (orientations.size() >= kMinOrientations) return;
+  out.push_back(fmt::format(
+      "sweeps have {} orientation{}: method gaussian solves at least {}, such as 0, 90 and 45 deg",
+      orientations.size(), orientations.size() == 1 ? "" : "s", kMinOrientations));
+}
+
 void add_camera_misfits(const v1::Plan& plan, const RigLimits& rig, std::vector<std::string>& out) {
   if (!rig.camera) return;
   std::vector<double> exposures(plan.exposure_ms().begin(), plan.exposure_ms().end());
@@ -235,6 +249,7 @@ absl::StatusOr<v1::Plan> make_plan(const PlanWish& wish, const RigLimits& rig) {
 std::vector<std::string> misfits(const v1::Plan& plan, const RigLimits& rig) {
   std::vector<std::string> out;
   add_level_misfits(plan, common_monitors(plan, rig), out);
+  add_orientation_misfits(plan, out);
   const double sigma_px = narrowest_sigma(plan);
   if (sigma_px > 0.0 && sigma_px < rig.blur_px) {
     out.push_back(

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <set>
 
 #include "core/base/status.h"
@@ -27,13 +28,35 @@ absl::Status check_exposures(const std::vector<Step>& steps, const v1::GetCamera
   return absl::OkStatus();
 }
 
-absl::Status check_space(const NodeLink& camera, v1::EstimateSessionResponse& estimate) {
+// Warns if the disk takes frames more slowly than the capture makes them, and the camera's memory does not
+// hold the rest. Frames that are stored compressed need less, which nobody knows before.
+void check_disk_speed(const RigLinks& links, const v1::Plan& plan, double disk_bytes_per_second,
+                      v1::EstimateSessionResponse& estimate) {
+  if (disk_bytes_per_second <= 0.0 || estimate.step_count() == 0 || estimate.seconds() <= 0.0) return;
+  const double bytes = static_cast<double>(estimate.bytes()), needed = bytes / estimate.seconds();
+  const double held = bytes / estimate.step_count() * links.camera_info.ring_frames();
+  if (bytes - disk_bytes_per_second * estimate.seconds() <= held) return;
+  const double hold = std::ceil(hold_refreshes_of(plan) * needed / disk_bytes_per_second);
+  estimate.add_warnings(fmt::format(
+      "the disk of the {} writes {:.0f} MB/s and this capture makes up to {:.0f} MB/s of frames: once {} "
+      "frames wait, the oldest are lost and their steps shown again; hold_refreshes: {:.0f} shows steps as "
+      "long "
+      "as the disk needs",
+      links.camera->title(), disk_bytes_per_second / kMegabyte, needed / kMegabyte,
+      links.camera_info.ring_frames(), hold));
+}
+
+absl::Status check_space(const RigLinks& links, const v1::Plan& plan, v1::EstimateSessionResponse& estimate) {
+  const NodeLink& camera = *links.camera;
+  v1::GetSpaceRequest request;
+  request.set_measure_writing(true);
   v1::GetSpaceResponse space;
   grpc::ClientContext context;
   set_deadline(context, kNodeCall);
-  GW_RETURN_IF_ERROR(from_grpc(v1::ArchiveService::NewStub(camera.channel())->GetSpace(&context, {}, &space),
-                               camera.title()));
+  GW_RETURN_IF_ERROR(from_grpc(
+      v1::ArchiveService::NewStub(camera.channel())->GetSpace(&context, request, &space), camera.title()));
   estimate.set_free_bytes(space.free_bytes());
+  check_disk_speed(links, plan, static_cast<double>(space.write_bytes_per_second()), estimate);
   if (estimate.bytes() <= space.free_bytes()) return absl::OkStatus();
   return absl::FailedPreconditionError(fmt::format(
       "the capture makes {:.1f} MB of frames; {} has {:.1f} MB free: delete sessions there, or show fewer "
@@ -85,7 +108,7 @@ absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const Cali
   *checked.estimate.mutable_monitors() = header.monitors();
   *checked.estimate.mutable_camera() = header.camera();
   add_cost(plan, checked.steps, checked.estimate);
-  GW_RETURN_IF_ERROR(check_space(*links.camera, checked.estimate));
+  GW_RETURN_IF_ERROR(check_space(links, plan, checked.estimate));
   add_warnings(links, header, checked.steps, checked.estimate);
   return checked;
 }

@@ -16,6 +16,13 @@ namespace {
 
 constexpr size_t kEventsOfAMessage = 1000;
 
+MatteRegion region_of(const v1::MatteRegion& region) {
+  return {.x_px = region.x_px(),
+          .y_px = region.y_px(),
+          .width_px = region.width_px(),
+          .height_px = region.height_px()};
+}
+
 bool rests(const v1::Session& session) {
   const v1::SessionState state = session.state();
   return state == v1::SESSION_STATE_PAUSED ||
@@ -224,16 +231,17 @@ grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::Fetc
                                             grpc::ServerWriter<v1::FetchMatteResponse>* writer) {
   GW_CHECK_LIMITS(*request);
   const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;
-  const absl::StatusOr<std::string> bytes = request->partial()
-                                                ? server_.solves().partial_matte(request->name())
-                                                : server_.solves().matte_bytes(request->name(), frame);
-  if (!bytes.ok()) return to_grpc(bytes.status());
-  for (size_t at = 0; at < bytes->size(); at += kChunkBytes) {
+  std::optional<MatteRegion> region;
+  if (request->has_region()) region = region_of(request->region());
+  const absl::StatusOr<StoredMatte> matte = request->partial()
+                                                ? server_.solves().open_partial_matte(request->name(), region)
+                                                : server_.solves().open_matte(request->name(), frame, region);
+  if (!matte.ok()) return to_grpc(matte.status());
+  return to_grpc(matte->send([&](std::string_view chunk) {
     v1::FetchMatteResponse response;
-    response.set_chunk(bytes->substr(at, kChunkBytes));
-    if (!writer->Write(response)) break;
-  }
-  return grpc::Status::OK;
+    response.set_chunk(std::string(chunk));
+    return writer->Write(response);
+  }));
 }
 
 grpc::Status NodeServiceImpl::Register(grpc::ServerContext* context, const v1::RegisterRequest* request,

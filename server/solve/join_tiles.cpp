@@ -4,13 +4,14 @@
 
 #include <algorithm>
 #include <memory>
-#include <string_view>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "core/base/mapped_file.h"
 #include "core/base/status.h"
-#include "core/matte/join_mattes.h"
 #include "core/matte/matte_file.h"
+#include "core/matte/packed_matte.h"
 #include "server/storage/matte_files.h"
 
 namespace glasswing {
@@ -30,48 +31,50 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> open_tile(const fs::path& path
   return file;
 }
 
-// Files of blank rows wherever `there` is false, shaped as `like`.
-absl::StatusOr<std::vector<std::string>> blank_rows(const std::vector<bool>& there,
-                                                    const MatteOutline& like) {
-  const auto height_px = static_cast<int>(there.size());
-  std::vector<std::string> blanks;
-  for (int y = 0, rows = 1; y < height_px; y += rows) {
-    const auto next = std::find(there.begin() + y, there.end(), !there[static_cast<size_t>(y)]);
-    rows = static_cast<int>(next - there.begin()) - y;
-    if (there[static_cast<size_t>(y)]) continue;
-    rows = std::min(rows, kMaxBlankRows);
-    Matte blank(0, y, like.width_px, rows, like.modes_per_channel, like.colourless);
+// Appends `count` blank rows to a matte shaped as `like`.
+absl::Status add_blank_rows(int first, int count, const MatteOutline& like, PackedMatteWriter& writer) {
+  for (int rows = 0; count > 0; first += rows, count -= rows) {
+    rows = std::min(count, kMaxBlankRows);
+    Matte blank(0, first, like.width_px, rows, like.modes_per_channel, like.colourless);
     blank.metadata = like.metadata;
     for (int row = 0; row < rows; ++row) {
       for (int x = 0; x < blank.width_px(); ++x) blank.flags(x, row) = kFlagNoData;
     }
-    GW_ASSIGN_OR_RETURN(blanks.emplace_back(), encode_matte(blank));
+    GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(blank));
+    GW_RETURN_IF_ERROR(writer.add(bytes));
   }
-  return blanks;
+  return absl::OkStatus();
 }
 
 }  // namespace
 
-absl::StatusOr<std::string> join_tiles(std::span<const TileState> tiles, const fs::path& directory) {
-  int height_px = 0;
-  for (const TileState& tile : tiles) height_px = std::max(height_px, tile.range.first + tile.range.count);
-  std::vector<std::shared_ptr<const MappedFile>> files;
-  std::vector<bool> there(static_cast<size_t>(height_px), false);
+absl::Status join_tiles(std::span<const TileState> tiles, const fs::path& directory, PositionedFile& file) {
+  std::vector<const TileState*> done;
   for (const TileState& tile : tiles) {
-    if (!tile.is_done()) continue;
-    GW_ASSIGN_OR_RETURN(files.emplace_back(), open_tile(directory / tile.done.result));
-    std::fill_n(there.begin() + tile.range.first, tile.range.count, true);
+    if (tile.is_done()) done.push_back(&tile);
   }
-  if (files.empty()) return absl::FailedPreconditionError("none of its tiles is solved yet");
-  GW_ASSIGN_OR_RETURN(const MatteOutline like, outline_of(files.front()->bytes()));
-  GW_ASSIGN_OR_RETURN(const std::vector<std::string> blanks, blank_rows(there, like));
-  std::vector<std::string_view> parts(blanks.begin(), blanks.end());
-  for (const std::shared_ptr<const MappedFile>& file : files) parts.push_back(file->bytes());
-  absl::StatusOr<std::string> whole = join_mattes(parts);
-  for (const std::shared_ptr<const MappedFile>& file : files) {
-    if (!file->intact()) return absl::DataLossError("a tile's file cannot be read to its end");
+  if (done.empty()) return absl::FailedPreconditionError("none of its tiles is solved yet");
+  std::ranges::sort(done, {}, [](const TileState* tile) { return tile->range.first; });
+  std::optional<PackedMatteWriter> writer;
+  MatteOutline whole;
+  int next_row = 0;
+  for (const TileState* tile : done) {
+    GW_ASSIGN_OR_RETURN(const auto bytes, open_tile(directory / tile->done.result));
+    if (!writer) {
+      GW_ASSIGN_OR_RETURN(whole, outline_of(bytes->bytes()));
+      whole.y0_px = 0;
+      whole.height_px = whole.metadata.height_px();
+      GW_ASSIGN_OR_RETURN(writer, PackedMatteWriter::begin(whole, [&file](auto offset, auto part) {
+                            return file.write_at(offset, part);
+                          }));
+    }
+    GW_RETURN_IF_ERROR(add_blank_rows(next_row, tile->range.first - next_row, whole, *writer));
+    GW_RETURN_IF_ERROR(writer->add(bytes->bytes()));
+    if (!bytes->intact()) return absl::DataLossError("a tile's file cannot be read to its end");
+    next_row = tile->range.first + tile->range.count;
   }
-  return whole;
+  GW_RETURN_IF_ERROR(add_blank_rows(next_row, whole.height_px - next_row, whole, *writer));
+  return writer->finish();
 }
 
 }  // namespace glasswing

@@ -108,8 +108,15 @@ absl::Status MatteAssembly::assemble(const v1::Session& session) {
     const auto made = [&]() -> absl::Status {
       GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
       GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(session.name()));
-      GW_ASSIGN_OR_RETURN(const std::string bytes, join_tiles(tiles, directory));
-      return write_file_durably(stores_.mattes.next(session.name()), bytes);
+      const fs::path unfinished = directory / "joined.tmp";
+      const absl::Status joined = [&]() -> absl::Status {
+        GW_ASSIGN_OR_RETURN(PositionedFile file, PositionedFile::create(unfinished));
+        GW_RETURN_IF_ERROR(join_tiles(tiles, directory, file));
+        return place_file_durably(unfinished, stores_.mattes.next(session.name()));
+      }();
+      std::error_code ignored;
+      if (!joined.ok()) fs::remove(unfinished, ignored);  // its space may be what others wait for
+      return joined;
     }();
     fault_point("matte written");
     return made;

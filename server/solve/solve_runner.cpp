@@ -8,6 +8,7 @@
 #include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "core/frame/mosaic.h"
+#include "core/matte/packed_matte.h"
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/video_frames.h"
@@ -345,33 +346,63 @@ absl::StatusOr<fs::path> SolveRunner::matte(const std::string& name, std::option
   return stores_.mattes.finished(name);
 }
 
-absl::StatusOr<std::string> SolveRunner::matte_bytes(const std::string& name, std::optional<int> frame) {
-  absl::StatusOr<std::string> bytes;
-  // A new solve may replace the file meanwhile: then it is read once more.
-  for (int attempt = 0; attempt < 2 && !bytes.ok(); ++attempt) {
-    GW_ASSIGN_OR_RETURN(const fs::path file, matte(name, frame));
-    bytes = verified_.read(file);
+absl::StatusOr<StoredMatte> SolveRunner::open_matte(const std::string& name, std::optional<int> frame,
+                                                    const std::optional<MatteRegion>& region) {
+  absl::Status status;
+  // A new solve may replace the file meanwhile: then it is opened once more.
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    GW_ASSIGN_OR_RETURN(const fs::path path, matte(name, frame));
+    absl::StatusOr<StoredMatte> opened = [&]() -> absl::StatusOr<StoredMatte> {
+      if (!region) return verified_.open(path);
+      const absl::StatusOr<PositionedFile> file = PositionedFile::open(path);
+      if (!file.ok()) return absl::DataLossError(file.status().message());
+      return region_of(*file, *region);
+    }();
+    if (opened.ok() || !absl::IsDataLoss(opened.status())) return opened;
+    status = opened.status();
   }
-  if (bytes.ok()) return bytes;
-  spdlog::error("matte not served session={} error=\"{}\"", name, std::string(bytes.status().message()));
-  return absl::DataLossError(fmt::format("{}; solve the session again: glasswing solve {}",
-                                         std::string(bytes.status().message()), name));
+  spdlog::error("matte not served session={} error=\"{}\"", name, std::string(status.message()));
+  return absl::DataLossError(
+      fmt::format("{}; solve the session again: glasswing solve {}", std::string(status.message()), name));
 }
 
-absl::StatusOr<std::string> SolveRunner::partial_matte(const std::string& name) {
+absl::StatusOr<StoredMatte> SolveRunner::open_partial_matte(const std::string& name,
+                                                            const std::optional<MatteRegion>& region) {
   GW_ASSIGN_OR_RETURN(const v1::Session session, stores_.sessions.find(name));
   if (is_solved_by_frames(session)) {
     return absl::FailedPreconditionError(fmt::format(
         "session \"{}\" is a video: what is solved of it can be fetched into a directory as it is", name));
   }
   if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session))
-    return matte_bytes(name, std::nullopt);
+    return open_matte(name, std::nullopt, region);
   GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
   GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(name));
-  absl::StatusOr<std::string> matte = join_tiles(tiles, directory);
-  if (!absl::IsFailedPrecondition(matte.status())) return matte;
-  return absl::FailedPreconditionError(
-      fmt::format("session \"{}\": {}", name, std::string(matte.status().message())));
+  GW_ASSIGN_OR_RETURN(PositionedFile whole, stores_.mattes.unnamed());
+  if (const absl::Status joined = join_tiles(tiles, directory, whole); absl::IsFailedPrecondition(joined)) {
+    return absl::FailedPreconditionError(
+        fmt::format("session \"{}\": {}", name, std::string(joined.message())));
+  } else if (!joined.ok()) {
+    return joined;
+  }
+  if (region) return region_of(whole, *region);
+  return StoredMatte(std::move(whole));
+}
+
+absl::StatusOr<StoredMatte> SolveRunner::region_of(const PositionedFile& file,
+                                                   const MatteRegion& region) const {
+  GW_ASSIGN_OR_RETURN(PositionedFile part, stores_.mattes.unnamed());
+  const absl::Status made = [&]() -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const PackedMatteReader matte, PackedMatteReader::open(file));
+    return crop_matte(matte, region, [&](std::uint64_t offset, std::string_view bytes) {
+      return part.write_at(offset, bytes);
+    });
+  }();
+  if (absl::IsDataLoss(made)) {
+    return absl::DataLossError(
+        fmt::format("{} is damaged: {}", file.path().string(), std::string(made.message())));
+  }
+  GW_RETURN_IF_ERROR(made);
+  return StoredMatte(std::move(part));
 }
 
 absl::Status SolveRunner::remove(const v1::Session& session) {

@@ -11,6 +11,7 @@
 #include <span>
 #include <string>
 
+#include "core/matte/matte_region.h"
 #include "glasswing/v1/archive.pb.h"
 #include "glasswing/v1/session_service.pb.h"
 #include "glasswing/v1/work_service.pb.h"
@@ -19,6 +20,7 @@
 #include "server/solve/solve_clock.h"
 #include "server/solve/solve_progress.h"
 #include "server/solve/solve_session.h"
+#include "server/solve/stored_matte.h"
 #include "server/solve/verified_mattes.h"
 #include "server/storage/problems.h"
 
@@ -53,11 +55,13 @@ class SolveRunner {
   // Path of the last finished solve's matte, or of a video frame's. The file may be replaced before it is
   // read: then ask again.
   absl::StatusOr<std::filesystem::path> matte(const std::string& name, std::optional<int> frame);
-  // Its bytes, verified. DATA_LOSS names the file, and what to do.
-  absl::StatusOr<std::string> matte_bytes(const std::string& name, std::optional<int> frame);
-  // The bytes of a matte's file: of a finished solve its matte, of one that goes on or broke off the tiles so
-  // far. FAILED_PRECONDITION: no tile is done.
-  absl::StatusOr<std::string> partial_matte(const std::string& name);
+  // Its file, verified, or a file of that region of it. DATA_LOSS names the file, and what to do.
+  // INVALID_ARGUMENT: the region does not lie within the picture.
+  absl::StatusOr<StoredMatte> open_matte(const std::string& name, std::optional<int> frame,
+                                         const std::optional<MatteRegion>& region);
+  // The same of a solve that goes on or broke off: the tiles so far. FAILED_PRECONDITION: no tile is done.
+  absl::StatusOr<StoredMatte> open_partial_matte(const std::string& name,
+                                                 const std::optional<MatteRegion>& region);
 
   // Removes the job of a session that is being deleted.
   absl::Status remove(const v1::Session& session);
@@ -71,6 +75,7 @@ class SolveRunner {
   absl::Status take_up_matte(SessionStore::Edit& edit, v1::Session session);
   absl::StatusOr<v1::Session> begin(SessionStore::Edit& edit, v1::Session session,
                                     const v1::CaptureManifest& manifest);
+  absl::StatusOr<StoredMatte> region_of(const PositionedFile& file, const MatteRegion& region) const;
 
   const SolveStores stores_;
   const NodeRegistry& nodes_;

@@ -1,21 +1,30 @@
-// Reads the files of mattes for those who fetch them, and verifies every byte before the first is sent.
+// Opens the files of mattes for those who fetch them, and verifies every byte before the first is sent.
 #pragma once
 
+#include <absl/functional/function_ref.h>
+#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include <filesystem>
 #include <mutex>
 #include <string>
+#include <string_view>
 #include <unordered_set>
 
+#include "core/base/positioned_file.h"
+#include "server/solve/stored_matte.h"
+
 namespace glasswing {
+
+// Hands over all bytes, at most 1 MiB at a time, until `take` returns false.
+absl::Status for_chunks(const PositionedFile& file, absl::FunctionRef<bool(std::string_view chunk)> take);
 
 // Thread-safe.
 class VerifiedMattes {
  public:
-  // The file's bytes. They pass verify_matte() once; later reads compare the checksum of all bytes, which is
+  // All rows are decoded once, a few at a time; later calls compare the checksum of all bytes, which is
   // quick. DATA_LOSS: missing, truncated or altered; names the path.
-  absl::StatusOr<std::string> read(const std::filesystem::path& file);
+  absl::StatusOr<StoredMatte> open(const std::filesystem::path& path);
 
  private:
   static constexpr size_t kMaxGood = 10'000;

@@ -17,6 +17,8 @@
 #include <string>
 #include <string_view>
 
+#include "core/base/positioned_file.h"
+
 namespace glasswing {
 
 // The name of a tile's file; `checksum`: checksum_of() its bytes.
@@ -35,6 +37,8 @@ class MatteFiles {
   std::filesystem::path next(const std::string& session, int frame) const;
   // The directory exists when this returns OK.
   absl::StatusOr<std::filesystem::path> tiles(const std::string& session) const;
+  // A file for a matte that is only sent, on the same disk.
+  absl::StatusOr<PositionedFile> unnamed() const { return PositionedFile::create_unnamed(data_); }
   // Makes the directory for the current solve's frames.
   absl::Status make_next(const std::string& session) const;
 

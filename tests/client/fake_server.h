@@ -26,6 +26,7 @@ class FakeServer {
     std::string matte;
     std::map<int, std::string> frame_mattes;  // by frame of a video
     std::vector<int> frames_fetched;
+    v1::MatteRegion region_fetched;  // that FetchMatte was last asked for
 
     grpc::Status BeginImport(grpc::ServerContext*, const v1::BeginImportRequest* request,
                              v1::BeginImportResponse* response) override {
@@ -67,6 +68,7 @@ class FakeServer {
       v1::FetchMatteResponse response;
       response.set_chunk(request->has_frame() ? frame_mattes[request->frame()] : matte);
       if (request->has_frame()) frames_fetched.push_back(request->frame());
+      region_fetched = request->region();
       writer->Write(response);
       return grpc::Status::OK;
     }

@@ -1,10 +1,10 @@
-// decode_matte and join_mattes.
+// decode_matte, and joining of tiles.
 #include <cmath>
 #include <limits>
 
 #include "core/frame/archive.h"
-#include "core/matte/join_mattes.h"
 #include "core/matte/matte_file.h"
+#include "core/matte/packed_matte.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {
@@ -53,8 +53,13 @@ std::vector<std::string> seeds() {
 
 void try_input(std::string_view input) {
   // The result is not checked: only crashes matter.
-  const absl::StatusOr<std::string> joined = join_mattes({&input, 1});
-  FUZZ_CHECK(joined.ok() || !joined.status().message().empty());
+  const absl::StatusOr<MatteOutline> outline = outline_of(input);
+  if (outline.ok()) {
+    const auto put = [](std::uint64_t, std::string_view) { return absl::OkStatus(); };
+    absl::StatusOr<PackedMatteWriter> writer = PackedMatteWriter::begin(*outline, put);
+    const absl::Status joined = writer.ok() ? writer->add(input) : writer.status();
+    FUZZ_CHECK(joined.ok() || !joined.message().empty());
+  }
   const absl::StatusOr<Matte> matte = decode_matte(input);
   if (!matte.ok()) {
     FUZZ_CHECK(!matte.status().message().empty());

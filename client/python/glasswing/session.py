@@ -7,12 +7,13 @@ import datetime
 import enum
 import os
 import pathlib
+import re
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from glasswing.connection import LONG_CALL_SECONDS, Connection
-from glasswing.errors import Error, TimedOut
+from glasswing.errors import Error, InvalidInput, TimedOut
 from glasswing.matte import Matte
 from glasswing.plan import Plan
 from glasswing.v1 import session_pb2
@@ -20,6 +21,14 @@ from glasswing.v1 import session_service_pb2 as pb
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
 _FETCH_SECONDS = 600.0
+
+
+def _region(crop: str) -> pb.MatteRegion:
+    match = re.fullmatch(r"(\d{1,6})x(\d{1,6})\+(\d{1,6})\+(\d{1,6})", crop, re.ASCII)
+    if match is None:
+        raise InvalidInput(f'crop is "{crop}"; it must be WIDTHxHEIGHT+X+Y, such as 640x480+100+50')
+    width, height, x, y = map(int, match.groups())
+    return pb.MatteRegion(x_px=x, y_px=y, width_px=width, height_px=height)
 
 
 class State(enum.Enum):
@@ -288,13 +297,19 @@ class Session:
         )
         return answer.freed_bytes
 
-    def fetch(self, frame: int | None = None) -> Matte:
-        """Fetches the finished matte, or that of one ``frame`` of a video, counted from 0. Refused: it is not solved."""
-        return Matte.from_bytes(self._matte_bytes(frame))
+    def fetch(self, frame: int | None = None, crop: str | None = None) -> Matte:
+        """Fetches the finished matte, or that of one ``frame`` of a video, counted from 0. Refused: it is not solved.
 
-    def download(self, path: str | os.PathLike[str], frame: int | None = None) -> Matte:
+        ``crop``: "WIDTHxHEIGHT+X+Y": only this region of the picture, px from its top left corner. Invalid: it does
+        not lie within the picture.
+        """
+        return Matte.from_bytes(self._matte_bytes(frame, crop))
+
+    def download(
+        self, path: str | os.PathLike[str], frame: int | None = None, crop: str | None = None
+    ) -> Matte:
         """Like ``fetch``, and also writes the matte's file (OpenEXR, docs/matte.md) to ``path``."""
-        content = self._matte_bytes(frame)
+        content = self._matte_bytes(frame, crop)
         matte = Matte.from_bytes(content)
         final = pathlib.Path(path)
         unfinished = final.with_name(f".{final.name}.{os.getpid()}")
@@ -305,8 +320,8 @@ class Session:
             unfinished.unlink(missing_ok=True)
         return matte
 
-    def _matte_bytes(self, frame: int | None) -> bytes:
-        request = pb.FetchMatteRequest(name=self.name, frame=frame)
+    def _matte_bytes(self, frame: int | None, crop: str | None) -> bytes:
+        request = pb.FetchMatteRequest(name=self.name, frame=frame, region=None if crop is None else _region(crop))
         answers = self._connection.stream(self._stub.FetchMatte, request, _FETCH_SECONDS)
         return b"".join(answer.chunk for answer in answers)
 

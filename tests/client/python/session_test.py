@@ -113,6 +113,16 @@ class SessionTest(unittest.TestCase):
             np.testing.assert_array_equal(array, copy)
             self.assertRaises(ValueError, array.fill, 0)
 
+    def test_a_region_is_that_of_the_whole(self):
+        height, width = self.matte.coverage.shape
+        part = self.vase.fetch(crop=f"{width - 7}x{height - 5}+4+3")
+        for name in ("foreground", "coverage", "flags"):
+            np.testing.assert_array_equal(getattr(part, name), getattr(self.matte, name)[3:-2, 4:-3])
+        np.testing.assert_array_equal(part.modes.weight, self.matte.modes.weight[3:-2, 4:-3])
+        for crop in (f"{width + 1}x1+0+0", "3x3", "3x3+-1+0", "0x1+0+0"):
+            with self.assertRaises(glasswing.InvalidInput):
+                self.vase.fetch(crop=crop)
+
     def test_metadata(self):
         self.assertEqual(self.matte.metadata.session, "vase")
         self.assertEqual(self.matte.metadata.method, "hierarchical")

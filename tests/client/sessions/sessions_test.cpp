@@ -1,4 +1,5 @@
 // import, export, watch and fetch against a fake server.
+#include <fmt/format.h>
 #include <sys/stat.h>
 
 #include <fstream>
@@ -217,8 +218,29 @@ TEST_F(SessionCommands, FetchWritesOnlyAWholeMatte) {
   EXPECT_FALSE(std::filesystem::exists(other));
 }
 
-std::string matte_of_frame(int frame) {
-  Matte matte(0, 0, kWidth, kHeight, 1);
+TEST_F(SessionCommands, FetchAsksForARegion) {
+  Matte matte(2, 1, 3, 2, 1);
+  matte.metadata.set_format_version(1);
+  matte.metadata.add_monitors()->set_name("back");
+  matte.metadata.set_width_px(kWidth);
+  matte.metadata.set_height_px(kHeight);
+  server_.sessions_.matte = encode_matte(matte).value();
+  const std::string path = (scratch_ / "part.exr").string();
+  const Outcome outcome = run({"fetch", "vase", "-o", path, "--crop", "3x2+2+1"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find(fmt::format("3x2+2+1 of {}x{}", kWidth, kHeight)), std::string::npos)
+      << outcome.out;
+  const v1::MatteRegion& asked = server_.sessions_.region_fetched;
+  EXPECT_EQ((std::vector{asked.x_px(), asked.y_px(), asked.width_px(), asked.height_px()}),
+            (std::vector{2, 1, 3, 2}));
+  EXPECT_EQ(read_file(path).value(), server_.sessions_.matte);
+  for (const char* text : {"3x2", "3x2+2", "0x2+2+1", "3x2-2+1"})
+    EXPECT_NE(run({"fetch", "vase", "-o", path, "--crop", text}).err.find("WIDTHxHEIGHT+X+Y"),
+              std::string::npos);
+}
+
+std::string matte_of_frame(int frame, int width_px = kWidth) {
+  Matte matte(0, 0, width_px, kHeight, 1);
   matte.metadata.set_format_version(1);
   matte.metadata.set_session("vase");
   matte.metadata.set_method("ramp");
@@ -242,9 +264,11 @@ class VideoFetch : public SessionCommands {
       server_.sessions_.frame_mattes[frame] = matte_of_frame(frame);
     }
   }
-  std::vector<int> fetched_now(const std::string& directory) {
+  std::vector<int> fetched_now(const std::string& directory, const std::vector<std::string>& more = {}) {
     server_.sessions_.frames_fetched.clear();
-    outcome_ = run({"fetch", "vase", "-o", directory});
+    std::vector<std::string> words{"fetch", "vase", "-o", directory};
+    words.insert(words.end(), more.begin(), more.end());
+    outcome_ = run(words);
     return server_.sessions_.frames_fetched;
   }
 
@@ -268,6 +292,17 @@ TEST_F(VideoFetch, EveryFrameBecomesAFileAndIsNotFetchedTwice) {
   std::filesystem::resize_file(directory / "0004.exr", 500);
   EXPECT_EQ(fetched_now(directory.string()), (std::vector{1, 4}));
   (*session_.mutable_options())["smooth"] = "1";
+  EXPECT_EQ(fetched_now(directory.string()).size(), 5u);
+}
+
+TEST_F(VideoFetch, FramesOfAnotherRegionAreFetchedAnew) {
+  const std::filesystem::path directory = scratch_ / "mattes";
+  EXPECT_EQ(fetched_now(directory.string() + "/").size(), 5u);
+  for (auto& [frame, bytes] : server_.sessions_.frame_mattes) bytes = matte_of_frame(frame, kWidth - 1);
+  const std::string region = fmt::format("{}x{}+0+0", kWidth - 1, kHeight);
+  EXPECT_EQ(fetched_now(directory.string(), {"--crop", region}).size(), 5u);
+  EXPECT_EQ(server_.sessions_.region_fetched.width_px(), kWidth - 1);
+  EXPECT_TRUE(fetched_now(directory.string(), {"--crop", region}).empty());
   EXPECT_EQ(fetched_now(directory.string()).size(), 5u);
 }
 

@@ -82,7 +82,9 @@ class Sessions final : public v1::SessionService::Service {
       response.set_chunk(part);
       writer->Write(response);
     }
-    response.set_chunk(request->has_frame() ? std::to_string(request->frame()) : request->name());
+    response.set_chunk(request->has_frame()    ? std::to_string(request->frame())
+                       : request->has_region() ? request->region().ShortDebugString()
+                                               : request->name());
     writer->Write(response);
     return grpc::Status::OK;
   }
@@ -420,6 +422,9 @@ TEST_F(ConsoleTest, MattesCanBeHadInParts) {
   EXPECT_EQ(anna.Get("/mattes/vase.exr", {{"Range", "bytes=0-,0-,0-"}})->body, whole);
   EXPECT_EQ(anna.Get("/mattes/vase.exr?frame=7")->body, "all the bytes of 7");
   EXPECT_EQ(anna.Get("/mattes/vase.exr?frame=x")->status, 400);
+  EXPECT_EQ(anna.Get("/mattes/vase.exr?crop=4x3%2B2%2B1")->body,
+            "all the bytes of x_px: 2 y_px: 1 width_px: 4 height_px: 3");
+  EXPECT_EQ(anna.Get("/mattes/vase.exr?crop=4x3")->status, 400);
   const std::string tag = anna.Get("/mattes/vase.exr")->get_header_value("ETag");
   EXPECT_EQ(anna.Get("/mattes/vase.exr", {{"If-None-Match", tag}})->status, 304);
 }

@@ -159,10 +159,26 @@ std::vector<std::string> misfits_of(const std::string& text, const RigLimits& ri
   return misfits(parse_plan(text, "plan.txtpb").value(), rig);
 }
 
+std::string sweeps_of(const std::vector<int>& orientations_deg) {
+  std::string text;
+  for (const int degrees : orientations_deg)
+    text += "sweeps { sigma_px: 4 step_px: 2 orientation_deg: " + std::to_string(degrees) + " } ";
+  return text;
+}
+
+TEST(PlanFit, WarnsOfTooFewOrientationsForTheMethod) {
+  const std::string gaussian = "method: \"gaussian\" monitors { name: \"back\" } ";
+  EXPECT_TRUE(misfits_of(gaussian + sweeps_of({0, 90, 45}), {}).empty());
+  for (const std::vector<int>& too_few : {std::vector{0}, {0, 90}, {0, 90, 180, -90}}) {
+    const std::vector<std::string> found = misfits_of(gaussian + sweeps_of(too_few), {});
+    ASSERT_EQ(found.size(), 1u);
+    EXPECT_NE(found[0].find("at least 3, such as 0, 90 and 45 deg"), std::string::npos) << found[0];
+  }
+}
+
 TEST(PlanFit, WarnsOfTooFewLevelsForTheMonitor) {
   const std::string crystal =
-      "method: \"gaussian\" monitors { name: \"back\" } sweeps { sigma_px: 4 step_px: 2 } square_waves { "
-      "levels: 7 }";
+      "method: \"gaussian\" monitors { name: \"back\" } square_waves { levels: 7 } " + sweeps_of({0, 90, 45});
   EXPECT_TRUE(
       misfits_of(crystal, {.monitors = {monitor("back", 128, 96)}, .camera = {}, .blur_px = 0.0}).empty());
   const std::vector<std::string> large =
@@ -186,8 +202,7 @@ TEST(PlanFit, WarnsOfTooFewLevelsForTheMonitor) {
 
 TEST(PlanFit, WarnsOfNarrowStripesAndOfExposuresOutsideTheCamerasWindow) {
   const std::string plan =
-      "method: \"gaussian\" monitors { name: \"back\" } sweeps { sigma_px: 4 step_px: 2 } exposure_ms: [4, "
-      "20, 40]";
+      "method: \"gaussian\" monitors { name: \"back\" } exposure_ms: [4, 20, 40] " + sweeps_of({0, 90, 45});
   RigLimits rig{.monitors = {monitor("back", 128, 96)}, .camera = {}, .blur_px = 5.0};
   std::vector<std::string> found = misfits_of(plan, rig);
   ASSERT_EQ(found.size(), 1u);

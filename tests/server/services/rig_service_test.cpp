@@ -1,6 +1,7 @@
 // The server, a simulated display and a simulated camera in one process, over real channels.
 #include "server/services/rig_service.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -34,12 +35,13 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 
-// Reports as much free space as a test wants.
+// Reports as much free space, and as fast a disk, as a test wants.
 struct Disk final : v1::ArchiveService::Service {
-  std::int64_t free_bytes = 1 << 30;
-  grpc::Status GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest*,
+  std::int64_t free_bytes = 1 << 30, write_bytes_per_second = 1 << 30;
+  grpc::Status GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest* request,
                         v1::GetSpaceResponse* response) override {
     response->set_free_bytes(free_bytes);
+    if (request->measure_writing()) response->set_write_bytes_per_second(write_bytes_per_second);
     return grpc::Status::OK;
   }
 };
@@ -419,6 +421,36 @@ TEST_F(RigTest, ACaptureThatDoesNotFitIsRefusedBeforeItBegins) {
     EXPECT_NE(status.message().find("camera node \"camera-1\""), std::string::npos) << status;
   }
   EXPECT_TRUE(server_->list({})->empty());
+}
+
+TEST_F(RigTest, ADiskThatIsTooSlowIsToldBeforeItLosesFrames) {
+  start();
+  v1::EstimateSessionRequest request;
+  request.mutable_plan()->set_method("gaussian");
+  v1::Sweep& sweep = *request.mutable_plan()->add_sweeps();
+  sweep.set_sigma_px(8.0);
+  sweep.set_step_px(0.05);
+  const auto warning = [&]() -> std::string {
+    const absl::StatusOr<v1::EstimateSessionResponse> estimate = server_->captures().estimate(request);
+    EXPECT_TRUE(estimate.ok()) << estimate.status();
+    for (const std::string& each : estimate->warnings()) {
+      if (each.find("MB/s") != std::string::npos) return each;
+    }
+    return "";
+  };
+  EXPECT_EQ(warning(), "");
+  const v1::EstimateSessionResponse estimate = server_->captures().estimate(request).value();
+  const double bytes = static_cast<double>(estimate.bytes()), frame_bytes = bytes / estimate.step_count();
+  ASSERT_GT(estimate.step_count(), 600) << "more frames than the ring holds";
+  // So slow that one frame more than the ring holds waits at the end.
+  const double slow = (bytes - 601.0 * frame_bytes) / estimate.seconds();
+  disk_.write_bytes_per_second = static_cast<std::int64_t>(slow);
+  EXPECT_NE(warning().find("disk of the camera node \"camera-1\""), std::string::npos) << warning();
+  const auto hold = static_cast<int>(std::ceil(2.0 * bytes / estimate.seconds() / std::floor(slow)));
+  EXPECT_NE(warning().find(fmt::format("hold_refreshes: {} ", hold)), std::string::npos) << warning();
+  disk_.write_bytes_per_second =
+      static_cast<std::int64_t>((bytes - 599.0 * frame_bytes) / estimate.seconds());
+  EXPECT_EQ(warning(), "");
 }
 
 // The calibration that inverts a simulated camera's curve.

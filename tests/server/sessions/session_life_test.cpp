@@ -148,6 +148,14 @@ class SessionLife : public testing::Test {
 
 using Marks = std::pair<float, float>;
 
+// All bytes of a matte that is sent.
+absl::StatusOr<std::string> sent(const absl::StatusOr<StoredMatte>& matte) {
+  if (!matte.ok()) return matte.status();
+  std::string bytes;
+  const absl::Status status = matte->send([&](std::string_view chunk) { return !(bytes += chunk).empty(); });
+  return status.ok() ? absl::StatusOr<std::string>(bytes) : status;
+}
+
 TEST_F(SessionLife, TheDryRunSaysWhatTheCaptureCosts) {
   start();
   v1::EstimateSessionRequest request;
@@ -325,13 +333,15 @@ TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
 TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
   start();
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
-  EXPECT_TRUE(absl::IsFailedPrecondition(server().solves().partial_matte("s").status()));
+  EXPECT_TRUE(
+      absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", std::nullopt)).status()));
   solve_in_tiles("alpha");
-  EXPECT_TRUE(absl::IsFailedPrecondition(server().solves().partial_matte("s").status()));
+  EXPECT_TRUE(
+      absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", std::nullopt)).status()));
   const v1::ClaimTileResponse first = solver_->claim(), left_out = solver_->claim(), third = solver_->claim();
   for (const v1::ClaimTileResponse& tile : {first, third})
     ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
-  const absl::StatusOr<std::string> bytes = server().solves().partial_matte("s");
+  const absl::StatusOr<std::string> bytes = sent(server().solves().open_partial_matte("s", std::nullopt));
   ASSERT_TRUE(bytes.ok()) << bytes.status();
   const Matte partial = decode_matte(*bytes).value();
   ASSERT_EQ(partial.height_px(), kHeight);
@@ -346,8 +356,43 @@ TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
   ASSERT_TRUE(solver_->complete_rows(left_out, kWidth, kHeight, 1.0f).ok());
   complete(1.0f);
   ASSERT_EQ(settled().state(), v1::SESSION_STATE_DONE);
-  EXPECT_EQ(server().solves().partial_matte("s").value(),
+  EXPECT_EQ(sent(server().solves().open_partial_matte("s", std::nullopt)).value(),
             read_file(server().solves().matte("s", std::nullopt).value()).value());
+}
+
+TEST_F(SessionLife, ARegionOfAMatteIsThatOfTheWhole) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  solve_in_tiles("alpha");
+  ASSERT_EQ(complete(1.0f, 1), 1);
+  const MatteRegion region{.x_px = 3, .y_px = 1, .width_px = kWidth - 4, .height_px = kHeight - 2};
+  const auto expect_region_of_whole = [&](const absl::StatusOr<std::string>& whole_file,
+                                          const absl::StatusOr<std::string>& part_file) {
+    ASSERT_TRUE(whole_file.ok() && part_file.ok()) << whole_file.status() << part_file.status();
+    const Matte whole = decode_matte(*whole_file).value(), part = decode_matte(*part_file).value();
+    EXPECT_EQ((MatteRegion{part.x0_px(), part.y0_px(), part.width_px(), part.height_px()}), region);
+    EXPECT_EQ(part.metadata.SerializeAsString(), whole.metadata.SerializeAsString());
+    for (int y = 0; y < part.height_px(); ++y) {
+      for (int x = 0; x < part.width_px(); ++x) {
+        EXPECT_EQ(part.foreground(x, y), whole.foreground(x + region.x_px, y + region.y_px));
+        EXPECT_EQ(part.flags(x, y), whole.flags(x + region.x_px, y + region.y_px));
+      }
+    }
+  };
+  SolveRunner& solves = server().solves();
+  expect_region_of_whole(sent(solves.open_partial_matte("s", std::nullopt)),
+                         sent(solves.open_partial_matte("s", region)));
+  complete(1.0f);
+  ASSERT_EQ(settled().state(), v1::SESSION_STATE_DONE);
+  expect_region_of_whole(sent(solves.open_matte("s", std::nullopt, std::nullopt)),
+                         sent(solves.open_matte("s", std::nullopt, region)));
+  for (const MatteRegion& refused : {MatteRegion{0, 0, kWidth + 1, 1}, {0, 0, 0, 1}, {-1, 0, 2, 2}}) {
+    EXPECT_TRUE(absl::IsInvalidArgument(solves.open_matte("s", std::nullopt, refused).status()));
+    EXPECT_TRUE(absl::IsInvalidArgument(solves.open_partial_matte("s", refused).status()));
+  }
+  // Files for sending have no name that could stay.
+  for (const fs::directory_entry& entry : fs::directory_iterator(data_ / "server"))
+    EXPECT_FALSE(entry.path().filename().string().starts_with("unnamed")) << entry.path();
 }
 
 TEST_F(SessionLife, ASolveThatFollowsTheCaptureNeedsNoOtherCall) {

@@ -26,9 +26,15 @@ class VerifiedMattesTest : public testing::Test {
   void TearDown() override { fs::remove(file_); }
   absl::Status read_as(const std::string& bytes) {
     std::ofstream(file_, std::ios::binary) << bytes;
-    const absl::StatusOr<std::string> read = mattes_.read(file_);
-    EXPECT_TRUE(!read.ok() || *read == bytes);
-    return read.status();
+    const absl::StatusOr<StoredMatte> matte = mattes_.open(file_);
+    if (!matte.ok()) return matte.status();
+    std::string sent;
+    const absl::Status status = matte->send([&](std::string_view chunk) {
+      sent += chunk;
+      return true;
+    });
+    EXPECT_TRUE(sent == bytes);
+    return status;
   }
   void expect_refused(const std::string& bytes, size_t at) {
     const absl::Status status = read_as(bytes);
@@ -65,8 +71,27 @@ TEST_F(VerifiedMattesTest, AChangedRowIsRefusedAlsoAfterTheFileWasGood) {
   EXPECT_TRUE(read_as(good_).ok());
 }
 
+TEST_F(VerifiedMattesTest, AFileReplacedMeanwhileIsSentAsItWasVerified) {
+  ASSERT_TRUE(read_as(good_).ok());
+  const StoredMatte matte = mattes_.open(file_).value();
+  fs::remove(file_);
+  std::ofstream(file_, std::ios::binary) << "another";
+  std::string sent;
+  EXPECT_TRUE(matte.send([&](std::string_view chunk) { return !(sent += chunk).empty(); }).ok());
+  EXPECT_TRUE(sent == good_);
+}
+
+TEST_F(VerifiedMattesTest, AFileAlteredMeanwhileIsNotSentAsWhole) {
+  ASSERT_TRUE(read_as(good_).ok());
+  const StoredMatte matte = mattes_.open(file_).value();
+  std::fstream(file_, std::ios::binary | std::ios::in | std::ios::out).seekp(100).put('?');
+  const absl::Status status = matte.send([](std::string_view) { return true; });
+  EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+  EXPECT_NE(status.message().find(file_.string()), std::string::npos) << status;
+}
+
 TEST_F(VerifiedMattesTest, AMissingFileIsNamed) {
-  const absl::Status status = mattes_.read(file_).status();
+  const absl::Status status = mattes_.open(file_).status();
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_NE(status.message().find(file_.string()), std::string::npos) << status;
 }

@@ -3,7 +3,7 @@
 //   C = F + sum over modes of R * integral over the monitor of G(x; c, S) T(x) dx
 //
 // T is read from the pyramid level (pyramid.ts) that suits each footprint (footprints.ts). It is black beyond a monitor's edge.
-import { kListWidth, type Footprints } from "./footprints";
+import type { Footprints } from "./footprints";
 import { NoWebGl, Program, makeTexture, openContext } from "./gl";
 import type { Box, MatteMetadata } from "./matte";
 import { primaryMix, type PrimaryMix } from "./primary_mix";
@@ -83,7 +83,7 @@ export class Compositor {
     const needed = Math.max(
       matte.width,
       matte.height,
-      matte.footprints.listHeight,
+      matte.footprints.listWidth,
       ...this.shapes.flatMap(({ width, height }) => [width, height]),
     );
     if (needed > largest)
@@ -109,7 +109,6 @@ export class Compositor {
       ),
     );
     gl.uniform1i(this.program.at("u_border"), kBorder);
-    gl.uniform1i(this.program.at("u_list_width"), kListWidth);
     gl.uniformMatrix3fv(this.program.at("u_primaries"), true, this.mix.primaries);
     this.setMatte(matte);
   }
@@ -138,7 +137,7 @@ export class Compositor {
     load(
       this.list,
       gl.RGBA32UI,
-      kListWidth,
+      footprints.listWidth,
       footprints.listHeight,
       gl.RGBA_INTEGER,
       gl.UNSIGNED_INT,

@@ -9,14 +9,16 @@ import { toHalf } from "./half";
 import { kLayers, modesOf, type MatteData, type Mode } from "./matte";
 import { pyramidShape, type PyramidShape } from "./pyramid_shape";
 
-/** Texels of four 32-bit words; a footprint has two. */
-export const kListWidth = 2048;
+/** Texels of four 32-bit words; a footprint has two. Every graphics processor has textures as wide as this. */
+const kMinListWidth = 2048;
 
 export interface Footprints {
   /** Two words per pixel: the index of its first footprint, and their number. */
   index: Uint32Array<ArrayBuffer>;
   /** x, y, Q.xx, Q.yy | Q.xy, weights of red and green, weight of blue and texture and level, the largest weight. */
   list: Uint32Array<ArrayBuffer>;
+  /** Of the list as a texture, a power of two, and no less than listHeight. */
+  listWidth: number;
   listHeight: number;
 }
 
@@ -113,8 +115,7 @@ export function packFootprints(matte: MatteData): Footprints {
   const pixels = matte.width * matte.height;
   const index = new Uint32Array(2 * pixels);
   const most = matte.modes.length / kLayers.length;
-  const listHeight = Math.max(1, Math.ceil((2 * most) / kListWidth));
-  const list = new Uint32Array(4 * kListWidth * listHeight);
+  const list = new Uint32Array(8 * most);
   const floats = new Float32Array(list.buffer);
   let count = 0;
   for (let pixel = 0; pixel < pixels; ++pixel) {
@@ -131,5 +132,10 @@ export function packFootprints(matte: MatteData): Footprints {
       floats[at + 7] = Math.max(...weights);
     }
   }
-  return { index, list, listHeight };
+  let listWidth = kMinListWidth;
+  while (2 * count > listWidth * listWidth) listWidth *= 2;
+  const listHeight = Math.max(1, Math.ceil((2 * count) / listWidth));
+  const texels = new Uint32Array(4 * listWidth * listHeight);
+  texels.set(list.subarray(0, 8 * count));
+  return { index, list: texels, listWidth, listHeight };
 }

@@ -12,18 +12,22 @@ async function fetchBytes(url: string, report: (done: number) => void): Promise<
     throw new Error(said.message ?? `the server answered ${response.status} for ${url}`);
   }
   const total = Number(response.headers.get("Content-Length") ?? 0);
-  const parts: Uint8Array<ArrayBuffer>[] = [];
+  // A matte may be a gigabyte: where its size is known it is never there twice.
+  let bytes = new Uint8Array(total);
   let length = 0;
   for (const reader = response.body!.getReader(); ;) {
     const { value, done } = await reader.read();
     if (done) break;
-    parts.push(value);
+    if (length + value.length > bytes.length) {
+      const larger = new Uint8Array(2 * (length + value.length));
+      larger.set(bytes.subarray(0, length));
+      bytes = larger;
+    }
+    bytes.set(value, length);
     length += value.length;
     if (total > 0) report(length / total);
   }
-  const bytes = new Uint8Array(length);
-  parts.reduce((at, part) => (bytes.set(part, at), at + part.length), 0);
-  return bytes;
+  return bytes.subarray(0, length);
 }
 
 const say = (message: LoadMessage, transfer: Transferable[] = []): void => postMessage(message, { transfer });

@@ -99,7 +99,7 @@ uniform sampler2D u_foreground;
 uniform sampler2DArray u_pyramid;
 uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
 uniform int u_first_level[${monitorCount}];  // of a monitor
-uniform int u_border, u_list_width;
+uniform int u_border;
 uniform int u_step;  // matte pixels per drawn pixel along each side
 uniform mat3 u_primaries;
 uniform float u_gain;
@@ -191,9 +191,10 @@ void main() {
   vec3 light = texelFetch(u_foreground, at, 0).rgb;
   uvec2 range = texelFetch(u_index, at, 0).xy;
   vec2 texel = 1.0 / vec2(textureSize(u_pyramid, 0).xy);
+  int list_width = textureSize(u_list, 0).x;
   for (uint i = 0u; i < range.y; ++i) {
     int k = 2 * int(range.x + i);
-    ivec2 place = ivec2(k % u_list_width, k / u_list_width);
+    ivec2 place = ivec2(k % list_width, k / list_width);
     uvec4 one = texelFetch(u_list, place, 0), two = texelFetch(u_list, place + ivec2(1, 0), 0);
     vec3 weight = vec3(unpackHalf2x16(two.y), unpackHalf2x16(two.z & 0xffffu).x);
     int monitor = int((two.z >> 16) & 0xffu), level = int(two.z >> 24);

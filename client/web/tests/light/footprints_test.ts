@@ -148,6 +148,26 @@ test("modes that are alike in several channels are one footprint", async () => {
   expect([list[5]! & 0xffff, list[5]! >>> 16, list[6]! & 0xffff]).toEqual([0.25, 0.5, 0.75].map(toHalf));
 });
 
+test("the list of a large matte is a texture that graphics processors have", () => {
+  // One footprint more than a square of 2048 texels takes.
+  const [width, height] = [2049, 1024];
+  const one = [1, 8, 8, 4, 0, 4, 0, 0, 0];
+  const { list, listWidth, listHeight } = packFootprints({
+    metadata: { monitors: [{ name: "back", width_px: 64, height_px: 48 }] },
+    width,
+    height,
+    modeChannels: 1,
+    foreground: new Float32Array(3 * width * height),
+    coverage: new Float32Array(width * height),
+    flags: new Uint8Array(width * height),
+    firstMode: Uint32Array.from({ length: width * height + 1 }, (_, i) => i),
+    modes: Float32Array.from({ length: one.length * width * height }, (_, i) => one[i % one.length]!),
+  });
+  expect(listWidth).toBe(4096);
+  expect(listHeight).toBe(Math.ceil((2 * width * height) / 4096));
+  expect(list.length).toBe(4 * listWidth * listHeight);
+});
+
 test("halves are the nearest", () => {
   const value = (bits: number): number =>
     bits >> 10 === 0 ? bits * 2 ** -24 : (1024 + (bits & 1023)) * 2 ** ((bits >> 10) - 25);

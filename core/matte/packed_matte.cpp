@@ -1,0 +1,250 @@
+#include "core/matte/packed_matte.h"
+
+#include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfStdIO.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <span>
+
+#include "core/base/status.h"
+#include "core/matte/exr_header.h"
+#include "core/matte/exr_writer.h"
+#include "core/matte/matte_head.h"
+#include "core/matte/matte_layers.h"
+
+namespace glasswing {
+namespace {
+
+constexpr size_t kOffsetBytes = sizeof(std::uint64_t);  // of an entry of a table of rows
+constexpr int kMaxPixelsAtATime = 1 << 17;              // decoded in memory
+constexpr size_t kFirstRead_bytes = 64 << 10;
+constexpr size_t kMaxHead_bytes = 64 << 20;
+
+// Before each row's packed pixels.
+struct ChunkHead {
+  std::int32_t part = 0, y = 0, size = 0;
+};
+static_assert(sizeof(ChunkHead) == 12);
+
+// Headers and a blank table of a file.
+absl::StatusOr<std::string> blank_head(const MatteOutline& outline, std::string_view row_checksums) {
+  std::vector<ExrPart> parts = matte_parts(outline.modes_per_channel, outline.colourless);
+  describe(parts, json_of(outline.metadata), std::string(row_checksums));
+  return written_exr([&] {
+    return ExrWriter(parts, {.x0_px = outline.x0_px,
+                             .y0_px = outline.y0_px,
+                             .width_px = outline.width_px,
+                             .height_px = outline.height_px,
+                             .picture_width_px = outline.metadata.width_px(),
+                             .picture_height_px = outline.metadata.height_px()})
+        .finish();
+  });
+}
+
+size_t part_count(const MatteOutline& outline) {
+  return kFirstModePart + static_cast<size_t>(outline.modes_per_channel);
+}
+
+void put_table(std::span<const std::uint64_t> table, std::string& head) {
+  std::memcpy(head.data() + head.size() - table.size_bytes(), table.data(), table.size_bytes());
+}
+
+// The headers and tables of a file, and where the tables begin.
+struct Head {
+  std::string bytes;
+  size_t tables_at = 0;
+};
+absl::StatusOr<Head> read_head(const PositionedFile& file, std::uint64_t size_bytes) {
+  Head head;
+  // Its length stands nowhere.
+  for (size_t size = kFirstRead_bytes;; size *= 2) {
+    head.bytes.resize(std::min<std::uint64_t>(size, size_bytes));
+    GW_RETURN_IF_ERROR(file.read_at(0, head.bytes));
+    const absl::StatusOr<size_t> tables_at = check_exr_header(head.bytes);
+    if (!tables_at.ok() && size < size_bytes && size < kMaxHead_bytes) continue;
+    GW_RETURN_IF_ERROR(tables_at.status());
+    head.tables_at = *tables_at;
+    return head;
+  }
+}
+
+absl::StatusOr<MatteHead> parse_head(const std::string& head, std::uint64_t size_bytes) {
+  try {
+    Imf::StdISStream stream;
+    stream.str(head);
+    const Imf::MultiPartInputFile parts(stream, 1, false);
+    return read_matte_head(parts, size_bytes);
+  } catch (const std::exception& error) {
+    return absl::DataLossError(fmt::format("it is damaged or no matte: {}", error.what()));
+  }
+}
+
+Matte cropped(const Matte& rows, const MatteRegion& region) {
+  Matte part(region.x_px, rows.y0_px(), region.width_px, rows.height_px(), rows.modes_per_channel(),
+             rows.is_colourless());
+  part.metadata = rows.metadata;
+  const int left = region.x_px - rows.x0_px();
+  for (int y = 0; y < part.height_px(); ++y) {
+    for (int x = 0; x < part.width_px(); ++x) {
+      part.foreground(x, y) = rows.foreground(left + x, y);
+      part.coverage(x, y) = rows.coverage(left + x, y);
+      part.flags(x, y) = rows.flags(left + x, y);
+      for (int c = 0; c < (rows.is_colourless() ? 1 : kChannels); ++c)
+        std::ranges::copy(rows.modes(left + x, y, c), part.modes(x, y, c).begin());
+    }
+  }
+  return part;
+}
+
+}  // namespace
+
+absl::StatusOr<PackedMatteReader> PackedMatteReader::open(const PositionedFile& file) {
+  PackedMatteReader reader(file);
+  GW_ASSIGN_OR_RETURN(const std::uint64_t size_bytes, file.size_bytes());
+  GW_ASSIGN_OR_RETURN(const Head head, read_head(file, size_bytes));
+  GW_ASSIGN_OR_RETURN(MatteHead parsed, parse_head(head.bytes, size_bytes));
+  reader.outline_ = std::move(parsed.outline);
+  reader.row_checksums_ = std::move(parsed.row_checksums);
+  reader.table_.resize(part_count(reader.outline_) * static_cast<size_t>(reader.outline_.height_px));
+  const size_t table_bytes = reader.table_.size() * kOffsetBytes;
+  if (head.bytes.size() - head.tables_at < table_bytes)
+    return absl::DataLossError("it is damaged or no matte: it does not say where its rows are");
+  std::memcpy(reader.table_.data(), head.bytes.data() + head.tables_at, table_bytes);
+  for (const ExrPart& part : matte_parts(reader.outline_.modes_per_channel, reader.outline_.colourless)) {
+    // A row that deflating would enlarge is stored plain.
+    reader.max_row_bytes_.push_back(static_cast<std::uint32_t>(
+        part.channels.size() * sizeof(float) * static_cast<size_t>(reader.outline_.width_px)));
+  }
+  return reader;
+}
+
+absl::Status PackedMatteReader::read_chunk(size_t part, int row, std::string& bytes) const {
+  const std::uint64_t offset =
+      table_[part * static_cast<size_t>(outline_.height_px) + static_cast<size_t>(row)];
+  ChunkHead head;
+  GW_RETURN_IF_ERROR(file_->read_at(offset, {reinterpret_cast<char*>(&head), sizeof head}));
+  if (head.part != static_cast<int>(part) || head.y != outline_.y0_px + row || head.size < 0 ||
+      static_cast<std::uint32_t>(head.size) > max_row_bytes_[part]) {
+    return absl::DataLossError(
+        fmt::format("it is damaged: its row {} is not where its table says", outline_.y0_px + row));
+  }
+  const size_t at = bytes.size();
+  bytes.resize(at + sizeof head + static_cast<size_t>(head.size));
+  return file_->read_at(offset, std::span(bytes).subspan(at));
+}
+
+absl::StatusOr<std::string> PackedMatteReader::rows(int first, int count) const {
+  MatteOutline tile = outline_;
+  tile.y0_px += first;
+  tile.height_px = count;
+  GW_ASSIGN_OR_RETURN(std::string file,
+                      blank_head(tile, std::string_view(row_checksums_)
+                                           .substr(static_cast<size_t>(first) * kRowChecksumDigits,
+                                                   static_cast<size_t>(count) * kRowChecksumDigits)));
+  const size_t parts = part_count(outline_), head_size = file.size();
+  std::vector<std::uint64_t> table(parts * static_cast<size_t>(count));
+  for (int row = 0; row < count; ++row) {
+    for (size_t part = 0; part < parts; ++part) {
+      table[part * static_cast<size_t>(count) + static_cast<size_t>(row)] = file.size();
+      GW_RETURN_IF_ERROR(read_chunk(part, first + row, file));
+    }
+  }
+  std::memcpy(file.data() + head_size - table.size() * kOffsetBytes, table.data(),
+              table.size() * kOffsetBytes);
+  return file;
+}
+
+absl::Status PackedMatteReader::for_rows(int first, int count,
+                                         absl::FunctionRef<absl::Status(const Matte& rows)> use) const {
+  const int at_a_time = std::max(kMaxPixelsAtATime / outline_.width_px, 1);
+  for (int row = first; row < first + count; row += at_a_time) {
+    GW_ASSIGN_OR_RETURN(const std::string packed, rows(row, std::min(at_a_time, first + count - row)));
+    GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(packed));
+    GW_RETURN_IF_ERROR(use(matte));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<PackedMatteWriter> PackedMatteWriter::begin(const MatteOutline& whole, Put put) {
+  PackedMatteWriter writer(whole, std::move(put));
+  const auto rows = static_cast<size_t>(whole.height_px);
+  GW_ASSIGN_OR_RETURN(const std::string head, blank_head(whole, std::string(rows * kRowChecksumDigits, '-')));
+  writer.head_size_ = writer.at_ = head.size();
+  writer.table_.resize(part_count(whole) * rows);
+  return writer;
+}
+
+absl::Status PackedMatteWriter::check_next(const MatteOutline& tile) const {
+  const int next = whole_.y0_px + next_row_, end = whole_.y0_px + whole_.height_px;
+  if (tile.x0_px != whole_.x0_px || tile.width_px != whole_.width_px)
+    return absl::DataLossError(fmt::format("the tile from row {} on contains partial rows", tile.y0_px));
+  if (tile.modes_per_channel != whole_.modes_per_channel || tile.colourless != whole_.colourless)
+    return absl::DataLossError(
+        fmt::format("the tile from row {} on has other layers than the first", tile.y0_px));
+  if (tile.y0_px < next) return absl::DataLossError(fmt::format("two tiles cover row {}", tile.y0_px));
+  if (tile.y0_px > next) return absl::DataLossError(fmt::format("no tile covers row {}", next));
+  if (tile.y0_px + tile.height_px > end)
+    return absl::DataLossError(
+        fmt::format("a tile covers row {}, which the picture has not", tile.y0_px + tile.height_px - 1));
+  return absl::OkStatus();
+}
+
+absl::Status PackedMatteWriter::add(std::string_view tile) {
+  GW_ASSIGN_OR_RETURN(const size_t tables_at, check_exr_header(tile));
+  GW_ASSIGN_OR_RETURN(const MatteHead head, read_matte_head(tile));
+  const MatteOutline& outline = head.outline;
+  GW_RETURN_IF_ERROR(check_next(outline));
+  const auto rows = static_cast<size_t>(outline.height_px), all_rows = static_cast<size_t>(whole_.height_px);
+  // Everything after the tables is rows, which are copied as one block.
+  const size_t rows_at = tables_at + part_count(whole_) * rows * kOffsetBytes;
+  const auto no_table = [&] {
+    return absl::DataLossError(
+        fmt::format("the tile from row {} on does not say where its rows are", outline.y0_px));
+  };
+  if (rows_at > tile.size()) return no_table();
+  for (size_t part = 0; part < part_count(whole_); ++part) {
+    for (size_t row = 0; row < rows; ++row) {
+      std::uint64_t was_at = 0;
+      std::memcpy(&was_at, tile.data() + tables_at + (part * rows + row) * kOffsetBytes, kOffsetBytes);
+      if (was_at < rows_at || was_at >= tile.size()) return no_table();
+      table_[part * all_rows + static_cast<size_t>(next_row_) + row] = was_at - rows_at + at_;
+    }
+  }
+  GW_RETURN_IF_ERROR(put_(at_, tile.substr(rows_at)));
+  at_ += tile.size() - rows_at;
+  row_checksums_ += head.row_checksums;
+  next_row_ += outline.height_px;
+  return absl::OkStatus();
+}
+
+absl::Status PackedMatteWriter::finish() {
+  if (next_row_ != whole_.height_px)
+    return absl::DataLossError(fmt::format("no tile covers row {}", whole_.y0_px + next_row_));
+  GW_ASSIGN_OR_RETURN(std::string head, blank_head(whole_, row_checksums_));
+  put_table(table_, head);
+  return put_(0, head);
+}
+
+absl::Status crop_matte(const PackedMatteReader& matte, const MatteRegion& region,
+                        PackedMatteWriter::Put put) {
+  MatteOutline part = matte.outline();
+  GW_RETURN_IF_ERROR(check_region(region, part.metadata.width_px(), part.metadata.height_px()));
+  MatteRegion inside = region;  // counted from the data window's corner
+  inside.x_px -= part.x0_px;
+  inside.y_px -= part.y0_px;
+  GW_RETURN_IF_ERROR(check_region(inside, part.width_px, part.height_px));
+  part.x0_px = region.x_px;
+  part.y0_px = region.y_px;
+  part.width_px = region.width_px;
+  part.height_px = region.height_px;
+  GW_ASSIGN_OR_RETURN(PackedMatteWriter writer, PackedMatteWriter::begin(part, std::move(put)));
+  GW_RETURN_IF_ERROR(matte.for_rows(inside.y_px, region.height_px, [&](const Matte& rows) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const std::string tile, encode_matte(cropped(rows, region)));
+    return writer.add(tile);
+  }));
+  return writer.finish();
+}
+
+}  // namespace glasswing
