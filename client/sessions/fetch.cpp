@@ -14,6 +14,7 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
+#include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -81,6 +82,13 @@ absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const FetchArgum
   return whole;
 }
 
+nlohmann::ordered_json json_of(const v1::Draft& draft) {
+  return {{"images", draft.image_count()},
+          {"planned_images", draft.planned_image_count()},
+          {"sweeps", draft.sweep_count()},
+          {"planned_sweeps", draft.planned_sweep_count()}};
+}
+
 absl::Status fetch_file(const Client& client, const Sessions& server, const FetchArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const auto& warnings = whole.matte.metadata.warnings();
@@ -91,11 +99,15 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Fetc
                                       {"width_px", whole.matte.width_px()},
                                       {"height_px", whole.matte.height_px()},
                                       {"unsolved_rows", unsolved_rows(whole.matte, arguments.partial)}};
+    if (whole.matte.metadata.has_draft()) written["draft"] = json_of(whole.matte.metadata.draft());
     if (!warnings.empty()) written["warnings"] = std::vector<std::string>(warnings.begin(), warnings.end());
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format("{}: the matte of session {}, {}x{}\n", arguments.output, arguments.session,
                              whole.matte.width_px(), whole.matte.height_px());
+    if (whole.matte.metadata.has_draft())
+      std::cout << describe(whole.matte.metadata.draft())
+                << "; the others are not captured yet, or not solved\n";
     if (const int rows = unsolved_rows(whole.matte, arguments.partial); rows > 0)
       std::cout << fmt::format("{} of its {} rows are not solved yet\n", rows, whole.matte.height_px());
     for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", warning);
@@ -245,7 +257,9 @@ void add_fetch_command(CLI::App& app, Client& client) {
       ->check(CLI::Range(0, 17999));
   command
       .add_flag("--partial", arguments->partial,
-                "fetch what is solved so far, also of a failed solve; the rest is flagged \"not solved\"")
+                "fetch the newest draft of a session that is captured or solved, or what is solved so far, "
+                "also of a "
+                "failed solve; the rest is flagged \"not solved\"")
       ->excludes("--frame");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return fetch(client, *arguments); }; });

@@ -364,12 +364,16 @@ absl::StatusOr<std::string> SolveRunner::partial_matte(const std::string& name) 
     return absl::FailedPreconditionError(fmt::format(
         "session \"{}\" is a video: what is solved of it can be fetched into a directory as it is", name));
   }
-  if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session))
-    return matte_bytes(name, std::nullopt);
+  const bool solving = session.state() == v1::SESSION_STATE_SOLVING, broke_off = rests_in_solve(session);
+  const fs::path draft = stores_.mattes.draft(name);
+  const bool drafted = !session.matte_ready() && fs::exists(draft);
+  if (drafted && !broke_off) return verified_.read(draft);
+  if (!solving && !broke_off) return matte_bytes(name, std::nullopt);
   GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
   GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(name));
   absl::StatusOr<std::string> matte = join_tiles(tiles, directory);
   if (!absl::IsFailedPrecondition(matte.status())) return matte;
+  if (drafted) return verified_.read(draft);
   return absl::FailedPreconditionError(
       fmt::format("session \"{}\": {}", name, std::string(matte.status().message())));
 }

@@ -55,8 +55,9 @@ class SolveRunner {
   absl::StatusOr<std::filesystem::path> matte(const std::string& name, std::optional<int> frame);
   // Its bytes, verified. DATA_LOSS names the file, and what to do.
   absl::StatusOr<std::string> matte_bytes(const std::string& name, std::optional<int> frame);
-  // The bytes of a matte's file: of a finished solve its matte, of one that goes on or broke off the tiles so
-  // far. FAILED_PRECONDITION: no tile is done.
+  // The bytes of a matte's file: of a finished solve its matte. Before: of a solve that broke off the tiles
+  // so far, else the newest draft; without a draft, of a solve that goes on the tiles so far.
+  // FAILED_PRECONDITION: there is no draft, and no tile is done.
   absl::StatusOr<std::string> partial_matte(const std::string& name);
 
   // Removes the job of a session that is being deleted.

@@ -111,6 +111,19 @@ FrameStack some_columns(const FrameStack& row) {
 
 }  // namespace
 
+absl::Status keep_steps(const google::protobuf::RepeatedField<std::int32_t>& rising,
+                        v1::CaptureManifest& manifest) {
+  auto& frames = *manifest.mutable_frames();
+  frames.erase(std::remove_if(frames.begin(), frames.end(),
+                              [&](const v1::Frame& frame) {
+                                return !std::binary_search(rising.begin(), rising.end(), frame.step());
+                              }),
+               frames.end());
+  if (frames.size() == rising.size()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("the archive has frames of {} of the {} steps of the draft", frames.size(), rising.size()));
+}
+
 SolveSource::SolveSource(const v1::ClaimTileResponse& tile, std::stop_token stop)
     : archive_(addresses_of(tile), tile.lease().session(), std::move(stop)) {}
 
@@ -118,6 +131,7 @@ absl::StatusOr<std::shared_ptr<const SolveSource>> SolveSource::open(const v1::C
                                                                      std::stop_token stop) {
   std::shared_ptr<SolveSource> source(new SolveSource(tile, std::move(stop)));
   GW_ASSIGN_OR_RETURN(source->manifest_, source->archive_.manifest());
+  if (tile.has_draft()) GW_RETURN_IF_ERROR(keep_steps(tile.draft_steps(), source->manifest_));
   const auto read = [&](int row, const std::vector<int>& frames) {
     return source->archive_.samples(source->manifest_, frames, row, 1);
   };
@@ -170,6 +184,7 @@ absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token s
     matte = rows_of(matte, tile_.first_row() - read_.stack.first_row, tile_.row_count());
   GW_RETURN_IF_ERROR(read_.rows.intact());
   GW_RETURN_IF_ERROR(check_matte(matte));
+  if (tile_.has_draft()) *matte.metadata.mutable_draft() = tile_.draft();
   SolvedTile solved;
   count(matte, solved);
   GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte));
