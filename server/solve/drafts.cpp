@@ -29,15 +29,18 @@ constexpr int kMaxFailures = 3;
 // Nothing is known of the cost of rows, and a draft is not surveyed.
 constexpr int kDraftTiles = 48, kMinDraftRows = 2;
 constexpr std::int64_t kMaxDraftTileBytes = 256 << 20;  // of frames' samples
-constexpr double kNearlyAll = 0.95;                     // of a stage's steps
+constexpr double kFewPixels = 60'000;
+constexpr int kSparseStep = 3;
+constexpr double kPartOfRest = 0.7;  // of the capture
+constexpr double kNearlyAll = 0.95;  // of a stage's steps
 
-std::vector<TileRange> draft_tiles(const v1::CaptureManifest& manifest, int frame_count) {
+std::vector<TileRange> draft_tiles(const v1::CaptureManifest& manifest, int frame_count, int pixel_step) {
   const FrameShape shape = shape_of(manifest.camera());
   const std::int64_t row_bytes = 2 * static_cast<std::int64_t>(shape.row_samples()) * frame_count;
   const auto fitting =
       static_cast<int>(std::clamp<std::int64_t>(kMaxDraftTileBytes / row_bytes, 1, shape.height_px));
-  const int rows =
-      std::min(fitting, std::max(kMinDraftRows, (shape.height_px + kDraftTiles - 1) / kDraftTiles));
+  int rows = std::min(fitting, std::max(kMinDraftRows, (shape.height_px + kDraftTiles - 1) / kDraftTiles));
+  rows = std::max(rows / pixel_step, 1) * pixel_step;
   std::vector<TileRange> tiles;
   for (int y = 0; y < shape.height_px; y += rows)
     tiles.push_back({.first = y, .count = std::min(rows, shape.height_px - y)});
@@ -107,6 +110,15 @@ bool DraftTiles::was_claimed() const {
 
 bool DraftTiles::all_done() const {
   return std::ranges::all_of(states_, &TileState::is_done);
+}
+
+int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds, double seconds_left) {
+  const double pixels = static_cast<double>(camera.width_px()) * camera.height_px();
+  // Colours of a mosaic's pixel come from its neighbours.
+  if (pixels <= kFewPixels || !camera.mosaic().empty()) return 1;
+  const bool in_time =
+      unit_seconds > 0.0 && unit_seconds * pixels * image_count <= kPartOfRest * seconds_left;
+  return in_time ? 1 : kSparseStep;
 }
 
 std::optional<std::vector<int>> reached(const DraftStage& stage, const std::vector<int>& shown,
@@ -225,22 +237,29 @@ void Drafts::begin(const v1::Session& session, const DraftStage& stage, std::vec
   // Solvers know jobs by their number, across restarts of the server.
   last_job_ = std::min(
       last_job_ - 1, -std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
-  DraftTiles tiles(draft_tiles(manifest, draft.image_count()), kDraftLease);
+  const double seconds_left = session.capture_seconds() * (session.step_count() - session.proven_count()) /
+                              std::max(session.proven_count(), 1);
+  const int pixel_step = pixel_step_of(manifest.camera(), draft.image_count(), unit_seconds_, seconds_left);
+  DraftTiles tiles(draft_tiles(manifest, draft.image_count(), pixel_step), kDraftLease);
   running_ = {.job = last_job_,
               .session = session,
               .draft = draft,
               .steps = std::move(steps),
+              .pixel_step = pixel_step,
               .tiles = std::move(tiles)};
-  spdlog::info("draft begun session={} images={} of={}", session.name(), draft.image_count(),
-               draft.planned_image_count());
+  spdlog::info("draft begun session={} images={} of={} pixel_step={}", session.name(), draft.image_count(),
+               draft.planned_image_count(), pixel_step);
 }
 
 v1::ClaimTileResponse Drafts::claim() {
   v1::ClaimTileResponse response;
   const std::lock_guard lock(mutex_);
   if (!running_) return response;
-  const std::optional<DraftTiles::Claimed> claimed = running_->tiles.claim(monotonic_now());
+  const nanoseconds now = monotonic_now();
+  const bool first = !running_->tiles.was_claimed();
+  const std::optional<DraftTiles::Claimed> claimed = running_->tiles.claim(now);
   if (!claimed) return response;
+  if (first) running_->began = now;
   v1::TileLease& lease = *response.mutable_lease();
   lease.set_session(running_->session.name());
   lease.set_job(running_->job);
@@ -252,6 +271,7 @@ v1::ClaimTileResponse Drafts::claim() {
   response.set_method(running_->session.plan().method());
   response.set_archive_address(running_->session.archive_address());
   *response.mutable_draft() = running_->draft;
+  response.set_draft_pixel_step(running_->pixel_step);
   response.mutable_draft_steps()->Add(running_->steps.begin(), running_->steps.end());
   return response;
 }
@@ -268,12 +288,6 @@ absl::Status Drafts::renew(const v1::TileLease& lease) {
 
 absl::Status Drafts::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
   const v1::TileLease& lease = header.lease();
-  const std::string checksum = checksum_of(matte);
-  if (header.checksum() != checksum) {
-    return absl::DataLossError(
-        fmt::format("the tile's checksum is {}, announced was {}", checksum, header.checksum()));
-  }
-  GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(matte));
   v1::Session session;
   TileRange range;
   {
@@ -283,6 +297,12 @@ absl::Status Drafts::complete(const v1::CompleteTileRequest& header, const std::
     GW_ASSIGN_OR_RETURN(range, draft->tiles.range(lease));
     session = draft->session;
   }
+  const std::string checksum = checksum_of(matte);
+  if (header.checksum() != checksum) {
+    return absl::DataLossError(
+        fmt::format("the tile's checksum is {}, announced was {}", checksum, header.checksum()));
+  }
+  GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(matte));
   GW_RETURN_IF_ERROR(check_rows(outline, range, session));
   GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(session.name()));
   const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), checksum);
@@ -298,6 +318,9 @@ absl::Status Drafts::complete(const v1::CompleteTileRequest& header, const std::
     GW_RETURN_IF_ERROR(draft->tiles.complete(lease, file));
     if (!draft->tiles.all_done()) return absl::OkStatus();
     done = std::exchange(running_, std::nullopt);
+    const double solved = static_cast<double>(session.pixel_count()) / (done->pixel_step * done->pixel_step);
+    const std::chrono::duration<double> took = monotonic_now() - done->began;
+    unit_seconds_ = took.count() / (solved * done->draft.image_count());
   }
   const absl::Status finished = finish(*done);
   if (!finished.ok())

@@ -93,7 +93,9 @@ class Drafts {
     v1::Session session;
     v1::Draft draft;
     std::vector<int> steps;  // rising
+    int pixel_step = 1;
     DraftTiles tiles;
+    nanoseconds began{};  // when the first tile was claimed
   };
   // What can be drafted of a session.
   struct Plan {
@@ -120,9 +122,16 @@ class Drafts {
   std::optional<Running> running_;         // guarded by mutex_
   std::map<std::string, v1::Draft> made_;  // newest, by session; guarded by mutex_
   std::int64_t last_job_ = 0;              // guarded by mutex_
+  // That the last draft took for a solved pixel of an image; 0: there was none. Guarded by mutex_.
+  double unit_seconds_ = 0.0;
   SessionQueue to_look_at_;
   std::jthread thread_;  // last: uses all of the above
 };
+
+// Of every how-manyth pixel of every how-manyth row a draft is solved, so that it is done before the capture:
+// of all, if that takes a part of the `seconds_left` that it leaves time for, or if there are few pixels.
+// `unit_seconds`: that the last draft took for a pixel of an image; 0: there was none.
+int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds, double seconds_left);
 
 // The steps of the first `stage.step_count` of `shown` that are stored, rising, if the stage is reached: all
 // of them, or nearly all and the showing has gone on. (A step without proof is shown again only after all

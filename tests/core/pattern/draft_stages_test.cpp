@@ -60,7 +60,9 @@ TEST(DraftStages, OnlyStripesMoveAndEachStaysWithItsMonitor) {
     EXPECT_EQ(shown[i].stimulus.panel(), steps[i].stimulus.panel()) << i;
     EXPECT_EQ(shown[i].exposure_ms, steps[i].exposure_ms) << i;
     EXPECT_EQ(shown[i].object, steps[i].object) << i;
-    if (!is_stripe(steps[i])) EXPECT_EQ(shown[i].number, steps[i].number);
+    if (!is_stripe(steps[i])) {
+      EXPECT_EQ(shown[i].number, steps[i].number);
+    }
   }
   EXPECT_EQ(numbers.size(), steps.size());
 }

@@ -73,6 +73,21 @@ v1::CaptureManifest manifest_of(const std::vector<int>& steps) {
   return manifest;
 }
 
+TEST(Drafts, AreOfEveryPixelIfThatIsDoneInTime) {
+  v1::Camera camera;
+  camera.set_width_px(640);
+  camera.set_height_px(480);
+  const double whole = 1e-6 * 640 * 480 * 400;         // seconds
+  EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1e9), 3);  // nothing is known yet
+  EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 1.01 * whole / 0.7), 1);
+  EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 0.99 * whole / 0.7), 3);
+  camera.set_mosaic("RGGB");
+  EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1.0), 1);
+  camera.clear_mosaic();
+  camera.set_height_px(60);
+  EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1.0), 1);
+}
+
 TEST(Drafts, AStageIsReachedWithAllItsSteps) {
   const DraftStage stage{.step_count = 3, .sweep_count = 1};
   const std::vector<int> shown = {5, 1, 3, 2, 4};
