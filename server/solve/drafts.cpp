@@ -29,8 +29,9 @@ constexpr int kMaxFailures = 3;
 // Nothing is known of the cost of rows, and a draft is not surveyed.
 constexpr int kDraftTiles = 48, kMinDraftRows = 2;
 constexpr std::int64_t kMaxDraftTileBytes = 256 << 20;  // of frames' samples
+constexpr std::chrono::seconds kBreak(5);  // between a capture's reports: it was paused, or a node was away
 constexpr double kFewPixels = 60'000;
-constexpr int kSparseStep = 3;
+constexpr int kFirstStep = 5;
 constexpr double kPartOfRest = 0.7;  // of the capture
 constexpr double kNearlyAll = 0.95;  // of a stage's steps
 
@@ -116,9 +117,11 @@ int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds
   const double pixels = static_cast<double>(camera.width_px()) * camera.height_px();
   // Colours of a mosaic's pixel come from its neighbours.
   if (pixels <= kFewPixels || !camera.mosaic().empty()) return 1;
-  const bool in_time =
-      unit_seconds > 0.0 && unit_seconds * pixels * image_count <= kPartOfRest * seconds_left;
-  return in_time ? 1 : kSparseStep;
+  const double of_all = unit_seconds * pixels * image_count;
+  for (const int step : {1, 3}) {
+    if (unit_seconds > 0.0 && of_all / (step * step) <= kPartOfRest * seconds_left) return step;
+  }
+  return kFirstStep;
 }
 
 std::optional<std::vector<int>> reached(const DraftStage& stage, const std::vector<int>& shown,
@@ -204,12 +207,18 @@ absl::Status Drafts::look(const std::string& name) {
   if (!session.ok() || session->state() != v1::SESSION_STATE_CAPTURING || !session->solve_follows() ||
       session->archive_address().empty())
     return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(Plan* const plan, plan_of(*session));
+  const nanoseconds now = monotonic_now();
+  if (now - plan->looked > kBreak) {
+    plan->since = now;
+    plan->since_proven = session->proven_count();
+  }
+  plan->looked = now;
   {
     const std::lock_guard lock(mutex_);
     if (running_ && running_->tiles.was_claimed())
       return absl::OkStatus();  // looked at again once it is done
   }
-  GW_ASSIGN_OR_RETURN(Plan* const plan, plan_of(*session));
   const auto may_be_reached = [&](const DraftStage& stage) {
     return stage.step_count > plan->begun && session->proven_count() >= kNearlyAll * stage.step_count;
   };
@@ -233,13 +242,16 @@ void Drafts::begin(const v1::Session& session, const DraftStage& stage, std::vec
   draft.set_sweep_count(stage.sweep_count);
   draft.set_planned_sweep_count(plan.sweep_count);
   const std::lock_guard lock(mutex_);
+  const std::chrono::duration<double> took = plan.looked - plan.since;
+  const double seconds_left = took.count() * (session.step_count() - session.proven_count()) /
+                              std::max(session.proven_count() - plan.since_proven, 1);
+  const int pixel_step = pixel_step_of(manifest.camera(), draft.image_count(), unit_seconds_, seconds_left);
   plan.begun = stage.step_count;
+  if (plan.pixel_step > 0 && pixel_step > plan.pixel_step) return;  // the last draft shows more
+  plan.pixel_step = pixel_step;
   // Solvers know jobs by their number, across restarts of the server.
   last_job_ = std::min(
       last_job_ - 1, -std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
-  const double seconds_left = session.capture_seconds() * (session.step_count() - session.proven_count()) /
-                              std::max(session.proven_count(), 1);
-  const int pixel_step = pixel_step_of(manifest.camera(), draft.image_count(), unit_seconds_, seconds_left);
   DraftTiles tiles(draft_tiles(manifest, draft.image_count(), pixel_step), kDraftLease);
   running_ = {.job = last_job_,
               .session = session,

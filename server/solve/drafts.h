@@ -102,7 +102,12 @@ class Drafts {
     std::vector<int> steps;  // in the order of showing
     std::vector<DraftStage> stages;
     int sweep_count = 0;
-    int begun = 0;  // step_count of the stage that was drafted last
+    // Of the last draft; 0: there was none.
+    int begun = 0;  // step_count of its stage
+    int pixel_step = 0;
+    // The capture's pace: steps proven since then. Begins anew after a break.
+    nanoseconds since{}, looked{};
+    int since_proven = 0;
   };
 
   void run(std::stop_token stop);
@@ -128,9 +133,10 @@ class Drafts {
   std::jthread thread_;  // last: uses all of the above
 };
 
-// Of every how-manyth pixel of every how-manyth row a draft is solved, so that it is done before the capture:
-// of all, if that takes a part of the `seconds_left` that it leaves time for, or if there are few pixels.
-// `unit_seconds`: that the last draft took for a pixel of an image; 0: there was none.
+// Of every how-manyth pixel of every how-manyth row a draft is solved: 1, 3 or 5, the smallest that takes no
+// more than a part of the `seconds_left` of the capture; of all, if there are few pixels.
+// `unit_seconds`: that the last draft took for a pixel of an image; 0: there was none, and the first draft
+// shall come soon.
 int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds, double seconds_left);
 
 // The steps of the first `stage.step_count` of `shown` that are stored, rising, if the stage is reached: all

@@ -78,9 +78,11 @@ TEST(Drafts, AreOfEveryPixelIfThatIsDoneInTime) {
   camera.set_width_px(640);
   camera.set_height_px(480);
   const double whole = 1e-6 * 640 * 480 * 400;         // seconds
-  EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1e9), 3);  // nothing is known yet
+  EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1e9), 5);  // nothing is known yet
   EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 1.01 * whole / 0.7), 1);
   EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 0.99 * whole / 0.7), 3);
+  EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 1.01 * whole / 9 / 0.7), 3);
+  EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 0.99 * whole / 9 / 0.7), 5);
   camera.set_mosaic("RGGB");
   EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1.0), 1);
   camera.clear_mosaic();
