@@ -1,6 +1,6 @@
 #!/bin/bash
 # A session that is solved while it is captured: drafts can be fetched before the last image, refine, survive
-# the death of server and solver, and change no bit of the finished matte.
+# the death of server, solver and camera node, and change no bit of the finished matte.
 source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
@@ -28,8 +28,8 @@ grep -q "a draft of [0-9]* of $planned images, 3 of 4 sweeps" "$work/fetched" ||
 glasswing show s | grep -q '^draft  *a draft of' || fail "show does not tell the draft"
 refused 'is capturing' glasswing fetch s -o "$work/none.exr" # it is never the finished matte
 
-echo "== server and solver are killed; the draft stays, and the capture goes on"
-kill -KILL "$(cat "$work/rig/run/server.pid")" "$(cat "$work/rig/run/solver-1.pid")"
+echo "== server, solver and camera node are killed; the draft stays, and the capture goes on"
+for daemon in server solver-1 camera-1; do kill -KILL "$(cat "$work/rig/run/$daemon.pid")"; done
 "${rig[@]}" up --data "$work/rig" >/dev/null
 (($(images) >= first)) || fail "the draft is gone"
 glasswing fetch s -o "$work/again.exr" --partial
