@@ -247,7 +247,9 @@ void Drafts::begin(const v1::Session& session, const DraftStage& stage, std::vec
                               std::max(session.proven_count() - plan.since_proven, 1);
   const int pixel_step = pixel_step_of(manifest.camera(), draft.image_count(), unit_seconds_, seconds_left);
   plan.begun = stage.step_count;
-  if (plan.pixel_step > 0 && pixel_step > plan.pixel_step) return;  // the last draft shows more
+  // Between few pixels more sweeps make no better draft.
+  if (plan.pixel_step > 1 && pixel_step >= plan.pixel_step) return;
+  if (plan.pixel_step == 1 && pixel_step > 1) return;
   plan.pixel_step = pixel_step;
   // Solvers know jobs by their number, across restarts of the server.
   last_job_ = std::min(
