@@ -155,7 +155,9 @@ void add_capture_command(CLI::App& app, Client& client) {
   command.add_option("--note", arguments->note, "a note to keep with it");
   command.add_option("--tag", arguments->tags, "a tag to find it by; may be repeated")
       ->allow_extra_args(false);
-  command.add_flag("--solve", arguments->solve, "solve it by the plan's method as soon as it is captured");
+  command.add_flag(
+      "--solve", arguments->solve,
+      "solve it by the plan's method as soon as it is captured, and drafts of it before (fetch --partial)");
   command.add_flag(
       "--watch", arguments->watch,
       "wait until it is captured, with --solve until it is solved; any other outcome is a failure");

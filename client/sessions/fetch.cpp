@@ -16,6 +16,7 @@
 #include "core/base/positioned_file.h"
 #include "core/base/status.h"
 #include "core/matte/packed_matte.h"
+#include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -131,6 +132,13 @@ absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const FetchArgum
   return whole;
 }
 
+nlohmann::ordered_json json_of(const v1::Draft& draft) {
+  return {{"images", draft.image_count()},
+          {"planned_images", draft.planned_image_count()},
+          {"sweeps", draft.sweep_count()},
+          {"planned_sweeps", draft.planned_sweep_count()}};
+}
+
 absl::Status fetch_file(const Client& client, const Sessions& server, const FetchArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const MatteOutline& matte = whole.outline;
@@ -140,6 +148,7 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Fetc
                                       {"bytes", whole.bytes},         {"width_px", matte.width_px},
                                       {"height_px", matte.height_px}, {"x_px", matte.x0_px},
                                       {"y_px", matte.y0_px},          {"unsolved_rows", whole.unsolved_rows}};
+    if (matte.metadata.has_draft()) written["draft"] = json_of(matte.metadata.draft());
     if (!warnings.empty()) written["warnings"] = std::vector<std::string>(warnings.begin(), warnings.end());
     std::cout << written.dump(1) << "\n";
   } else {
@@ -149,6 +158,8 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Fetc
                                  ? fmt::format("+{}+{} of {}x{}", matte.x0_px, matte.y0_px,
                                                matte.metadata.width_px(), matte.metadata.height_px())
                                  : "");
+    if (matte.metadata.has_draft())
+      std::cout << describe(matte.metadata.draft()) << "; the others are not captured yet, or not solved\n";
     if (whole.unsolved_rows > 0)
       std::cout << fmt::format("{} of its {} rows are not solved yet\n", whole.unsolved_rows,
                                matte.height_px);
@@ -307,7 +318,9 @@ void add_fetch_command(CLI::App& app, Client& client) {
       ->check(CLI::Range(0, 17999));
   command
       .add_flag("--partial", arguments->partial,
-                "fetch what is solved so far, also of a failed solve; the rest is flagged \"not solved\"")
+                "fetch the newest draft of a session that is captured or solved, or what is solved so far, "
+                "also of a "
+                "failed solve; the rest is flagged \"not solved\"")
       ->excludes("--frame");
   command
       .add_option("--crop", *crop,

@@ -8,6 +8,7 @@
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
 #include "core/pattern/describe_step.h"
+#include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -67,6 +68,7 @@ void print_details(const v1::Session& session) {
           fmt::format("{} of them: {}", session.solved_frames_size(), ranges_text(session.solved_frames())));
   }
   row("warning", session.warning());
+  if (session.has_draft()) row("draft", describe(session.draft()) + "; fetch it with --partial");
   if (session.job() != 0) {
     row("solving", fmt::format("{}, {}, {}", session.method(), tiles_text(session),
                                seconds_text(session.solve_seconds())));

@@ -11,6 +11,7 @@
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -27,6 +28,7 @@ class SessionProgress {
     if (session.state() != state_) progress_.emplace(state_name(session.state()));
     state_ = session.state();
     if (is_under_way(session) && session.waiting().what() != told_) tell(session);
+    if (session.draft().image_count() != drafted_) tell_draft(session);
     const bool solving = state_ == v1::SESSION_STATE_SOLVING,
                frames = solving && is_video(session) && !session.matte_ready();
     const int done = frames    ? session.solved_frames_size()
@@ -57,6 +59,17 @@ class SessionProgress {
     std::cerr << summary_of(session) << "\n";
   }
 
+  // Also on a line of its own.
+  void tell_draft(const v1::Session& session) {
+    drafted_ = session.draft().image_count();
+    if (!session.has_draft()) return;
+    progress_.emplace(state_name(state_));
+    done_ = -1;
+    std::cerr << fmt::format("{}: glasswing fetch {} -o {}.exr --partial\n", describe(session.draft()),
+                             session.name(), session.name());
+  }
+
+  int drafted_ = 0;   // images of the newest draft
   std::string told_;  // what it waits for
   int done_ = -1;
   v1::SessionState state_ = v1::SESSION_STATE_UNSPECIFIED;

@@ -26,7 +26,6 @@ constexpr int kMaxSteps = 20000;
 constexpr int kDefaultPhases = 4;
 constexpr int kMaxFrames = 18000, kMaxEmptyFrames = 1000;  // of a ramp
 constexpr int kUsualEmptyFrames = 16;
-constexpr double kMaxStep_sigmas = 1.5;  // of a sweep, in sigmas: wider steps miss detail
 
 // The location of a message within the plan, so that errors can name the line (of a file) or the path (of a
 // plan from the wire).
@@ -381,6 +380,11 @@ std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& mo
   return out;
 }
 
+std::vector<double> exposures_of(const v1::Plan& plan) {
+  if (plan.exposure_ms().empty()) return {kDefaultExposureMs};
+  return {plan.exposure_ms().begin(), plan.exposure_ms().end()};
+}
+
 }  // namespace
 
 absl::StatusOr<v1::Plan> parse_plan(std::string_view text, const std::string& file_name) {
@@ -463,8 +467,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
         used.size(), used.front().name()));
   }
 
-  std::vector<double> exposures_ms(plan.exposure_ms().begin(), plan.exposure_ms().end());
-  if (exposures_ms.empty()) exposures_ms = {kDefaultExposureMs};
+  const std::vector<double> exposures_ms = exposures_of(plan);
   std::vector<Step> steps;
   for (const bool object : {false, true}) {
     if (!object && plan.skip_empty_stage()) continue;

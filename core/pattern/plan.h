@@ -24,6 +24,7 @@ inline constexpr std::array<std::string_view, 5> kMethods{"gaussian", "hierarchi
                                                           "ramp"};
 inline constexpr int kDefaultRetries = 10;
 inline constexpr double kDefaultExposureMs = 4.0;
+inline constexpr double kMaxStep_sigmas = 1.5;  // of a sweep, in sigmas: wider steps miss detail
 
 // Parses and checks. INVALID_ARGUMENT: "plan.txtpb:12: sigma_px is 0; it must be in (0, 200]".
 absl::StatusOr<v1::Plan> parse_plan(std::string_view text, const std::string& file_name);

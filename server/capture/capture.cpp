@@ -9,6 +9,7 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/version.h"
+#include "core/pattern/draft_stages.h"
 #include "core/service/service.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
 #include "server/capture/group_capture.h"
@@ -154,8 +155,10 @@ bool Capture::is_pending(const Step& step, bool video_has_run) const {
 
 std::vector<Capture::Group> Capture::pending_groups() const {
   const bool video_has_run = video_.has_run();
+  // So that drafts come early.
+  const bool drafted = progress_.session().solve_follows();
   std::vector<Group> groups;
-  for (const Step& step : setup_.steps) {
+  for (const Step& step : drafted ? in_order_of_showing(setup_.steps) : setup_.steps) {
     if (!is_pending(step, video_has_run)) continue;
     if (groups.empty() || groups.back().object != step.object ||
         groups.back().exposure_ms != step.exposure_ms) {

@@ -159,6 +159,7 @@ void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> 
       (void)edit.save_progress(session);
     }
     edit.show(session);
+    progressed_(session);
   };
   CaptureOutcome outcome;
   nanoseconds lost_at{};
@@ -222,6 +223,7 @@ void CaptureRunner::note_outcome(v1::Session session, const CaptureOutcome& outc
   }
   spdlog::info("{} session={} proven={} of={} retaken={} reason=\"{}\"", state_of(session), session.name(),
                session.proven_count(), session.step_count(), session.retaken_count(), session.reason());
+  progressed_(session);
   capturing_.clear();
   drive_.reset();
   if (outcome.kind == Kind::kCaptured) captured_(session.name());

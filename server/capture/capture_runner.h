@@ -31,15 +31,18 @@ class CaptureRunner {
  public:
   enum class Wish { kNone, kPause, kCancel };
 
-  // `captured` is called with the name of each session whose last step is proven, under an Edit and mutex_.
+  // `progressed` is called under an Edit with each new record of a session that is being captured, and when
+  // its capture has ended; `captured` with the name of each whose last step is proven, also under mutex_.
   CaptureRunner(SessionStore& sessions, const NodeRegistry& nodes, RigLock& rig_lock,
                 const CalibrationStore& calibrations, ImageFiles& images,
+                std::function<void(const v1::Session&)> progressed,
                 std::function<void(const std::string& session)> captured)
       : sessions_(sessions),
         nodes_(nodes),
         rig_lock_(rig_lock),
         calibrations_(calibrations),
         images_(images),
+        progressed_(std::move(progressed)),
         captured_(std::move(captured)) {}
   ~CaptureRunner();  // pauses a running capture
 
@@ -76,6 +79,7 @@ class CaptureRunner {
   RigLock& rig_lock_;
   const CalibrationStore& calibrations_;
   ImageFiles& images_;
+  const std::function<void(const v1::Session&)> progressed_;
   const std::function<void(const std::string&)> captured_;
   StepLog steps_;
 

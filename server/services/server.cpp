@@ -62,10 +62,13 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
       solves_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
               options.min_tile_seconds),
       following_solves_(*stores_.sessions, solves_),
+      drafts_(*stores_.sessions, mattes_),
       tiles_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
-             solves_.progress(), options.lease),
-      captures_(*stores_.sessions, rig_, rig_lock_, *stores_.calibrations, *stores_.images,
-                [this](const std::string& session) { following_solves_.look(session); }),
+             solves_.progress(), drafts_, options.lease),
+      captures_(
+          *stores_.sessions, rig_, rig_lock_, *stores_.calibrations, *stores_.images,
+          [this](const v1::Session& session) { drafts_.note(session); },
+          [this](const std::string& session) { following_solves_.look(session); }),
       control_(*stores_.sessions, captures_, solves_),
       importer_(*stores_.sessions, rig_),
       replicator_(*stores_.sessions, rig_),
@@ -74,6 +77,7 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
                 .forget =
                     [this](const v1::Session& session) {
                       solves_.forget(session.name());
+                      drafts_.forget(session.name());
                       captures_.forget(session);
                     }}) {}
 
@@ -83,6 +87,7 @@ absl::Status Server::take_up() {
     GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> all, sessions().all_stored());
     captures_.take_up(edit, all);
     following_solves_.take_up(all);
+    drafts_.take_up();
   }
   const absl::Status taken = take_up_solves();
   if (!absl::IsUnavailable(taken)) return taken;

@@ -22,6 +22,7 @@
 #include "server/rig/rig_lock.h"
 #include "server/services/session_control.h"
 #include "server/sessions/session_store.h"
+#include "server/solve/drafts.h"
 #include "server/solve/following_solves.h"
 #include "server/solve/solve_runner.h"
 #include "server/solve/tile_dispatcher.h"
@@ -57,6 +58,7 @@ class Server {
   ImageFiles& images() { return *stores_.images; }
   CaptureRunner& captures() { return captures_; }
   SolveRunner& solves() { return solves_; }
+  Drafts& drafts() { return drafts_; }
   TileDispatcher& tiles() { return tiles_; }
   SessionControl& control() { return control_; }
   Importer& importer() { return importer_; }
@@ -89,6 +91,7 @@ class Server {
   const MatteFiles mattes_;
   SolveRunner solves_;
   FollowingSolves following_solves_;
+  Drafts drafts_;
   TileDispatcher tiles_;
   CaptureRunner captures_;  // after what it uses: its end pauses a running capture
   SessionControl control_;

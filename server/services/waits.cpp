@@ -184,6 +184,8 @@ v1::Session Waits::told(v1::Session session) {
   const std::optional<v1::Waiting> waiting = waiting_of(session, around);
   session.clear_waiting();
   if (waiting) *session.mutable_waiting() = *waiting;
+  session.clear_draft();
+  if (const std::optional<v1::Draft> draft = server_.drafts().of(session)) *session.mutable_draft() = *draft;
   return session;
 }
 

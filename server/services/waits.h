@@ -32,7 +32,7 @@ class Waits {
  public:
   explicit Waits(Server& server) : server_(server) {}
 
-  // The session with its `waiting` set. What solvers do may be known as of a second ago.
+  // The session with its `waiting` and `draft` set. What solvers do may be known as of a second ago.
   v1::Session told(v1::Session session);
 
  private:

@@ -352,18 +352,21 @@ absl::StatusOr<StoredMatte> SolveRunner::open_matte(const std::string& name, std
   // A new solve may replace the file meanwhile: then it is opened once more.
   for (int attempt = 0; attempt < 2; ++attempt) {
     GW_ASSIGN_OR_RETURN(const fs::path path, matte(name, frame));
-    absl::StatusOr<StoredMatte> opened = [&]() -> absl::StatusOr<StoredMatte> {
-      if (!region) return verified_.open(path);
-      const absl::StatusOr<PositionedFile> file = PositionedFile::open(path);
-      if (!file.ok()) return absl::DataLossError(file.status().message());
-      return region_of(*file, *region);
-    }();
+    absl::StatusOr<StoredMatte> opened = open_file(path, region);
     if (opened.ok() || !absl::IsDataLoss(opened.status())) return opened;
     status = opened.status();
   }
   spdlog::error("matte not served session={} error=\"{}\"", name, std::string(status.message()));
   return absl::DataLossError(
       fmt::format("{}; solve the session again: glasswing solve {}", std::string(status.message()), name));
+}
+
+absl::StatusOr<StoredMatte> SolveRunner::open_file(const fs::path& path,
+                                                   const std::optional<MatteRegion>& region) {
+  if (!region) return verified_.open(path);
+  const absl::StatusOr<PositionedFile> file = PositionedFile::open(path);
+  if (!file.ok()) return absl::DataLossError(file.status().message());
+  return region_of(*file, *region);
 }
 
 absl::StatusOr<StoredMatte> SolveRunner::open_partial_matte(const std::string& name,
@@ -373,12 +376,16 @@ absl::StatusOr<StoredMatte> SolveRunner::open_partial_matte(const std::string& n
     return absl::FailedPreconditionError(fmt::format(
         "session \"{}\" is a video: what is solved of it can be fetched into a directory as it is", name));
   }
-  if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session))
-    return open_matte(name, std::nullopt, region);
+  const bool solving = session.state() == v1::SESSION_STATE_SOLVING, broke_off = rests_in_solve(session);
+  const fs::path draft = stores_.mattes.draft(name);
+  const bool drafted = !session.matte_ready() && fs::exists(draft);
+  if (drafted && !broke_off) return open_file(draft, region);
+  if (!solving && !broke_off) return open_matte(name, std::nullopt, region);
   GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
   GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(name));
   GW_ASSIGN_OR_RETURN(PositionedFile whole, stores_.mattes.unnamed());
   if (const absl::Status joined = join_tiles(tiles, directory, whole); absl::IsFailedPrecondition(joined)) {
+    if (drafted) return open_file(draft, region);
     return absl::FailedPreconditionError(
         fmt::format("session \"{}\": {}", name, std::string(joined.message())));
   } else if (!joined.ok()) {

@@ -59,7 +59,9 @@ class SolveRunner {
   // INVALID_ARGUMENT: the region does not lie within the picture.
   absl::StatusOr<StoredMatte> open_matte(const std::string& name, std::optional<int> frame,
                                          const std::optional<MatteRegion>& region);
-  // The same of a solve that goes on or broke off: the tiles so far. FAILED_PRECONDITION: no tile is done.
+  // Of a finished solve the same. Before: of a solve that broke off the tiles so far, else the newest draft;
+  // without a draft, of a solve that goes on the tiles so far. FAILED_PRECONDITION: there is no draft, and no
+  // tile is done.
   absl::StatusOr<StoredMatte> open_partial_matte(const std::string& name,
                                                  const std::optional<MatteRegion>& region);
 
@@ -75,6 +77,8 @@ class SolveRunner {
   absl::Status take_up_matte(SessionStore::Edit& edit, v1::Session session);
   absl::StatusOr<v1::Session> begin(SessionStore::Edit& edit, v1::Session session,
                                     const v1::CaptureManifest& manifest);
+  absl::StatusOr<StoredMatte> open_file(const std::filesystem::path& path,
+                                        const std::optional<MatteRegion>& region);
   absl::StatusOr<StoredMatte> region_of(const PositionedFile& file, const MatteRegion& region) const;
 
   const SolveStores stores_;

@@ -62,6 +62,16 @@ void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& sessio
   }
 }
 
+absl::Status check_rows(const MatteOutline& matte, const TileRange& rows, const v1::Session& session) {
+  if (matte.y0_px == rows.first && matte.height_px == rows.count && matte.x0_px == 0 &&
+      std::int64_t{matte.width_px} * matte.metadata.height_px() == session.pixel_count())
+    return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format(
+      "the tile of session \"{}\" holds {} rows of {} px from row {}; it must hold {} rows of the whole "
+      "picture from row {}",
+      session.name(), matte.height_px, matte.width_px, matte.y0_px, rows.count, rows.first));
+}
+
 absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileLease& lease) {
   GW_RETURN_IF_ERROR(check_name("session", lease.session()));
   const absl::StatusOr<v1::Session> session = edit.find(lease.session());

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/matte/matte_file.h"
 #include "glasswing/v1/work_service.pb.h"
 #include "server/jobs/job_store.h"
 #include "server/sessions/session_store.h"
@@ -38,6 +39,9 @@ std::string computes(const std::string& method);
 TileAttempt attempt_of(const v1::TileLease& lease);
 
 bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number);
+
+// INVALID_ARGUMENT: a tile's matte does not hold just these rows of the session's whole picture.
+absl::Status check_rows(const MatteOutline& matte, const TileRange& rows, const v1::Session& session);
 
 // The session that this lease belongs to. ABORTED: it is not being solved, or is in another job by now.
 absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileLease& lease);

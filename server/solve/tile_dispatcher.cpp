@@ -67,16 +67,6 @@ std::string describe(const Lease& lease, const v1::ClaimTileResponse& work) {
                      lease.range.first + lease.range.count - 1);
 }
 
-absl::Status check_rows(const MatteOutline& matte, const TileRange& rows, const v1::Session& session) {
-  if (matte.y0_px == rows.first && matte.height_px == rows.count && matte.x0_px == 0 &&
-      std::int64_t{matte.width_px} * matte.metadata.height_px() == session.pixel_count())
-    return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format(
-      "the tile of session \"{}\" holds {} rows of {} px from row {}; it must hold {} rows of the whole "
-      "picture from row {}",
-      session.name(), matte.height_px, matte.width_px, matte.y0_px, rows.count, rows.first));
-}
-
 }  // namespace
 
 absl::StatusOr<v1::ClaimTileResponse> claimed_tile(const Lease& lease) {
@@ -115,8 +105,14 @@ absl::StatusOr<v1::ClaimTileResponse> TileDispatcher::claim(const v1::ClaimTileR
                       stores_.jobs.claim(request.solver(), computed, request.ahead()));
   fleet_.claimed(request.solver());
   if (!lease) {
-    if (!request.ahead()) nodes_.note(request.solver(), "waiting for work");
-    return v1::ClaimTileResponse();
+    v1::ClaimTileResponse draft = drafts_.claim();
+    if (draft.has_lease()) {
+      nodes_.note(request.solver(),
+                  fmt::format("drafting {} tile {}", draft.lease().session(), draft.lease().tile()));
+    } else if (!request.ahead()) {
+      nodes_.note(request.solver(), "waiting for work");
+    }
+    return draft;
   }
   const bool again = lease->id.attempt > 1;
   (again ? server_metrics().tiles_claimed_again : server_metrics().tiles_claimed).Increment();
@@ -133,10 +129,11 @@ absl::StatusOr<v1::ClaimTileResponse> TileDispatcher::claim(const v1::ClaimTileR
 }
 
 absl::Status TileDispatcher::renew(const v1::TileLease& lease) {
-  return stores_.jobs.renew(attempt_of(lease));
+  return Drafts::is_draft(lease) ? drafts_.renew(lease) : stores_.jobs.renew(attempt_of(lease));
 }
 
 absl::StatusOr<std::optional<FrameMattes>> TileDispatcher::frames_of(const v1::TileLease& lease) {
+  if (Drafts::is_draft(lease)) return std::nullopt;
   {
     SessionStore::Edit edit = stores_.sessions.edit();
     GW_ASSIGN_OR_RETURN(const v1::Session session, session_of(edit, lease));
@@ -149,6 +146,7 @@ absl::StatusOr<std::optional<FrameMattes>> TileDispatcher::frames_of(const v1::T
 
 absl::Status TileDispatcher::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
   fault_point("tile received");
+  if (Drafts::is_draft(header.lease())) return drafts_.complete(header, matte);
   const v1::TileLease& lease = header.lease();
   const TileAttempt attempt = attempt_of(lease);
   v1::Session session;
@@ -233,6 +231,10 @@ absl::Status TileDispatcher::done(const v1::CompleteTileRequest& header, const T
 
 absl::Status TileDispatcher::fail(const v1::FailTileRequest& request) {
   const v1::TileLease& lease = request.lease();
+  if (Drafts::is_draft(lease)) {
+    drafts_.fail(request);
+    return absl::OkStatus();
+  }
   if (request.handed_back()) {
     spdlog::info("tile handed back session={} tile={} attempt={} solver={}", lease.session(), lease.tile(),
                  lease.attempt(), request.solver());

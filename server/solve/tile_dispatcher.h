@@ -11,6 +11,7 @@
 #include "glasswing/v1/fleet_service.pb.h"
 #include "glasswing/v1/work_service.pb.h"
 #include "server/rig/node_registry.h"
+#include "server/solve/drafts.h"
 #include "server/solve/fleet.h"
 #include "server/solve/frame_mattes.h"
 #include "server/solve/solve_progress.h"
@@ -21,12 +22,12 @@ namespace glasswing {
 // Thread-safe. Errors are those that work_service.proto lists.
 class TileDispatcher {
  public:
-  // `lease`: how long a tile is leased without renew().
-  TileDispatcher(const SolveStores& stores, NodeRegistry& nodes, SolveProgress& progress,
+  // `lease`: how long a tile of a solve is leased without renew().
+  TileDispatcher(const SolveStores& stores, NodeRegistry& nodes, SolveProgress& progress, Drafts& drafts,
                  std::chrono::milliseconds lease)
-      : stores_(stores), nodes_(nodes), progress_(progress), lease_(lease) {}
+      : stores_(stores), nodes_(nodes), progress_(progress), drafts_(drafts), lease_(lease) {}
 
-  // Without a lease in the answer there is nothing to do now.
+  // A tile of a draft only if no solve has one. Without a lease in the answer there is nothing to do now.
   absl::StatusOr<v1::ClaimTileResponse> claim(const v1::ClaimTileRequest& request);
   // Returns when claim() may have a tile, or after `timeout`. A hint.
   void wait_for_tiles(std::chrono::milliseconds timeout) { stores_.jobs.wait_for_tiles(timeout); }
@@ -50,6 +51,7 @@ class TileDispatcher {
   const SolveStores stores_;
   NodeRegistry& nodes_;
   SolveProgress& progress_;
+  Drafts& drafts_;
   const std::chrono::milliseconds lease_;
   Fleet fleet_;
 };

@@ -13,6 +13,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::string_view kDraft = "+draft";
+
 fs::path frame_file(int frame) {
   return fmt::format("{:04d}.exr", frame);
 }
@@ -46,6 +48,21 @@ fs::path MatteFiles::next(const std::string& session) const {
 
 fs::path MatteFiles::next(const std::string& session, int frame) const {
   return finished(session + "+next", frame);
+}
+
+fs::path MatteFiles::draft(const std::string& session) const {
+  return finished(session + std::string(kDraft));
+}
+
+std::map<std::string, fs::path> MatteFiles::drafts() const {
+  std::map<std::string, fs::path> drafts;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(data_ / "mattes", error)) {
+    const std::string stem = entry.path().stem().string();
+    if (entry.path().extension() == ".exr" && stem.ends_with(kDraft))
+      drafts[stem.substr(0, stem.size() - kDraft.size())] = entry.path();
+  }
+  return drafts;
 }
 
 absl::StatusOr<fs::path> MatteFiles::tiles(const std::string& session) const {
@@ -88,6 +105,7 @@ absl::Status MatteFiles::finish(const std::string& session) const {
     if (had_file) fs::remove(file, ignored);
   }
   fs::remove_all(old_frames, ignored);
+  fs::remove(draft(session), ignored);
   fs::remove_all(data_ / "tiles" / session, ignored);
   return absl::OkStatus();
 }
@@ -100,7 +118,7 @@ absl::StatusOr<std::int64_t> MatteFiles::remove(const std::string& session) cons
     const auto size = static_cast<std::int64_t>(fs::file_size(path, error));
     if (!error && fs::remove(path, error)) bytes += size;
   };
-  for (const fs::path& path : {finished(session), next(session)}) remove_file(path);
+  for (const fs::path& path : {finished(session), next(session), draft(session)}) remove_file(path);
   for (const fs::path& directory : {finished(session, 0).parent_path(), next(session, 0).parent_path(),
                                     data_ / "mattes" / (session + "+old"), data_ / "tiles" / session}) {
     if (error || !fs::is_directory(directory, unknown)) continue;

@@ -4,6 +4,7 @@
 //   mattes/SESSION/0000.exr   one file per frame
 //   mattes/SESSION+next.exr, mattes/SESSION+next/0000.exr
 //                             those of the current solve, which replace the above when it finishes
+//   mattes/SESSION+draft.exr  the newest draft, made while the session was captured; until a solve finishes
 //   tiles/SESSION/            parts of the current solve, each named after the checksum of its bytes
 //
 // Session names contain no '+'.
@@ -14,6 +15,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <string_view>
 
@@ -35,6 +37,9 @@ class MatteFiles {
   std::filesystem::path finished(const std::string& session, int frame) const;
   std::filesystem::path next(const std::string& session) const;
   std::filesystem::path next(const std::string& session, int frame) const;
+  std::filesystem::path draft(const std::string& session) const;
+  // All that are there, by session.
+  std::map<std::string, std::filesystem::path> drafts() const;
   // The directory exists when this returns OK.
   absl::StatusOr<std::filesystem::path> tiles(const std::string& session) const;
   // A file for a matte that is only sent, on the same disk.

@@ -30,11 +30,11 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
 }
 
 // Applied to the finished matte: correcting samples would change their noise.
-void remove_fall_off(const Shading& shading, Matte& matte) {
+void remove_fall_off(const Shading& shading, int column_step, Matte& matte) {
   if (shading.is_uniform()) return;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
-      const double camera = shading.camera(matte.x0_px() + x, matte.y0_px() + y);
+      const double camera = shading.camera(matte.x0_px() + x * column_step, matte.y0_px() + y);
       for (float& light : matte.foreground(x, y)) light /= static_cast<float>(camera);
       for (int c = 0; c < (matte.is_colourless() ? 1 : kChannels); ++c) {
         for (Mode& mode : matte.modes(x, y, c)) {
@@ -122,7 +122,7 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
     return interpolated_ ? interpolated_rows(stack, needed, first, count)
                          : rows_of(stack, needed, first, count);
   };
-  return solve_bands(stack.row_count, read, thread_count, std::move(stop), progress);
+  return solve_bands(stack.row_count, stack.column_step, read, thread_count, std::move(stop), progress);
 }
 
 absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const ReadStack& read, int thread_count,
@@ -136,11 +136,11 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const ReadStack& read, int t
     if (!interpolated_) return stack;
     return interpolated_rows(stack, frames_needed(), first - begin, count);
   };
-  return solve_bands(height, read_band, thread_count, {}, progress);
+  return solve_bands(height, 1, read_band, thread_count, {}, progress);
 }
 
-absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, const ReadStack& read, int thread_count,
-                                                 std::stop_token stop,
+absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step, const ReadStack& read,
+                                                 int thread_count, std::stop_token stop,
                                                  const std::function<void(double)>& progress) const {
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   // Small enough that the last bands keep all threads busy, large enough to amortise a solver's set-up.
@@ -180,7 +180,7 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, const ReadStack&
     for (const std::string& warning : stage_maps_->warnings) whole.metadata.add_warnings(warning);
   }
   for (const auto& band : bands) whole.put(**band);
-  remove_fall_off(shading_, whole);
+  remove_fall_off(shading_, column_step, whole);
   if (interpolated_) {
     whole.metadata.add_warnings(
         "the sensor measures one colour at each pixel, and the others were interpolated before solving, "

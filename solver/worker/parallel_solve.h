@@ -47,7 +47,7 @@ class PreparedSolve {
 
  private:
   // `read` gives a band's rows as the method wants them, from the stack's row `first` on.
-  absl::StatusOr<Matte> solve_bands(int row_count, const ReadStack& read, int thread_count,
+  absl::StatusOr<Matte> solve_bands(int row_count, int column_step, const ReadStack& read, int thread_count,
                                     std::stop_token stop, const std::function<void(double)>& progress) const;
 
   PreparedSolve(v1::CaptureManifest manifest, LinearStack linear, Shading shading,

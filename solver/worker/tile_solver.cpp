@@ -15,6 +15,7 @@
 #include "solver/methods.h"
 #include "solver/mosaic/mosaic_matte.h"
 #include "solver/worker/solver_metrics.h"
+#include "solver/worker/sparse_solve.h"
 #include "solver/worker/video_solve.h"
 
 namespace glasswing {
@@ -86,30 +87,23 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
 constexpr int kSurveyColumnStep = 5, kMinSurveyColumns = 64;
 
 FrameStack some_columns(const FrameStack& row) {
-  const int width = row.width_px;
-  if (width < kSurveyColumnStep * kMinSurveyColumns) return row;
-  FrameStack some = row;
-  const int count = width / kSurveyColumnStep;
-  some.width_px = count;
-  some.column_step = kSurveyColumnStep;
-  const auto pixel_samples = static_cast<size_t>(row.samples_per_pixel());
-  const auto samples = std::make_shared<std::vector<std::uint16_t>>();
-  samples->reserve(row.rows.size() * static_cast<size_t>(count) * pixel_samples);
-  for (std::span<const std::uint16_t>& frame : some.rows) {
-    if (frame.empty()) continue;
-    const size_t first = samples->size();
-    for (int x = 0; x < count; ++x) {
-      const auto pixel =
-          frame.subspan(static_cast<size_t>(x * kSurveyColumnStep) * pixel_samples, pixel_samples);
-      samples->insert(samples->end(), pixel.begin(), pixel.end());
-    }
-    frame = std::span(*samples).subspan(first);  // stays valid: enough was reserved
-  }
-  some.owner = samples;
-  return some;
+  return row.width_px < kSurveyColumnStep * kMinSurveyColumns ? row : every_column(row, kSurveyColumnStep);
 }
 
 }  // namespace
+
+absl::Status keep_steps(const google::protobuf::RepeatedField<std::int32_t>& rising,
+                        v1::CaptureManifest& manifest) {
+  auto& frames = *manifest.mutable_frames();
+  frames.erase(std::remove_if(frames.begin(), frames.end(),
+                              [&](const v1::Frame& frame) {
+                                return !std::binary_search(rising.begin(), rising.end(), frame.step());
+                              }),
+               frames.end());
+  if (frames.size() == rising.size()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("the archive has frames of {} of the {} steps of the draft", frames.size(), rising.size()));
+}
 
 SolveSource::SolveSource(const v1::ClaimTileResponse& tile, std::stop_token stop)
     : archive_(addresses_of(tile), tile.lease().session(), std::move(stop)) {}
@@ -118,6 +112,7 @@ absl::StatusOr<std::shared_ptr<const SolveSource>> SolveSource::open(const v1::C
                                                                      std::stop_token stop) {
   std::shared_ptr<SolveSource> source(new SolveSource(tile, std::move(stop)));
   GW_ASSIGN_OR_RETURN(source->manifest_, source->archive_.manifest());
+  if (tile.has_draft()) GW_RETURN_IF_ERROR(keep_steps(tile.draft_steps(), source->manifest_));
   const auto read = [&](int row, const std::vector<int>& frames) {
     return source->archive_.samples(source->manifest_, frames, row, 1);
   };
@@ -165,11 +160,19 @@ absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token s
   const BusyTime busy;
   const PreparedSolve* prepared = source_->prepared();
   if (prepared == nullptr) return solve_frames(tile_, *source_, thread_count, std::move(stop));
-  GW_ASSIGN_OR_RETURN(Matte matte, prepared->solve_in_bands(read_.stack, thread_count, std::move(stop)));
+  const int step = tile_.draft_pixel_step();
+  GW_ASSIGN_OR_RETURN(Matte matte,
+                      step > 1 ? solve_sparsely(*prepared, read_.stack, step, thread_count, std::move(stop))
+                               : prepared->solve_in_bands(read_.stack, thread_count, std::move(stop)));
   if (matte.height_px() != tile_.row_count())
     matte = rows_of(matte, tile_.first_row() - read_.stack.first_row, tile_.row_count());
   GW_RETURN_IF_ERROR(read_.rows.intact());
   GW_RETURN_IF_ERROR(check_matte(matte));
+  if (tile_.has_draft()) *matte.metadata.mutable_draft() = tile_.draft();
+  if (step > 1) {
+    matte.metadata.add_warnings(fmt::format(
+        "a draft: one pixel in {} is solved, and the others are interpolated between those", step * step));
+  }
   SolvedTile solved;
   count(matte, solved);
   GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte));

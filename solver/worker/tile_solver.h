@@ -35,12 +35,16 @@ struct ReadStack {
   FrameRows rows;
 };
 
+// Leaves only the frames of these steps. FAILED_PRECONDITION: not every step has one.
+absl::Status keep_steps(const google::protobuf::RepeatedField<std::int32_t>& rising,
+                        v1::CaptureManifest& manifest);
+
 // The archive of one solve job and everything that its tiles share. Thread-safe.
 class SolveSource {
  public:
-  // Reads the manifest, measures the brightness drift and lays out the method. INVALID_ARGUMENT: a method, an
-  // option or a calibration. FAILED_PRECONDITION says what the archive lacks. Other errors are
-  // RemoteArchive's.
+  // Reads the manifest, of a draft the part that it is made of, measures the brightness drift and lays out
+  // the method. INVALID_ARGUMENT: a method, an option or a calibration. FAILED_PRECONDITION says what the
+  // archive lacks. Other errors are RemoteArchive's.
   static absl::StatusOr<std::shared_ptr<const SolveSource>> open(const v1::ClaimTileResponse& tile,
                                                                  std::stop_token stop);
 

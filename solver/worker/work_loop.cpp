@@ -23,6 +23,7 @@
 #include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
+#include "solver/worker/low_priority.h"
 #include "solver/worker/solver_metrics.h"
 #include "solver/worker/tile_solver.h"
 
@@ -94,6 +95,15 @@ struct OwnTile {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
   }
 };
+
+// Drafts yield to the capture that they are made during.
+template <typename T>
+absl::StatusOr<T> at_priority_of(const OwnTile& tile, const std::function<absl::StatusOr<T>()>& work) {
+  if (!tile.claim.has_draft()) return work();
+  absl::StatusOr<T> result;
+  run_at_low_priority([&] { result = work(); });
+  return result;
+}
 
 class WorkLoop {
  public:
@@ -199,7 +209,8 @@ absl::StatusOr<TileInHand> WorkLoop::read(const v1::ClaimTileResponse& tile) {
 
 void WorkLoop::start(OwnTile& tile) {
   tile.read = std::async(std::launch::async, [this, &tile] {
-    return patiently<TileInHand>(tile, [&] { return read(tile.claim); });
+    return patiently<TileInHand>(
+        tile, [&] { return at_priority_of<TileInHand>(tile, [&] { return read(tile.claim); }); });
   });
 }
 
@@ -344,7 +355,8 @@ std::unique_ptr<OwnTile> WorkLoop::work_on(std::unique_ptr<OwnTile> tile) {
   absl::StatusOr<SolvedTile> solved = patiently<SolvedTile>(*tile, [&]() -> absl::StatusOr<SolvedTile> {
     if (!in_hand.ok()) in_hand = read(tile->claim);
     GW_RETURN_IF_ERROR(in_hand.status());
-    absl::StatusOr<SolvedTile> result = in_hand->solve(options_.threads, in_vain);
+    absl::StatusOr<SolvedTile> result =
+        at_priority_of<SolvedTile>(*tile, [&] { return in_hand->solve(options_.threads, in_vain); });
     // The rows that were read cannot be trusted then.
     if (absl::IsUnavailable(result.status())) in_hand = result.status();
     return result;

@@ -62,6 +62,22 @@ TEST_F(MatteFilesTest, ASolveGivenUpLeavesWhatWasFinished) {
   EXPECT_TRUE(fs::is_empty(data_ / "tiles"));
 }
 
+TEST_F(MatteFilesTest, ADraftStaysUntilASolveFinishesOrTheSessionGoes) {
+  write(files_.draft("a"), "draft of a");
+  write(files_.draft("b.c"), "draft");
+  write(files_.next("a"), "next");
+  ASSERT_TRUE(files_.drop_next("a").ok());
+  const auto drafts = files_.drafts();
+  ASSERT_EQ(drafts.size(), 2u);
+  EXPECT_EQ(drafts.at("a"), files_.draft("a"));
+  EXPECT_EQ(read_file(drafts.at("b.c")).value(), "draft");
+  write(files_.next("a"), "next");
+  ASSERT_TRUE(files_.finish("a").ok());
+  EXPECT_FALSE(fs::exists(files_.draft("a")));
+  EXPECT_EQ(files_.remove("b.c").value(), 5);
+  EXPECT_TRUE(files_.drafts().empty());
+}
+
 TEST_F(MatteFilesTest, RemovingASessionLeavesThoseWhoseNamesLookAlike) {
   write(files_.finished("a"), "12345");
   write_next_frames("a", "123");

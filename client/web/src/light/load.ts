@@ -19,6 +19,11 @@ export function matteUrl(session: string, frame?: number): string {
   return `/mattes/${encodeURIComponent(session)}.exr${frame === undefined ? "" : `?frame=${frame}`}`;
 }
 
+/** Of a session that is not solved yet: its newest draft, or what is solved so far. */
+export function partialMatteUrl(session: string): string {
+  return `${matteUrl(session)}?partial=1`;
+}
+
 function load<Result>(
   request: LoadRequest,
   { signal, report }: LoadOptions,

@@ -1,11 +1,11 @@
-import { matteUrl } from "../light/load";
+import { matteUrl, partialMatteUrl } from "../light/load";
 
 interface DownloadsProps {
   session: string;
   /** Whether the session's frames are complete. */
   captured: boolean;
-  /** "done", or "partial" while tiles are being solved. */
-  matte?: "done" | "partial" | undefined;
+  /** "done"; before, "draft" if there is one, or "partial" while tiles are being solved. */
+  matte?: "done" | "draft" | "partial" | undefined;
   /** Of a video. */
   frame?: number | undefined;
   /** The matte's. One without monitors gets no link to STMaps. */
@@ -20,9 +20,9 @@ export function Downloads({ session, captured, matte, frame, monitors = [] }: Do
   return (
     <span class="downloads">
       Download
-      {matte === "partial" && (
-        <a href={`${matteUrl(session)}?partial=1`} download={`${session}-partial.exr`}>
-          what is solved so far
+      {(matte === "partial" || matte === "draft") && (
+        <a href={partialMatteUrl(session)} download={`${session}-${matte}.exr`}>
+          {matte === "draft" ? "the draft" : "what is solved so far"}
         </a>
       )}
       {matte === "done" && (

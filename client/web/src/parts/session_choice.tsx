@@ -8,18 +8,30 @@ function hasMatte({ matteReady, solvedFrames }: SessionJson): boolean {
   return matteReady === true || (solvedFrames?.length ?? 0) > 0;
 }
 
-function describe({ method, objectPixelCount, frameCount }: SessionJson): string {
+function hasDraft({ draft }: SessionJson): boolean {
+  return draft !== undefined;
+}
+
+function describe({ method, objectPixelCount, frameCount, draft }: SessionJson): string {
+  if (draft) return `${method ?? ""}, a draft of ${draft.imageCount ?? 0} images`;
   if (frameCount) return `${method ?? ""}, ${frameCount} frames`;
   return `${method ?? ""}, ${Number(objectPixelCount ?? 0).toLocaleString()} pixels of object`;
 }
 
+interface SessionChoiceProps {
+  page: string;
+  title: string;
+  /** Whether sessions are listed that have no more than a draft. */
+  drafts?: boolean;
+}
+
 /** The sessions that have a matte, newest first, as links to `page`. */
-export function SessionChoice({ page, title }: { page: string; title: string }) {
+export function SessionChoice({ page, title, drafts = false }: SessionChoiceProps) {
   const [sessions, setSessions] = useState<SessionJson[]>();
   const [error, setError] = useState<unknown>();
   useEffect(() => {
     call<ListSessionsResponseJson>("SessionService/ListSessions").then(
-      (answer) => setSessions((answer.sessions ?? []).filter(hasMatte)),
+      (answer) => setSessions((answer.sessions ?? []).filter((one) => hasMatte(one) || (drafts && hasDraft(one)))),
       setError,
     );
   }, []);

@@ -1,5 +1,6 @@
 import { useEffect, useRef, useState } from "preact/hooks";
-import { loadDrawable, matteUrl } from "../light/load";
+import type { DraftJson } from "../gen/glasswing/v1/matte_pb";
+import { loadDrawable, matteUrl, partialMatteUrl } from "../light/load";
 import { Failure } from "../parts/failure";
 import { FrameSlider } from "../parts/frame_slider";
 import { save } from "../parts/save";
@@ -81,7 +82,14 @@ function BackgroundControls({ choice, paintOne, open, keepShape, reset }: Contro
   );
 }
 
-export function Player({ session, frames }: { session: string; frames: number[] }) {
+interface PlayerProps {
+  session: string;
+  frames: number[];
+  /** The newest, until there is the finished matte. */
+  draft: DraftJson | undefined;
+}
+
+export function Player({ session, frames, draft }: PlayerProps) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const stage = useRef<Stage | undefined>(undefined);
   const [ready, setReady] = useState(false);
@@ -98,11 +106,13 @@ export function Player({ session, frames }: { session: string; frames: number[] 
   const [crop, setCrop] = useState(true);
   const chosen = useRef(monitor);
   chosen.current = monitor;
+  const drafted = draft?.imageCount;
 
   useEffect(() => {
     const cancel = new AbortController();
     setProgress(0);
-    loadDrawable(matteUrl(session, frame), { signal: cancel.signal, report: setProgress })
+    const url = drafted === undefined ? matteUrl(session, frame) : partialMatteUrl(session);
+    loadDrawable(url, { signal: cancel.signal, report: setProgress })
       .then((matte) => {
         setError(undefined);
         setUnsolved(matte.unsolved.length);
@@ -118,7 +128,7 @@ export function Player({ session, frames }: { session: string; frames: number[] 
       .catch(setError)
       .finally(() => cancel.signal.aborted || setProgress(1));
     return () => cancel.abort();
-  }, [session, frame]);
+  }, [session, frame, drafted]);
 
   useEffect(() => () => stage.current?.close(), []);
   useEffect(() => {
@@ -172,7 +182,13 @@ export function Player({ session, frames }: { session: string; frames: number[] 
     >
       <div class="row">
         <h1>{session}</h1>
-        <a href={`#/matte/${encodeURIComponent(session)}`}>View the matte</a>
+        {draft ? (
+          <span class="note" role="status">
+            A draft of {draft.imageCount ?? 0} of {draft.plannedImageCount ?? 0} images; it gets better by itself
+          </span>
+        ) : (
+          <a href={`#/matte/${encodeURIComponent(session)}`}>View the matte</a>
+        )}
         <a href="#/play">Other sessions</a>
       </div>
       {error !== undefined && <Failure error={error} />}

@@ -22,8 +22,9 @@ import { useTimeline } from "./use_timeline";
 
 const kLookAgain_s = 2;
 
-function matteOf(session: SessionJson): "done" | "partial" | undefined {
+function matteOf(session: SessionJson): "done" | "draft" | "partial" | undefined {
   if (session.frameCount) return undefined; // a video has one for each frame, on the matte's page
+  if (session.draft) return "draft";
   if (session.state === "SESSION_STATE_SOLVING" && (session.tilesDone ?? 0) > 0) return "partial";
   return session.matteReady ? "done" : undefined;
 }
@@ -41,11 +42,11 @@ function Head({ session }: { session: SessionJson }) {
       </span>
       <span class="spacer" />
       <Downloads session={name} captured={isCaptured(session)} matte={matteOf(session)} />
-      {looks && (
-        <>
-          <a href={`#/matte/${encodeURIComponent(name)}`}>View the matte</a>
-          <a href={`#/play/${encodeURIComponent(name)}`}>Try backgrounds</a>
-        </>
+      {looks && <a href={`#/matte/${encodeURIComponent(name)}`}>View the matte</a>}
+      {(looks || session.draft) && (
+        <a href={`#/play/${encodeURIComponent(name)}`}>
+          {looks ? "Try backgrounds" : "Try backgrounds with the draft"}
+        </a>
       )}
       <a href="#/session">All sessions</a>
     </div>

@@ -82,6 +82,11 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
         text: secondsText(Number(session.captureSeconds)),
       },
     diskFact(session, archive),
+    session.draft && {
+      name: "Draft",
+      text: `${(session.draft.imageCount ?? 0).toLocaleString("en")} of ${(session.draft.plannedImageCount ?? 0).toLocaleString("en")} images`,
+      more: `${session.draft.sweepCount ?? 0} of ${session.draft.plannedSweepCount ?? 0} sweeps`,
+    },
     pixels > 0 && {
       name: "Object",
       text: `${pixels.toLocaleString("en")} pixels`,

@@ -6,7 +6,7 @@
 // capture, the page must show nothing wrong and recover by itself. axe-core must find nothing serious. GLASSWING_PICTURES names a directory for a picture of every page.
 import { strict as assert } from "node:assert";
 import { execFileSync } from "node:child_process";
-import { mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
+import { mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import axe from "axe-core";
@@ -396,6 +396,31 @@ async function survive_restart(page, rig) {
   told("resumed and captured, by both", await proven_on(page));
 }
 
+// --- a draft
+
+/** The play page shows the draft while its session is captured, and takes the finished matte by itself. */
+async function play_draft(page, rig) {
+  const folder = mkdtempSync(join(tmpdir(), "slow-plan-"));
+  const plan = join(folder, "slow.txtpb");
+  const slow = readFileSync(rig.plan("crystal"), "utf8").replace(/^hold_refreshes:.*/m, "hold_refreshes: 6");
+  writeFileSync(plan, slow);
+  rig.glasswing("capture", plan, "--session", "third", "--solve");
+  rmSync(folder, { recursive: true });
+  await look(page, "#/session/third", ".session h1");
+  await page.getByRole("link", { name: "Try backgrounds with the draft" }).click();
+  await page.locator(".stage:visible").waitFor();
+  const images = /A draft of (\d+) of \d+ images/.exec(await page.locator(".play [role=status]").textContent());
+  assert.equal(rig.session("third").state, "SESSION_STATE_CAPTURING");
+  assert.ok(Number(images[1]) > 0);
+  await photograph(page, "play-draft");
+  await page.evaluate(() => (window.not_loaded_again = true));
+  await page.getByRole("link", { name: "View the matte" }).waitFor({ timeout: 2 * kPatience_ms });
+  assert.equal(rig.session("third").state, "SESSION_STATE_DONE");
+  assert.equal(await page.locator(".play .failure").count(), 0);
+  assert.ok(await page.evaluate(() => window.not_loaded_again), "the page was loaded again");
+  told("played before the last image", `a draft of ${images[1]} images`);
+}
+
 // --- accessibility
 
 const kPages = [
@@ -533,6 +558,7 @@ try {
   await photograph(page, "sessions");
   await check_accessible(page);
   await check_narrow(page);
+  await play_draft(page, rig);
   assert.deepEqual(errors, []);
   await context.close();
   await check_viewer(browser, rig);

@@ -1,0 +1,41 @@
+// What of a session can be solved before its last image: the order in which its stripes are shown, coarse
+// before fine, and the sets of steps that drafts of the matte are made of.
+//
+// A sweep's stripes need not be closer than 1.5 sigma (plan.proto, Sweep.step_px): of an image sampled so,
+//   2 exp(-2 pi^2 / 1.5^2) = 3e-4
+// is lost. So every k-th stripe of a sweep, k step_px <= 1.5 sigma_px, is a sweep of its own.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/pattern/plan.h"
+#include "glasswing/v1/matte.pb.h"
+
+namespace glasswing {
+
+// Permutes the stripes of each monitor among their places: every k-th of each sweep in the plan's order, then
+// the others. `steps` are of one exposure. All other steps keep their place.
+std::vector<Step> coarse_to_fine(std::vector<Step> steps);
+
+// The first `step_count` steps in the order of showing have what a draft needs.
+struct DraftStage {
+  int step_count = 0;
+  int sweep_count = 0;
+};
+
+// Rising. `shown`: all steps of a plan, in the order of showing. A stage ends with a set of stripes, coarse
+// or fine, once all monitors whose stripes have begun were swept in three directions. Empty for methods other
+// than "gaussian", whose images are few or make a matte only together. None ends after nine tenths of the
+// steps: the finished matte comes soon enough then.
+std::vector<DraftStage> draft_stages(const v1::Plan& plan, const std::vector<Step>& shown);
+
+// The steps of a plan in the order in which a session shows them that is solved while it is captured.
+std::vector<Step> in_order_of_showing(const std::vector<Step>& steps);
+
+// "a draft of 389 of 1450 images, 3 of 4 sweeps"
+std::string describe(const v1::Draft& draft);
+// Sweeps of a plan's steps.
+int count_sweeps(const std::vector<Step>& steps);
+
+}  // namespace glasswing

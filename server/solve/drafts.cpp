@@ -1,0 +1,385 @@
+#include "server/solve/drafts.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "core/base/checksum.h"
+#include "core/base/file.h"
+#include "core/base/mapped_file.h"
+#include "core/base/pause.h"
+#include "core/base/status.h"
+#include "core/frame/mosaic.h"
+#include "core/matte/matte_file.h"
+#include "server/archives/session_archive.h"
+#include "server/solve/join_tiles.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::chrono::milliseconds kDraftPause(500);
+// Short: once the capture has ended, solvers learn within a third of it that the draft is not wanted.
+constexpr std::chrono::milliseconds kDraftLease(1500);
+constexpr int kMaxFailures = 3;
+// Nothing is known of the cost of rows, and a draft is not surveyed.
+constexpr int kDraftTiles = 48, kMinDraftRows = 2;
+constexpr std::int64_t kMaxDraftTileBytes = 256 << 20;  // of frames' samples
+constexpr std::chrono::seconds kBreak(5);  // between a capture's reports: it was paused, or a node was away
+constexpr double kFewPixels = 60'000;
+constexpr int kFirstStep = 5;
+constexpr double kPartOfRest = 0.7;  // of the capture
+constexpr double kNearlyAll = 0.95;  // of a stage's steps
+
+std::vector<TileRange> draft_tiles(const v1::CaptureManifest& manifest, int frame_count, int pixel_step) {
+  const FrameShape shape = shape_of(manifest.camera());
+  const std::int64_t row_bytes = 2 * static_cast<std::int64_t>(shape.row_samples()) * frame_count;
+  const auto fitting =
+      static_cast<int>(std::clamp<std::int64_t>(kMaxDraftTileBytes / row_bytes, 1, shape.height_px));
+  int rows = std::min(fitting, std::max(kMinDraftRows, (shape.height_px + kDraftTiles - 1) / kDraftTiles));
+  rows = std::max(rows / pixel_step, 1) * pixel_step;
+  std::vector<TileRange> tiles;
+  for (int y = 0; y < shape.height_px; y += rows)
+    tiles.push_back({.first = y, .count = std::min(rows, shape.height_px - y)});
+  return tiles;
+}
+
+absl::Status void_attempt(const v1::TileLease& lease) {
+  return absl::AbortedError(fmt::format("tile {} of the draft of session \"{}\" is not wanted any more",
+                                        lease.tile(), lease.session()));
+}
+
+}  // namespace
+
+DraftTiles::DraftTiles(std::vector<TileRange> ranges, nanoseconds lease)
+    : holders_(ranges.size()), lease_(lease) {
+  for (size_t i = 0; i < ranges.size(); ++i)
+    states_.push_back({.number = static_cast<int>(i), .range = ranges[i], .error = {}, .done = {}});
+}
+
+std::optional<DraftTiles::Claimed> DraftTiles::claim(nanoseconds now) {
+  for (size_t i = 0; i < states_.size(); ++i) {
+    Holder& holder = holders_[i];
+    if (states_[i].is_done() || (holder.held && now < holder.until)) continue;
+    holder = {.attempt = holder.attempt + 1, .held = true, .until = now + lease_};
+    return Claimed{.tile = static_cast<int>(i), .attempt = holder.attempt, .range = states_[i].range};
+  }
+  return std::nullopt;
+}
+
+absl::Status DraftTiles::check(const v1::TileLease& lease) const {
+  const bool known = lease.tile() >= 0 && lease.tile() < static_cast<int>(states_.size());
+  if (known && holders_[static_cast<size_t>(lease.tile())].attempt == lease.attempt())
+    return absl::OkStatus();
+  return void_attempt(lease);
+}
+
+absl::Status DraftTiles::renew(const v1::TileLease& lease, nanoseconds now) {
+  GW_RETURN_IF_ERROR(check(lease));
+  const auto at = static_cast<size_t>(lease.tile());
+  if (states_[at].is_done() || !holders_[at].held) return void_attempt(lease);
+  holders_[at].until = now + lease_;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<TileRange> DraftTiles::range(const v1::TileLease& lease) const {
+  GW_RETURN_IF_ERROR(check(lease));
+  return states_[static_cast<size_t>(lease.tile())].range;
+}
+
+absl::Status DraftTiles::complete(const v1::TileLease& lease, const std::string& file) {
+  GW_RETURN_IF_ERROR(check(lease));
+  states_[static_cast<size_t>(lease.tile())].done.result = file;
+  return absl::OkStatus();
+}
+
+bool DraftTiles::give_back(const v1::TileLease& lease, bool failed) {
+  if (!check(lease).ok()) return true;
+  const auto at = static_cast<size_t>(lease.tile());
+  holders_[at].held = false;
+  if (failed) ++states_[at].failures;
+  return states_[at].failures < kMaxFailures;
+}
+
+bool DraftTiles::was_claimed() const {
+  return std::ranges::any_of(holders_, [](const Holder& holder) { return holder.attempt > 0; });
+}
+
+bool DraftTiles::all_done() const {
+  return std::ranges::all_of(states_, &TileState::is_done);
+}
+
+int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds, double seconds_left) {
+  const double pixels = static_cast<double>(camera.width_px()) * camera.height_px();
+  // Colours of a mosaic's pixel come from its neighbours.
+  if (pixels <= kFewPixels || !camera.mosaic().empty()) return 1;
+  const double of_all = unit_seconds * pixels * image_count;
+  for (const int step : {1, 3}) {
+    if (unit_seconds > 0.0 && of_all / (step * step) <= kPartOfRest * seconds_left) return step;
+  }
+  return kFirstStep;
+}
+
+std::optional<std::vector<int>> reached(const DraftStage& stage, const std::vector<int>& shown,
+                                        const v1::CaptureManifest& manifest) {
+  std::set<int> stored;
+  for (const v1::Frame& frame : manifest.frames()) stored.insert(frame.step());
+  const auto end = shown.begin() + stage.step_count;
+  std::vector<int> steps;
+  std::ranges::copy_if(shown.begin(), end, std::back_inserter(steps),
+                       [&](int step) { return stored.contains(step); });
+  std::ranges::sort(steps);
+  const bool all = std::ssize(steps) == stage.step_count;
+  const bool gone_on = std::any_of(end, shown.end(), [&](int step) { return stored.contains(step); });
+  if (all || (gone_on && static_cast<double>(steps.size()) >= kNearlyAll * stage.step_count)) return steps;
+  return std::nullopt;
+}
+
+Drafts::Drafts(SessionStore& sessions, const MatteFiles& mattes)
+    : sessions_(sessions), mattes_(mattes), thread_([this](std::stop_token stop) { run(stop); }) {}
+
+void Drafts::take_up() {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [session, path] : mattes_.drafts()) {
+    std::error_code error;
+    const std::uintmax_t size = fs::file_size(path, error);
+    if (error) continue;
+    const absl::StatusOr<std::shared_ptr<const MappedFile>> file = MappedFile::open(path, size);
+    if (!file.ok()) continue;
+    const absl::StatusOr<MatteOutline> outline = outline_of((*file)->bytes());
+    if (outline.ok() && (*file)->intact()) made_[session] = outline->metadata.draft();
+  }
+}
+
+void Drafts::note(const v1::Session& session) {
+  if (!session.solve_follows()) return;
+  if (session.state() == v1::SESSION_STATE_CAPTURING) return to_look_at_.add(session.name());
+  if (session.state() == v1::SESSION_STATE_PAUSED) return;
+  const std::lock_guard lock(mutex_);
+  if (running_ && running_->session.name() == session.name()) running_.reset();
+}
+
+void Drafts::forget(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  if (running_ && running_->session.name() == session) running_.reset();
+  made_.erase(session);
+}
+
+std::optional<v1::Draft> Drafts::of(const v1::Session& session) {
+  const std::lock_guard lock(mutex_);
+  const auto made = made_.find(session.name());
+  if (made == made_.end()) return std::nullopt;
+  if (!session.matte_ready()) return made->second;
+  made_.erase(made);
+  return std::nullopt;
+}
+
+void Drafts::run(std::stop_token stop) {
+  while (!stop.stop_requested()) {
+    for (const std::string& name : to_look_at_.take(stop)) {
+      const absl::Status looked = look(name);
+      // A node that is away is named by the capture itself.
+      if (!looked.ok() && !absl::IsUnavailable(looked))
+        spdlog::warn("no draft session={} error=\"{}\"", name, std::string(looked.message()));
+    }
+    pause(stop, kDraftPause);
+  }
+}
+
+absl::StatusOr<Drafts::Plan*> Drafts::plan_of(const v1::Session& session) {
+  if (const auto known = plans_.find(session.name()); known != plans_.end()) return &known->second;
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
+  GW_ASSIGN_OR_RETURN(const std::vector<Step> steps,
+                      expand(manifest.plan(), {manifest.monitors().begin(), manifest.monitors().end()}));
+  const std::vector<Step> shown = in_order_of_showing(steps);
+  Plan plan{.steps = {}, .stages = draft_stages(manifest.plan(), shown), .sweep_count = count_sweeps(steps)};
+  for (const Step& step : shown) plan.steps.push_back(step.number);
+  plans_.clear();  // a server captures one session at a time
+  return &plans_.emplace(session.name(), std::move(plan)).first->second;
+}
+
+absl::Status Drafts::look(const std::string& name) {
+  const absl::StatusOr<v1::Session> session = sessions_.find(name);
+  if (!session.ok() || session->state() != v1::SESSION_STATE_CAPTURING || !session->solve_follows() ||
+      session->archive_address().empty())
+    return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(Plan* const plan, plan_of(*session));
+  const nanoseconds now = monotonic_now();
+  if (now - plan->looked > kBreak) {
+    plan->since = now;
+    plan->since_proven = session->proven_count();
+  }
+  plan->looked = now;
+  {
+    const std::lock_guard lock(mutex_);
+    if (running_ && running_->tiles.was_claimed())
+      return absl::OkStatus();  // looked at again once it is done
+  }
+  const auto may_be_reached = [&](const DraftStage& stage) {
+    return stage.step_count > plan->begun && session->proven_count() >= kNearlyAll * stage.step_count;
+  };
+  if (std::ranges::none_of(plan->stages, may_be_reached)) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(*session).manifest());
+  for (auto stage = plan->stages.rbegin(); stage != plan->stages.rend(); ++stage) {
+    if (!may_be_reached(*stage)) continue;
+    std::optional<std::vector<int>> steps = reached(*stage, plan->steps, manifest);
+    if (!steps) continue;
+    begin(*session, *stage, *std::move(steps), manifest, *plan);
+    break;
+  }
+  return absl::OkStatus();
+}
+
+void Drafts::begin(const v1::Session& session, const DraftStage& stage, std::vector<int> steps,
+                   const v1::CaptureManifest& manifest, Plan& plan) {
+  v1::Draft draft;
+  draft.set_image_count(static_cast<int>(steps.size()));
+  draft.set_planned_image_count(static_cast<int>(plan.steps.size()));
+  draft.set_sweep_count(stage.sweep_count);
+  draft.set_planned_sweep_count(plan.sweep_count);
+  const std::lock_guard lock(mutex_);
+  const std::chrono::duration<double> took = plan.looked - plan.since;
+  const double seconds_left = took.count() * (session.step_count() - session.proven_count()) /
+                              std::max(session.proven_count() - plan.since_proven, 1);
+  const int pixel_step = pixel_step_of(manifest.camera(), draft.image_count(), unit_seconds_, seconds_left);
+  plan.begun = stage.step_count;
+  // Between few pixels more sweeps make no better draft.
+  if (plan.pixel_step > 1 && pixel_step >= plan.pixel_step) return;
+  if (plan.pixel_step == 1 && pixel_step > 1) return;
+  plan.pixel_step = pixel_step;
+  // Solvers know jobs by their number, across restarts of the server.
+  last_job_ = std::min(
+      last_job_ - 1, -std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
+  DraftTiles tiles(draft_tiles(manifest, draft.image_count(), pixel_step), kDraftLease);
+  running_ = {.job = last_job_,
+              .session = session,
+              .draft = draft,
+              .steps = std::move(steps),
+              .pixel_step = pixel_step,
+              .tiles = std::move(tiles)};
+  spdlog::info("draft begun session={} images={} of={} pixel_step={}", session.name(), draft.image_count(),
+               draft.planned_image_count(), pixel_step);
+}
+
+v1::ClaimTileResponse Drafts::claim() {
+  v1::ClaimTileResponse response;
+  const std::lock_guard lock(mutex_);
+  if (!running_) return response;
+  const nanoseconds now = monotonic_now();
+  const bool first = !running_->tiles.was_claimed();
+  const std::optional<DraftTiles::Claimed> claimed = running_->tiles.claim(now);
+  if (!claimed) return response;
+  if (first) running_->began = now;
+  v1::TileLease& lease = *response.mutable_lease();
+  lease.set_session(running_->session.name());
+  lease.set_job(running_->job);
+  lease.set_tile(claimed->tile);
+  lease.set_attempt(claimed->attempt);
+  response.set_lease_ms(kDraftLease.count());
+  response.set_first_row(claimed->range.first);
+  response.set_row_count(claimed->range.count);
+  response.set_method(running_->session.plan().method());
+  response.set_archive_address(running_->session.archive_address());
+  *response.mutable_draft() = running_->draft;
+  response.set_draft_pixel_step(running_->pixel_step);
+  response.mutable_draft_steps()->Add(running_->steps.begin(), running_->steps.end());
+  return response;
+}
+
+Drafts::Running* Drafts::running(const v1::TileLease& lease) {
+  return running_ && running_->job == lease.job() ? &*running_ : nullptr;
+}
+
+absl::Status Drafts::renew(const v1::TileLease& lease) {
+  const std::lock_guard lock(mutex_);
+  Running* const draft = running(lease);
+  return draft == nullptr ? void_attempt(lease) : draft->tiles.renew(lease, monotonic_now());
+}
+
+absl::Status Drafts::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
+  const v1::TileLease& lease = header.lease();
+  v1::Session session;
+  TileRange range;
+  {
+    const std::lock_guard lock(mutex_);
+    const Running* const draft = running(lease);
+    if (draft == nullptr) return void_attempt(lease);
+    GW_ASSIGN_OR_RETURN(range, draft->tiles.range(lease));
+    session = draft->session;
+  }
+  const std::string checksum = checksum_of(matte);
+  if (header.checksum() != checksum) {
+    return absl::DataLossError(
+        fmt::format("the tile's checksum is {}, announced was {}", checksum, header.checksum()));
+  }
+  GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(matte));
+  GW_RETURN_IF_ERROR(check_rows(outline, range, session));
+  GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(session.name()));
+  const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), checksum);
+  {
+    GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(directory / file));  // not flushed
+    GW_RETURN_IF_ERROR(writer.add(matte));
+  }
+  std::optional<Running> done;
+  {
+    const std::lock_guard lock(mutex_);
+    Running* const draft = running(lease);
+    if (draft == nullptr) return void_attempt(lease);
+    GW_RETURN_IF_ERROR(draft->tiles.complete(lease, file));
+    if (!draft->tiles.all_done()) return absl::OkStatus();
+    done = std::exchange(running_, std::nullopt);
+    const double solved = static_cast<double>(session.pixel_count()) / (done->pixel_step * done->pixel_step);
+    const std::chrono::duration<double> took = monotonic_now() - done->began;
+    unit_seconds_ = took.count() / (solved * done->draft.image_count());
+  }
+  const absl::Status finished = finish(*done);
+  if (!finished.ok())
+    spdlog::warn("no draft session={} error=\"{}\"", session.name(), std::string(finished.message()));
+  to_look_at_.add(session.name());
+  return absl::OkStatus();
+}
+
+absl::Status Drafts::finish(const Running& done) {
+  const std::string& name = done.session.name();
+  GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(name));
+  const fs::path unfinished = directory / "draft.tmp";
+  {
+    GW_ASSIGN_OR_RETURN(PositionedFile file, PositionedFile::create(unfinished));
+    GW_RETURN_IF_ERROR(join_tiles(done.tiles.states(), directory, file));
+  }
+  // Without an Edit, which captures wait for.
+  GW_RETURN_IF_ERROR(place_file_durably(unfinished, mattes_.draft(name)));
+  std::error_code ignored;  // all go with the session's solve
+  for (const TileState& tile : done.tiles.states()) fs::remove(directory / tile.done.result, ignored);
+  SessionStore::Edit edit = sessions_.edit();
+  if (const absl::Status there = edit.find(name).status(); !there.ok()) {  // deleted meanwhile
+    fs::remove(mattes_.draft(name), ignored);
+    return there;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    made_[name] = done.draft;
+  }
+  edit.announce();
+  spdlog::info("draft made session={} images={} of={}", name, done.draft.image_count(),
+               done.draft.planned_image_count());
+  return absl::OkStatus();
+}
+
+void Drafts::fail(const v1::FailTileRequest& request) {
+  const std::lock_guard lock(mutex_);
+  Running* const draft = running(request.lease());
+  if (draft == nullptr) return;
+  const bool goes_on = draft->tiles.give_back(request.lease(), !request.handed_back());
+  if (goes_on && !request.permanent()) return;
+  spdlog::warn("no draft session={} images={} error=\"{}\"", draft->session.name(),
+               draft->draft.image_count(), request.error());
+  to_look_at_.add(draft->session.name());
+  running_.reset();
+}
+
+}  // namespace glasswing

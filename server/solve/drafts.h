@@ -1,0 +1,148 @@
+// Drafts: mattes of a session that is still being captured, of the images that are there by then. A draft is
+// made of the steps up to a stage of the plan (core/pattern/draft_stages); which of them it has is fixed when
+// it begins, so all its tiles are of the same frames.
+//
+// Drafts have nothing to do with the finished matte, which is solved of all frames once the capture has
+// ended. They are not in the job store: their tiles are only handed out while that has none, they end with
+// the capture or with the server, and what becomes of them changes no session. Their job numbers are
+// negative.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/base/time.h"
+#include "core/pattern/draft_stages.h"
+#include "glasswing/v1/work_service.pb.h"
+#include "server/solve/session_queue.h"
+#include "server/solve/solve_session.h"
+
+namespace glasswing {
+
+// The tiles of one draft, and who has them. Time is given by the caller.
+class DraftTiles {
+ public:
+  DraftTiles(std::vector<TileRange> ranges, nanoseconds lease);
+
+  struct Claimed {
+    int tile = 0, attempt = 0;
+    TileRange range;
+  };
+  // A tile that nobody has, or whose lease has expired; none: every tile is done or leased.
+  std::optional<Claimed> claim(nanoseconds now);
+  // ABORTED of these three: the tile is done, or a later attempt has it.
+  absl::Status renew(const v1::TileLease& lease, nanoseconds now);
+  absl::StatusOr<TileRange> range(const v1::TileLease& lease) const;
+  // The attempt that completed the tile may repeat the call.
+  absl::Status complete(const v1::TileLease& lease, const std::string& file);
+  // Ends the lease. False: the tile has failed too often. OK too for a void attempt.
+  bool give_back(const v1::TileLease& lease, bool failed);
+
+  bool was_claimed() const;
+  bool all_done() const;
+  const std::vector<TileState>& states() const { return states_; }
+
+ private:
+  struct Holder {
+    int attempt = 0;  // the latest
+    bool held = false;
+    nanoseconds until{};
+  };
+  absl::Status check(const v1::TileLease& lease) const;
+
+  std::vector<TileState> states_;
+  std::vector<Holder> holders_;
+  nanoseconds lease_;
+};
+
+// Thread-safe.
+class Drafts {
+ public:
+  Drafts(SessionStore& sessions, const MatteFiles& mattes);
+
+  // Drafts that an earlier server made can be fetched.
+  void take_up();
+  // Called under an Edit with each record of a session that is being captured, and when the capture has
+  // ended.
+  void note(const v1::Session& session);
+  void forget(const std::string& session);
+  // Of a session without a finished matte: what its newest draft is made of.
+  std::optional<v1::Draft> of(const v1::Session& session);
+
+  // As those of TileDispatcher.
+  static bool is_draft(const v1::TileLease& lease) { return lease.job() < 0; }
+  // Without a lease in the answer there is nothing to do.
+  v1::ClaimTileResponse claim();
+  absl::Status renew(const v1::TileLease& lease);
+  absl::Status complete(const v1::CompleteTileRequest& header, const std::string& matte);
+  void fail(const v1::FailTileRequest& request);
+
+ private:
+  struct Running {
+    std::int64_t job = 0;
+    v1::Session session;
+    v1::Draft draft;
+    std::vector<int> steps;  // rising
+    int pixel_step = 1;
+    DraftTiles tiles;
+    nanoseconds began{};  // when the first tile was claimed
+  };
+  // What can be drafted of a session.
+  struct Plan {
+    std::vector<int> steps;  // in the order of showing
+    std::vector<DraftStage> stages;
+    int sweep_count = 0;
+    // Of the last draft; 0: there was none.
+    int begun = 0;  // step_count of its stage
+    int pixel_step = 0;
+    // The capture's pace: steps proven since then. Begins anew after a break.
+    nanoseconds since{}, looked{};
+    int since_proven = 0;
+  };
+
+  void run(std::stop_token stop);
+  // Begins a draft if the session has reached a stage and no solver works on an earlier draft.
+  absl::Status look(const std::string& name);
+  absl::StatusOr<Plan*> plan_of(const v1::Session& session);
+  void begin(const v1::Session& session, const DraftStage& stage, std::vector<int> steps,
+             const v1::CaptureManifest& manifest, Plan& plan);
+  // Requires mutex_. Null: this draft is not under way.
+  Running* running(const v1::TileLease& lease);
+  absl::Status finish(const Running& done);
+
+  SessionStore& sessions_;
+  const MatteFiles& mattes_;
+  std::map<std::string, Plan> plans_;  // used by thread_ alone
+  std::mutex mutex_;
+  std::optional<Running> running_;         // guarded by mutex_
+  std::map<std::string, v1::Draft> made_;  // newest, by session; guarded by mutex_
+  std::int64_t last_job_ = 0;              // guarded by mutex_
+  // That the last draft took for a solved pixel of an image; 0: there was none. Guarded by mutex_.
+  double unit_seconds_ = 0.0;
+  SessionQueue to_look_at_;
+  std::jthread thread_;  // last: uses all of the above
+};
+
+// Of every how-manyth pixel of every how-manyth row a draft is solved: 1, 3 or 5, the smallest that takes no
+// more than a part of the `seconds_left` of the capture; of all, if there are few pixels.
+// `unit_seconds`: that the last draft took for a pixel of an image; 0: there was none, and the first draft
+// shall come soon.
+int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds, double seconds_left);
+
+// The steps of the first `stage.step_count` of `shown` that are stored, rising, if the stage is reached: all
+// of them, or nearly all and the showing has gone on. (A step without proof is shown again only after all
+// others.) None: not reached.
+std::optional<std::vector<int>> reached(const DraftStage& stage, const std::vector<int>& shown,
+                                        const v1::CaptureManifest& manifest);
+
+}  // namespace glasswing

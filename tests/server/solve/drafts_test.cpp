@@ -1,0 +1,121 @@
+#include "server/solve/drafts.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+namespace glasswing {
+namespace {
+
+using testing::ElementsAre;
+
+constexpr nanoseconds kLease = std::chrono::seconds(1);
+
+v1::TileLease lease_of(const DraftTiles::Claimed& claimed) {
+  v1::TileLease lease;
+  lease.set_session("s");
+  lease.set_job(-1);
+  lease.set_tile(claimed.tile);
+  lease.set_attempt(claimed.attempt);
+  return lease;
+}
+
+DraftTiles two_tiles() {
+  return {{{.first = 0, .count = 4}, {.first = 4, .count = 3}}, kLease};
+}
+
+TEST(DraftTiles, EachIsHandedOutOnceUntilItsLeaseExpires) {
+  DraftTiles tiles = two_tiles();
+  EXPECT_FALSE(tiles.was_claimed());
+  const auto first = tiles.claim(nanoseconds(0)), second = tiles.claim(nanoseconds(0));
+  ASSERT_TRUE(first && second);
+  EXPECT_TRUE(tiles.was_claimed());
+  EXPECT_EQ(first->range.first, 0);
+  EXPECT_EQ(second->range.first, 4);
+  EXPECT_FALSE(tiles.claim(kLease - nanoseconds(1)));
+  EXPECT_TRUE(tiles.renew(lease_of(*second), kLease - nanoseconds(1)).ok());
+  const auto again = tiles.claim(kLease);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->tile, first->tile);
+  EXPECT_EQ(again->attempt, first->attempt + 1);
+  EXPECT_FALSE(tiles.claim(kLease));  // the second's was renewed
+  EXPECT_TRUE(absl::IsAborted(tiles.renew(lease_of(*first), kLease)));
+  EXPECT_TRUE(absl::IsAborted(tiles.complete(lease_of(*first), "late")));
+  EXPECT_TRUE(absl::IsAborted(tiles.range(lease_of(*first)).status()));
+  EXPECT_EQ(tiles.range(lease_of(*again))->count, 4);
+}
+
+TEST(DraftTiles, AreDoneOnceAllResultsAreThere) {
+  DraftTiles tiles = two_tiles();
+  const auto first = tiles.claim(nanoseconds(0)), second = tiles.claim(nanoseconds(0));
+  EXPECT_TRUE(tiles.complete(lease_of(*first), "a").ok());
+  EXPECT_TRUE(tiles.complete(lease_of(*first), "a").ok());  // the answer was lost
+  EXPECT_TRUE(absl::IsAborted(tiles.renew(lease_of(*first), nanoseconds(0))));
+  EXPECT_FALSE(tiles.all_done());
+  EXPECT_TRUE(tiles.complete(lease_of(*second), "b").ok());
+  EXPECT_TRUE(tiles.all_done());
+  EXPECT_FALSE(tiles.claim(10 * kLease));
+}
+
+TEST(DraftTiles, AreFreeAgainWhenGivenBackAndFailAtTheThirdTime) {
+  DraftTiles tiles = two_tiles();
+  for (int i = 0; i < 5; ++i)
+    EXPECT_TRUE(tiles.give_back(lease_of(*tiles.claim(nanoseconds(0))), /*failed=*/false)) << i;
+  EXPECT_TRUE(tiles.give_back(lease_of(*tiles.claim(nanoseconds(0))), /*failed=*/true));
+  EXPECT_TRUE(tiles.give_back(lease_of(*tiles.claim(nanoseconds(0))), /*failed=*/true));
+  EXPECT_FALSE(tiles.give_back(lease_of(*tiles.claim(nanoseconds(0))), /*failed=*/true));
+}
+
+v1::CaptureManifest manifest_of(const std::vector<int>& steps) {
+  v1::CaptureManifest manifest;
+  for (const int step : steps) manifest.add_frames()->set_step(step);
+  return manifest;
+}
+
+TEST(Drafts, AreOfEveryPixelIfThatIsDoneInTime) {
+  v1::Camera camera;
+  camera.set_width_px(640);
+  camera.set_height_px(480);
+  const double whole = 1e-6 * 640 * 480 * 400;         // seconds
+  EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1e9), 5);  // nothing is known yet
+  EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 1.01 * whole / 0.7), 1);
+  EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 0.99 * whole / 0.7), 3);
+  EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 1.01 * whole / 9 / 0.7), 3);
+  EXPECT_EQ(pixel_step_of(camera, 400, 1e-6, 0.99 * whole / 9 / 0.7), 5);
+  camera.set_mosaic("RGGB");
+  EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1.0), 1);
+  camera.clear_mosaic();
+  camera.set_height_px(60);
+  EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1.0), 1);
+}
+
+TEST(Drafts, AStageIsReachedWithAllItsSteps) {
+  const DraftStage stage{.step_count = 3, .sweep_count = 1};
+  const std::vector<int> shown = {5, 1, 3, 2, 4};
+  EXPECT_FALSE(reached(stage, shown, manifest_of({5, 1})));
+  EXPECT_FALSE(reached(stage, shown, manifest_of({5, 1, 2, 4})));
+  EXPECT_THAT(*reached(stage, shown, manifest_of({5, 3, 1})), ElementsAre(1, 3, 5));
+  EXPECT_THAT(*reached(stage, shown, manifest_of({4, 5, 3, 1})), ElementsAre(1, 3, 5));
+}
+
+TEST(Drafts, AStageIsReachedWithNearlyAllItsStepsOnceTheShowingHasGoneOn) {
+  std::vector<int> shown(50);
+  std::iota(shown.begin(), shown.end(), 0);
+  const DraftStage stage{.step_count = 40, .sweep_count = 3};
+  std::vector<int> stored;
+  for (int step = 0; step < 40; ++step) {
+    if (step != 7 && step != 20) stored.push_back(step);
+  }
+  EXPECT_FALSE(reached(stage, shown, manifest_of(stored)));  // the missing ones may be on their way
+  stored.push_back(41);
+  const auto steps = reached(stage, shown, manifest_of(stored));
+  ASSERT_TRUE(steps);
+  EXPECT_EQ(steps->size(), 38u);
+  EXPECT_EQ(steps->back(), 39);
+  std::erase(stored, 9);  // 37 of 40 are fewer than 95 %
+  EXPECT_FALSE(reached(stage, shown, manifest_of(stored)));
+}
+
+}  // namespace
+}  // namespace glasswing

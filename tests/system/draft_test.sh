@@ -1,0 +1,53 @@
+#!/bin/bash
+# A session that is solved while it is captured: drafts can be fetched before the last image, refine, survive
+# the death of server, solver and camera node, and change no bit of the finished matte.
+source "$(dirname "$0")/rig.sh"
+rig=("$root/deploy/local-rig")
+trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
+"${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1
+# Slowly, so that solvers need not be fast.
+plan=$work/slow.txtpb
+sed 's/^hold_refreshes:.*/hold_refreshes: 6/' "$root/deploy/plans/crystal.txtpb" >"$plan"
+
+is() { [[ $(shown "$1" state) == SESSION_STATE_$2 ]]; } # SESSION STATE
+images() { shown s image_count; } # of the newest draft
+drafted() { [[ -n $(images) ]]; }
+refined() { [[ -n $(images) && $(images) != "$1" ]]; } # IMAGES
+
+echo "== a draft comes while the session is captured"
+glasswing capture "$plan" --session s --solve >/dev/null
+refused 'is capturing' glasswing fetch s -o "$work/none.exr"
+until_true 60 drafted || fail "no draft came"
+is s CAPTURING || fail "the first draft came only when s was $(shown s state)"
+first=$(images)
+planned=$(shown s planned_image_count)
+echo "the first draft is of $first of $planned images, with $(shown s proven_count) proven"
+((first < planned / 2)) || fail "it is of $first of $planned images"
+glasswing fetch s -o "$work/draft.exr" --partial | tee "$work/fetched"
+grep -q "a draft of [0-9]* of $planned images, 3 of 4 sweeps" "$work/fetched" || fail "it does not say what it is made of"
+glasswing show s | grep -q '^draft  *a draft of' || fail "show does not tell the draft"
+refused 'is capturing' glasswing fetch s -o "$work/none.exr" # it is never the finished matte
+
+echo "== server, solver and camera node are killed; the draft stays, and the capture goes on"
+for daemon in server solver-1 camera-1; do kill -KILL "$(cat "$work/rig/run/$daemon.pid")"; done
+"${rig[@]}" up --data "$work/rig" >/dev/null
+(($(images) >= first)) || fail "the draft is gone"
+glasswing fetch s -o "$work/again.exr" --partial
+glasswing resume s >/dev/null
+glasswing watch s 2>"$work/watch" || fail "s is $(shown s state)"
+is s DONE || fail "s is $(shown s state)"
+grep -q 'a draft of .* images, 4 of 4 sweeps: glasswing fetch s' "$work/watch" || fail "watch told of no draft: $(cat "$work/watch")"
+! drafted || fail "a session that is done has a draft"
+[[ ! -e $work/rig/server/mattes/s+draft.exr ]] || fail "the draft's file was left"
+
+echo "== the finished matte has the bits of a solve afterwards"
+glasswing fetch s -o "$work/finished.exr"
+glasswing solve s --watch
+glasswing fetch s -o "$work/afterwards.exr"
+cmp "$work/finished.exr" "$work/afterwards.exr" || fail "drafts changed the matte"
+for picture in draft finished; do
+  glasswing composite "$work/$picture.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/$picture.png"
+done
+glasswing compare "$work/draft.png" "$work/finished.png"
+db=$(glasswing compare "$work/draft.png" "$work/finished.png" --json | field psnr_db)
+(($(printf '%.0f' "$db") >= 20)) || fail "the draft is $db dB from the finished matte"
