@@ -61,10 +61,11 @@ int main(int argc, char** argv) {
     const ExposureWindow window{.start = nanoseconds(start_ns), .exposure = nanoseconds(exposure_ns)};
     const nanoseconds end = window.start + window.exposure;
     Image16 seen(scene.width_px, scene.height_px);
-    if (timeline.wait_known_until(end, kPatience)) {
-      const std::vector<MonitorEmission> emission = timeline.between(window.start, end);
-      const Transport& through = scene.transport(emission, std::filesystem::exists(object));
-      seen = expose(integrate(through, emission, window, nanoseconds(0)),
+    const auto emission =
+        timeline.wait_known_until(end, kPatience) ? timeline.between(window.start, end) : std::nullopt;
+    if (emission) {
+      const Transport& through = scene.transport(*emission, std::filesystem::exists(object));
+      seen = expose(integrate(through, *emission, window, nanoseconds(0)),
                     static_cast<double>(exposure_ns) / 1e6, sensor, ++number);
     }
     const std::vector<std::uint8_t> bytes = yuyv_of(seen);
