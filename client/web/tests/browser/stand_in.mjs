@@ -78,9 +78,14 @@ export const read_json = async (path) => JSON.parse(await readFile(path, "utf8")
 
 /** A fake server with one session, "it", that has this matte. */
 export function stand_in_of(matte) {
+  const answer = { session: { name: "it", matteReady: true } };
+  async function* watched() {
+    yield answer;
+    await new Promise(() => undefined); // nothing changes
+  }
   return stand_in({
     mattes: { "/mattes/it.exr": matte },
-    answer: (path) =>
-      path.endsWith("/GetSession") ? { session: { name: "it", matteReady: true } } : undefined,
+    answer: (path) => (path.endsWith("/GetSession") ? answer : undefined),
+    stream: (path) => (path.endsWith("/WatchSession") ? watched() : undefined),
   });
 }
