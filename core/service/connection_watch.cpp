@@ -22,7 +22,8 @@
 namespace glasswing {
 namespace {
 
-constexpr std::chrono::milliseconds kInterval(100);
+constexpr std::chrono::milliseconds kInterval(50);
+constexpr int kLooksBetweenTrims = 10;
 
 // Null: it is not a connection any more.
 std::optional<std::uint64_t> cookie_of(int fd) {
@@ -91,7 +92,10 @@ ConnectionWatch::ConnectionWatch(std::int64_t max_bytes)
         std::mutex mutex;
         std::condition_variable_any woken;
         std::unique_lock lock(mutex);
-        while (!woken.wait_for(lock, stop, kInterval, [&] { return stop.stop_requested(); })) look();
+        while (!woken.wait_for(lock, stop, kInterval, [&] { return stop.stop_requested(); })) {
+          look();
+          give_back_memory();
+        }
       }) {}
 
 ConnectionWatch::~ConnectionWatch() = default;
@@ -112,7 +116,6 @@ void ConnectionWatch::note_progress(const std::string& peer) {
 
 void ConnectionWatch::look() {
   const std::lock_guard lock(mutex_);
-  if (std::exchange(dropped_, false)) ::malloc_trim(0);  // of what gRPC held of them
   std::map<std::string, std::vector<Unfinished>> addresses;
   for (auto at = connections_.begin(); at != connections_.end();) {
     Connection& each = at->second;
@@ -138,6 +141,11 @@ void ConnectionWatch::look() {
   }
 }
 
+// gRPC frees what it held of a dropped connection when it gets to it.
+void ConnectionWatch::give_back_memory() {
+  if (looks_to_trim_ > 0 && --looks_to_trim_ % kLooksBetweenTrims == 0) ::malloc_trim(0);
+}
+
 void ConnectionWatch::drop(const std::string& peer, std::int64_t bytes) {
   spdlog::warn("a connection is dropped: it sent {} bytes without a call or a whole message peer={}", bytes,
                peer);
@@ -148,7 +156,7 @@ void ConnectionWatch::drop(const std::string& peer, std::int64_t bytes) {
   const sockaddr nobody{.sa_family = AF_UNSPEC, .sa_data = {}};
   ::connect(connections_.at(peer).fd, &nobody, sizeof nobody);
   connections_.erase(peer);
-  dropped_ = true;
+  looks_to_trim_ = 4 * kLooksBetweenTrims;
 }
 
 grpc::experimental::Interceptor* ProgressFactory::CreateServerInterceptor(

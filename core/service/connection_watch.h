@@ -39,11 +39,12 @@ class ConnectionWatch {
   };
   void look();
   void drop(const std::string& peer, std::int64_t bytes);  // mutex_ is held
+  void give_back_memory();
 
   const std::int64_t max_bytes_;
   std::mutex mutex_;
   std::map<std::string, Connection> connections_;  // guarded by mutex_; by peer
-  bool dropped_ = false;                           // guarded by mutex_; since the last look
+  int looks_to_trim_ = 0;                          // of thread_
   std::jthread thread_;
 };
 

@@ -119,6 +119,7 @@ def besiege(minutes: float) -> int:
                         case.do(stage)
                     except Exception as error:  # the siege goes on
                         failures.append(f"{case.claim}: {type(error).__name__}: {error}")
+                        print(f"  FAILED: {failures[-1]}", flush=True)
                     tried[case.claim] += 1
                     for daemon in stage.daemons():
                         most[daemon.name] = max(most[daemon.name], memory_mb(daemon))
