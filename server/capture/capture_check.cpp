@@ -29,7 +29,7 @@ absl::Status check_exposures(const std::vector<Step>& steps, const v1::GetCamera
 }
 
 // Warns if the disk takes frames more slowly than the capture makes them, and the camera's memory does not
-// hold the rest. Frames that are stored compressed need less, which nobody knows before.
+// hold the rest. Compressed frames need less; by how much is not known in advance.
 void check_disk_speed(const RigLinks& links, const v1::Plan& plan, double disk_bytes_per_second,
                       v1::EstimateSessionResponse& estimate) {
   if (disk_bytes_per_second <= 0.0 || estimate.step_count() == 0 || estimate.seconds() <= 0.0) return;

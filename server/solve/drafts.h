@@ -38,7 +38,7 @@ class DraftTiles {
     int tile = 0, attempt = 0;
     TileRange range;
   };
-  // A tile that nobody has, or whose lease has expired; none: every tile is done or leased.
+  // A tile that is not done and not leased; none: there is no such tile.
   std::optional<Claimed> claim(nanoseconds now);
   // ABORTED of these three: the tile is done, or a later attempt has it.
   absl::Status renew(const v1::TileLease& lease, nanoseconds now);

@@ -378,7 +378,8 @@ absl::StatusOr<StoredMatte> SolveRunner::open_partial_matte(const std::string& n
   }
   const bool solving = session.state() == v1::SESSION_STATE_SOLVING, broke_off = rests_in_solve(session);
   const fs::path draft = stores_.mattes.draft(name);
-  const bool drafted = !session.matte_ready() && fs::exists(draft);
+  std::error_code ignored;
+  const bool drafted = !session.matte_ready() && fs::exists(draft, ignored);
   if (drafted && !broke_off) return open_file(draft, region);
   if (!solving && !broke_off) return open_matte(name, std::nullopt, region);
   GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));

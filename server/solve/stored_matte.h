@@ -14,8 +14,8 @@ namespace glasswing {
 
 class StoredMatte {
  public:
-  // `checksum`: checksum_of() all bytes, which are compared with it once more as they are sent; empty: nobody
-  // else can write to the file.
+  // `checksum`: checksum_of() all bytes, which are compared with it once more as they are sent; empty: the
+  // file has no name by which others could write to it.
   explicit StoredMatte(PositionedFile file, std::string checksum = "")
       : file_(std::move(file)), checksum_(std::move(checksum)) {}
 
