@@ -58,7 +58,7 @@ class HeldRig {
   }
 
  private:
-  // The server sees a little later that a call has ended, and whoever takes the rig next might come before.
+  // The server notices the end of a call a little later; until then it would refuse the next hold.
   void release() {
     if (token_.empty()) return;
     ::setenv(kHoldVariable, token_.c_str(), 1);

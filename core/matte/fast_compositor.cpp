@@ -31,9 +31,10 @@ std::span<float> row_of(RadianceImage& picture, int y) {
 absl::StatusOr<FastCompositor> FastCompositor::create(const v1::MatteMetadata& metadata, int width_px,
                                                       int height_px, ForBlocks for_blocks) {
   GW_ASSIGN_OR_RETURN(PrimaryMix mix, PrimaryMix::create(metadata));
-  FastCompositor made(metadata, std::move(mix), width_px, height_px);
+  FastCompositor made(metadata, std::move(mix), width_px);
   for (int max_tiles = kMaxTiles;; max_tiles /= 4) {
     const bool must_fit = max_tiles > kMinTiles;
+    made.rows_.assign(static_cast<size_t>(height_px), {});  // frees what did not fit
     std::atomic<size_t> bytes = 0;
     std::mutex mutex;
     const absl::Status converted = for_blocks([&](const Matte& matte, int first, int end, int to) {

@@ -45,12 +45,11 @@ class FastCompositor {
   using ForBlocks = absl::FunctionRef<absl::Status(Convert convert)>;
   static absl::StatusOr<FastCompositor> create(const v1::MatteMetadata& metadata, int width_px, int height_px,
                                                ForBlocks for_blocks);
-  FastCompositor(v1::MatteMetadata metadata, PrimaryMix mix, int width_px, int height_px)
+  FastCompositor(v1::MatteMetadata metadata, PrimaryMix mix, int width_px)
       : metadata_(std::move(metadata)),
         mix_(std::move(mix)),
         width_px_(width_px),
-        textures_(footprint_textures(metadata_)),
-        rows_(static_cast<size_t>(height_px)) {}
+        textures_(footprint_textures(metadata_)) {}
 
   v1::MatteMetadata metadata_;
   PrimaryMix mix_;

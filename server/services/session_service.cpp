@@ -239,7 +239,7 @@ grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::Fetc
   if (!matte.ok()) return to_grpc(matte.status());
   return to_grpc(matte->send([&](std::string_view chunk) {
     v1::FetchMatteResponse response;
-    response.set_chunk(std::string(chunk));
+    response.set_chunk(chunk.data(), chunk.size());
     return writer->Write(response);
   }));
 }
