@@ -1,21 +1,9 @@
 #!/bin/bash
 # Calibrates simulated non-linear devices through separate processes: the curves match the devices, sessions
 # record them, and they can be fitted again from their frames.
-set -euo pipefail
-root=$(cd "$(dirname "$0")/../.." && pwd)
-bin=${GLASSWING_BIN:-$root/build/release/bin}
+source "$(dirname "$0")/rig.sh"
 export GLASSWING_BIN=$bin
-work=$(mktemp -d)
 trap '"$root/deploy/local-rig" down --data "$work/rig" >/dev/null || true; rm -rf "$work"' EXIT
-
-fail() {
-  echo "FAILED: $*" >&2
-  tail -n 30 "$work"/rig/logs/*.log >&2 || true
-  exit 1
-}
-glasswing() { "$bin/glasswing" "$@"; }
-port=$((20000 + RANDOM % 20000))
-export GLASSWING_SERVER=127.0.0.1:$port
 "$root/deploy/local-rig" up --data "$work/rig" --port "$port" --solvers 1 --devices real >/dev/null
 
 echo "== an uncalibrated session warns"

@@ -5,7 +5,8 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 bin=${GLASSWING_BIN:-$root/build/release/bin}
 work=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
-port=$((20000 + RANDOM % 20000))
+source "$root/tests/processes/ports.sh"
+port=$(free_port 20)
 server=127.0.0.1:$port
 export GLASSWING_SERVER=$server GLASSWING_CONFIG=/dev/null
 

@@ -3,12 +3,15 @@
 import json
 import os
 import pathlib
-import random
 import signal
 import subprocess
+import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "tests/processes"))
+from daemon import free_port  # noqa: E402
+
 BIN = pathlib.Path(os.environ["GLASSWING_BIN"])
 
 
@@ -18,7 +21,7 @@ class SimulatedRig:
     def __init__(self, *options: str) -> None:
         self._directory = tempfile.TemporaryDirectory()
         self.work = pathlib.Path(self._directory.name)
-        port = random.randrange(20000, 40000)
+        port = free_port(3)
         self.server = f"127.0.0.1:{port}"
         self.environment = dict(os.environ, GLASSWING_SERVER=self.server)
         self._run("up", "--port", str(port), "--solvers", "1", *options)
