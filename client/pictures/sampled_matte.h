@@ -3,6 +3,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <string_view>
 
 #include "core/matte/matte.h"
@@ -17,8 +18,7 @@ struct SampledMatte {
   PixelCount pixels;     // of the whole
 };
 
-// Reads a matte's file a few rows at a time. `step` is the smallest that leaves about `max_pixels`. Errors
-// are those of decode_matte().
-absl::StatusOr<SampledMatte> sample_matte(std::string_view file, double max_pixels);
+// Reads a matte's file a few rows at a time, `step` by sampling_step(). Errors are those of decode_matte().
+absl::StatusOr<SampledMatte> sample_matte(std::string_view file, std::int64_t max_pixels);
 
 }  // namespace glasswing

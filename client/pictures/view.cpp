@@ -24,7 +24,7 @@ struct ViewArguments {
 };
 
 // A panel of the sheet is some hundred pixels wide: more than these are not seen in it.
-constexpr double kMaxSheetPixels = 2e6;
+constexpr std::int64_t kMaxSheetPixels = 2'000'000;
 
 // The matte's metadata in words.
 std::vector<std::string> lines_of(const SampledMatte& sampled) {
@@ -61,7 +61,7 @@ absl::Status view(const Client& client, const ViewArguments& arguments) {
   }
   GW_ASSIGN_OR_RETURN(const std::string file, read_file(arguments.matte));
   const absl::StatusOr<SampledMatte> sampled =
-      sample_matte(file, arguments.only.empty() ? kMaxSheetPixels : std::numeric_limits<double>::infinity());
+      sample_matte(file, arguments.only.empty() ? kMaxSheetPixels : 0);
   if (!sampled.ok()) return in_file(arguments.matte, sampled.status());
   const Matte& matte = sampled->matte;
   const int channel =

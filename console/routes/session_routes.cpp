@@ -44,7 +44,8 @@ absl::StatusOr<Number> number_or(const Request& request, const char* name, Numbe
   return request.has_param(name) ? number_of<Number>(request, name, low, high) : otherwise;
 }
 
-// Hands over the file of the session in the path, as the parameters `frame`, `partial` and `crop` say.
+// Hands over the file of the session in the path, as the parameters `frame`, `partial`, `crop` and `pixels`
+// say.
 absl::Status fetch_matte(const ServerLink& server, const Login& login, const Request& wanted,
                          absl::FunctionRef<absl::Status(std::string_view)> take) {
   v1::FetchMatteRequest request;
@@ -61,6 +62,9 @@ absl::Status fetch_matte(const ServerLink& server, const Login& login, const Req
     request.mutable_region()->set_width_px(region.width_px);
     request.mutable_region()->set_height_px(region.height_px);
   }
+  GW_ASSIGN_OR_RETURN(const auto pixels,
+                      number_or<std::int64_t>(wanted, "pixels", 0, 1, std::int64_t{1} << 32));
+  request.set_max_pixels(pixels);
   grpc::ClientContext context;
   set_deadline(context, kCallTimeout);
   call_for(login, context);

@@ -21,15 +21,17 @@ Matte::Matte(int x0_px, int y0_px, int width_px, int height_px, int modes_per_ch
 
 void Matte::put(const Matte& tile) {
   for (int y = 0; y < tile.height_px(); ++y) {
-    for (int x = 0; x < tile.width_px(); ++x) {
-      const int to_x = tile.x0_px() + x - x0_px_, to_y = tile.y0_px() + y - y0_px_;
-      foreground(to_x, to_y) = tile.foreground(x, y);
-      coverage(to_x, to_y) = tile.coverage(x, y);
-      flags(to_x, to_y) = tile.flags(x, y);
-      for (int c = 0; c < kChannels; ++c)
-        std::ranges::copy(tile.modes(x, y, c), modes(to_x, to_y, c).begin());
-    }
+    for (int x = 0; x < tile.width_px(); ++x)
+      copy_pixel(tile, x, y, tile.x0_px() + x - x0_px_, tile.y0_px() + y - y0_px_);
   }
+}
+
+void Matte::copy_pixel(const Matte& from, int from_x, int from_y, int x, int y) {
+  foreground(x, y) = from.foreground(from_x, from_y);
+  coverage(x, y) = from.coverage(from_x, from_y);
+  flags(x, y) = from.flags(from_x, from_y);
+  for (int c = 0; c < static_cast<int>(mode_channels_); ++c)
+    std::ranges::copy(from.modes(from_x, from_y, c), modes(x, y, c).begin());
 }
 
 PixelCount count_pixels(const Matte& matte) {

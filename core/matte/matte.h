@@ -83,6 +83,8 @@ class Matte {
   }
   // Copies the pixels of `tile`, which must lie within this matte; metadata stays.
   void put(const Matte& tile);
+  // Copies all of a pixel of `from`, which has as many modes, and channels of modes, as this matte.
+  void copy_pixel(const Matte& from, int from_x, int from_y, int x, int y);
 
  private:
   size_t pixel(int x, int y) const {

@@ -41,4 +41,11 @@ absl::Status check_region(const MatteRegion& region, int width_px, int height_px
                   text_of(region), width_px, height_px));
 }
 
+int sampling_step(int width_px, int height_px, std::int64_t max_pixels) {
+  if (max_pixels <= 0) return 1;
+  int step = 1;
+  while (std::int64_t{sampled_length(width_px, step)} * sampled_length(height_px, step) > max_pixels) ++step;
+  return step;
+}
+
 }  // namespace glasswing

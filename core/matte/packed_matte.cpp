@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstring>
 #include <span>
 
@@ -81,19 +82,11 @@ absl::StatusOr<MatteHead> parse_head(const std::string& head, std::uint64_t size
   }
 }
 
-Matte cropped(const Matte& rows, const MatteRegion& region) {
-  Matte part(region.x_px, rows.y0_px(), region.width_px, rows.height_px(), rows.modes_per_channel(),
-             rows.is_colourless());
-  part.metadata = rows.metadata;
-  const int left = region.x_px - rows.x0_px();
+// The pixels of every `step`-th column from `left` on, counted from the rows' first.
+Matte columns_of(const Matte& rows, int left, int step, int x0_px, int y0_px, int width_px) {
+  Matte part(x0_px, y0_px, width_px, rows.height_px(), rows.modes_per_channel(), rows.is_colourless());
   for (int y = 0; y < part.height_px(); ++y) {
-    for (int x = 0; x < part.width_px(); ++x) {
-      part.foreground(x, y) = rows.foreground(left + x, y);
-      part.coverage(x, y) = rows.coverage(left + x, y);
-      part.flags(x, y) = rows.flags(left + x, y);
-      for (int c = 0; c < (rows.is_colourless() ? 1 : kChannels); ++c)
-        std::ranges::copy(rows.modes(left + x, y, c), part.modes(x, y, c).begin());
-    }
+    for (int x = 0; x < part.width_px(); ++x) part.copy_pixel(rows, left + x * step, y, x, y);
   }
   return part;
 }
@@ -135,20 +128,23 @@ absl::Status PackedMatteReader::read_chunk(size_t part, int row, std::string& by
   return file_->read_at(offset, std::span(bytes).subspan(at));
 }
 
-absl::StatusOr<std::string> PackedMatteReader::rows(int first, int count) const {
+absl::StatusOr<std::string> PackedMatteReader::rows(int first, int count, int step) const {
   MatteOutline tile = outline_;
   tile.y0_px += first;
   tile.height_px = count;
-  GW_ASSIGN_OR_RETURN(std::string file,
-                      blank_head(tile, std::string_view(row_checksums_)
-                                           .substr(static_cast<size_t>(first) * kRowChecksumDigits,
-                                                   static_cast<size_t>(count) * kRowChecksumDigits)));
+  std::string checksums;
+  for (int row = 0; row < count; ++row)
+    checksums += row_checksums_.substr(static_cast<size_t>(first + row * step) * kRowChecksumDigits,
+                                       kRowChecksumDigits);
+  GW_ASSIGN_OR_RETURN(std::string file, blank_head(tile, checksums));
   const size_t parts = part_count(outline_), head_size = file.size();
   std::vector<std::uint64_t> table(parts * static_cast<size_t>(count));
   for (int row = 0; row < count; ++row) {
     for (size_t part = 0; part < parts; ++part) {
-      table[part * static_cast<size_t>(count) + static_cast<size_t>(row)] = file.size();
-      GW_RETURN_IF_ERROR(read_chunk(part, first + row, file));
+      const size_t at = table[part * static_cast<size_t>(count) + static_cast<size_t>(row)] = file.size();
+      GW_RETURN_IF_ERROR(read_chunk(part, first + row * step, file));
+      const std::int32_t y = tile.y0_px + row;
+      std::memcpy(file.data() + at + offsetof(ChunkHead, y), &y, sizeof y);
     }
   }
   std::memcpy(file.data() + head_size - table.size() * kOffsetBytes, table.data(),
@@ -157,10 +153,12 @@ absl::StatusOr<std::string> PackedMatteReader::rows(int first, int count) const 
 }
 
 absl::Status PackedMatteReader::for_rows(int first, int count,
-                                         absl::FunctionRef<absl::Status(const Matte& rows)> use) const {
+                                         absl::FunctionRef<absl::Status(const Matte& rows)> use,
+                                         int step) const {
   const int at_a_time = std::max(kMaxPixelsAtATime / outline_.width_px, 1);
-  for (int row = first; row < first + count; row += at_a_time) {
-    GW_ASSIGN_OR_RETURN(const std::string packed, rows(row, std::min(at_a_time, first + count - row)));
+  for (int row = 0; row < count; row += at_a_time) {
+    GW_ASSIGN_OR_RETURN(const std::string packed,
+                        rows(first + row * step, std::min(at_a_time, count - row), step));
     GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(packed));
     GW_RETURN_IF_ERROR(use(matte));
   }
@@ -227,23 +225,38 @@ absl::Status PackedMatteWriter::finish() {
   return put_(0, head);
 }
 
-absl::Status crop_matte(const PackedMatteReader& matte, const MatteRegion& region,
-                        PackedMatteWriter::Put put) {
-  MatteOutline part = matte.outline();
-  GW_RETURN_IF_ERROR(check_region(region, part.metadata.width_px(), part.metadata.height_px()));
+absl::Status write_part(const PackedMatteReader& matte, const MattePart& part, PackedMatteWriter::Put put) {
+  MatteOutline out = matte.outline();
+  const MatteRegion region = part.region.value_or(MatteRegion{
+      .x_px = out.x0_px, .y_px = out.y0_px, .width_px = out.width_px, .height_px = out.height_px});
+  GW_RETURN_IF_ERROR(check_region(region, out.metadata.width_px(), out.metadata.height_px()));
   MatteRegion inside = region;  // counted from the data window's corner
-  inside.x_px -= part.x0_px;
-  inside.y_px -= part.y0_px;
-  GW_RETURN_IF_ERROR(check_region(inside, part.width_px, part.height_px));
-  part.x0_px = region.x_px;
-  part.y0_px = region.y_px;
-  part.width_px = region.width_px;
-  part.height_px = region.height_px;
-  GW_ASSIGN_OR_RETURN(PackedMatteWriter writer, PackedMatteWriter::begin(part, std::move(put)));
-  GW_RETURN_IF_ERROR(matte.for_rows(inside.y_px, region.height_px, [&](const Matte& rows) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(const std::string tile, encode_matte(cropped(rows, region)));
-    return writer.add(tile);
-  }));
+  inside.x_px -= out.x0_px;
+  inside.y_px -= out.y0_px;
+  GW_RETURN_IF_ERROR(check_region(inside, out.width_px, out.height_px));
+  const int step = sampling_step(region.width_px, region.height_px, part.max_pixels);
+  out.x0_px = region.x_px / step;
+  out.y0_px = region.y_px / step;
+  out.width_px = sampled_length(region.width_px, step);
+  out.height_px = sampled_length(region.height_px, step);
+  if (step > 1) {
+    v1::MatteMetadata& metadata = out.metadata;
+    metadata.set_sampling_px(step * std::max(metadata.sampling_px(), 1));
+    metadata.set_width_px(sampled_length(metadata.width_px(), step));
+    metadata.set_height_px(sampled_length(metadata.height_px(), step));
+  }
+  GW_ASSIGN_OR_RETURN(PackedMatteWriter writer, PackedMatteWriter::begin(out, std::move(put)));
+  int next = out.y0_px;
+  GW_RETURN_IF_ERROR(matte.for_rows(
+      inside.y_px, out.height_px,
+      [&](const Matte& rows) -> absl::Status {
+        Matte columns = columns_of(rows, inside.x_px, step, out.x0_px, next, out.width_px);
+        columns.metadata = out.metadata;
+        next += rows.height_px();
+        GW_ASSIGN_OR_RETURN(const std::string tile, encode_matte(columns));
+        return writer.add(tile);
+      },
+      step));
   return writer.finish();
 }
 

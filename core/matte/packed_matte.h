@@ -23,13 +23,14 @@ class PackedMatteReader {
   static absl::StatusOr<PackedMatteReader> open(const PositionedFile& file);
 
   const MatteOutline& outline() const { return outline_; }
-  // The file of these rows, counted from the first of the outline: equals encode_matte() of them if the
-  // source is undamaged. Its rows are not verified; decode_matte() of it does. DATA_LOSS: the source's table
-  // of rows is damaged.
-  absl::StatusOr<std::string> rows(int first, int count) const;
-  // Decodes `count` rows from `first` on and verifies their checksums: calls `use` with one tile of whole
-  // rows after another. Errors of `use` end it.
-  absl::Status for_rows(int first, int count, absl::FunctionRef<absl::Status(const Matte& rows)> use) const;
+  // The file of `count` rows, the first of them counted from the outline's, each `step` below the one before
+  // and numbered as if nothing lay between: equals encode_matte() of them if the source is undamaged. Its
+  // rows are not verified; decode_matte() of it does. DATA_LOSS: the source's table of rows is damaged.
+  absl::StatusOr<std::string> rows(int first, int count, int step = 1) const;
+  // Decodes such rows and verifies their checksums: calls `use` with one tile of whole rows after another,
+  // numbered on from `first`. Errors of `use` end it.
+  absl::Status for_rows(int first, int count, absl::FunctionRef<absl::Status(const Matte& rows)> use,
+                        int step = 1) const;
 
  private:
   explicit PackedMatteReader(const PositionedFile& file) : file_(&file) {}
@@ -69,9 +70,10 @@ class PackedMatteWriter {
   std::vector<std::uint64_t> table_;  // offsets of rows, by part
 };
 
-// Writes the region of a matte as a file with this data window, verifying the rows that it decodes; others
-// are not read. INVALID_ARGUMENT: the region does not lie within the file's data window.
-absl::Status crop_matte(const PackedMatteReader& matte, const MatteRegion& region,
-                        PackedMatteWriter::Put put);
+// Writes a part of a matte as a file of its own, verifying the rows that it decodes; others are not read. Its
+// data window is the region; where pixels are left out, window and picture count what is left, and the
+// metadata's sampling_px is their distance. INVALID_ARGUMENT: the region does not lie within the file's data
+// window.
+absl::Status write_part(const PackedMatteReader& matte, const MattePart& part, PackedMatteWriter::Put put);
 
 }  // namespace glasswing

@@ -231,11 +231,15 @@ grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::Fetc
                                             grpc::ServerWriter<v1::FetchMatteResponse>* writer) {
   GW_CHECK_LIMITS(*request);
   const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;
-  std::optional<MatteRegion> region;
-  if (request->has_region()) region = region_of(request->region());
+  if (request->max_pixels() < 0) {
+    return to_grpc(absl::InvalidArgumentError(
+        fmt::format("max_pixels is {}; it must be 1 or more, or 0 for all", request->max_pixels())));
+  }
+  MattePart part{.region = std::nullopt, .max_pixels = request->max_pixels()};
+  if (request->has_region()) part.region = region_of(request->region());
   const absl::StatusOr<StoredMatte> matte = request->partial()
-                                                ? server_.solves().open_partial_matte(request->name(), region)
-                                                : server_.solves().open_matte(request->name(), frame, region);
+                                                ? server_.solves().open_partial_matte(request->name(), part)
+                                                : server_.solves().open_matte(request->name(), frame, part);
   if (!matte.ok()) return to_grpc(matte.status());
   return to_grpc(matte->send([&](std::string_view chunk) {
     v1::FetchMatteResponse response;

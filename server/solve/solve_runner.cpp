@@ -67,6 +67,15 @@ absl::StatusOr<std::vector<TileRange>> first_tiles(const v1::Session& session,
                   session.name(), session.method()));
 }
 
+// False also of a damaged file, which whoever reads it says.
+bool leaves_nothing_out(const PositionedFile& file, const MattePart& part) {
+  if (part.region) return false;
+  if (part.max_pixels == 0) return true;
+  const absl::StatusOr<PackedMatteReader> matte = PackedMatteReader::open(file);
+  return matte.ok() &&
+         sampling_step(matte->outline().width_px, matte->outline().height_px, part.max_pixels) == 1;
+}
+
 void clear_failures(v1::Session& session) {
   session.clear_refused_frames();
   session.clear_refusal();
@@ -347,12 +356,12 @@ absl::StatusOr<fs::path> SolveRunner::matte(const std::string& name, std::option
 }
 
 absl::StatusOr<StoredMatte> SolveRunner::open_matte(const std::string& name, std::optional<int> frame,
-                                                    const std::optional<MatteRegion>& region) {
+                                                    const MattePart& part) {
   absl::Status status;
   // A new solve may replace the file meanwhile: then it is opened once more.
   for (int attempt = 0; attempt < 2; ++attempt) {
     GW_ASSIGN_OR_RETURN(const fs::path path, matte(name, frame));
-    absl::StatusOr<StoredMatte> opened = open_file(path, region);
+    absl::StatusOr<StoredMatte> opened = open_file(path, part);
     if (opened.ok() || !absl::IsDataLoss(opened.status())) return opened;
     status = opened.status();
   }
@@ -361,16 +370,13 @@ absl::StatusOr<StoredMatte> SolveRunner::open_matte(const std::string& name, std
       fmt::format("{}; solve the session again: glasswing solve {}", std::string(status.message()), name));
 }
 
-absl::StatusOr<StoredMatte> SolveRunner::open_file(const fs::path& path,
-                                                   const std::optional<MatteRegion>& region) {
-  if (!region) return verified_.open(path);
+absl::StatusOr<StoredMatte> SolveRunner::open_file(const fs::path& path, const MattePart& part) {
   const absl::StatusOr<PositionedFile> file = PositionedFile::open(path);
   if (!file.ok()) return absl::DataLossError(file.status().message());
-  return region_of(*file, *region);
+  return leaves_nothing_out(*file, part) ? verified_.open(path) : part_of(*file, part);
 }
 
-absl::StatusOr<StoredMatte> SolveRunner::open_partial_matte(const std::string& name,
-                                                            const std::optional<MatteRegion>& region) {
+absl::StatusOr<StoredMatte> SolveRunner::open_partial_matte(const std::string& name, const MattePart& part) {
   GW_ASSIGN_OR_RETURN(const v1::Session session, stores_.sessions.find(name));
   if (is_solved_by_frames(session)) {
     return absl::FailedPreconditionError(fmt::format(
@@ -380,37 +386,36 @@ absl::StatusOr<StoredMatte> SolveRunner::open_partial_matte(const std::string& n
   const fs::path draft = stores_.mattes.draft(name);
   std::error_code ignored;
   const bool drafted = !session.matte_ready() && fs::exists(draft, ignored);
-  if (drafted && !broke_off) return open_file(draft, region);
-  if (!solving && !broke_off) return open_matte(name, std::nullopt, region);
+  if (drafted && !broke_off) return open_file(draft, part);
+  if (!solving && !broke_off) return open_matte(name, std::nullopt, part);
   GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
   GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(name));
   GW_ASSIGN_OR_RETURN(PositionedFile whole, stores_.mattes.unnamed());
   if (const absl::Status joined = join_tiles(tiles, directory, whole); absl::IsFailedPrecondition(joined)) {
-    if (drafted) return open_file(draft, region);
+    if (drafted) return open_file(draft, part);
     return absl::FailedPreconditionError(
         fmt::format("session \"{}\": {}", name, std::string(joined.message())));
   } else if (!joined.ok()) {
     return joined;
   }
-  if (region) return region_of(whole, *region);
-  return StoredMatte(std::move(whole));
+  if (leaves_nothing_out(whole, part)) return StoredMatte(std::move(whole));
+  return part_of(whole, part);
 }
 
-absl::StatusOr<StoredMatte> SolveRunner::region_of(const PositionedFile& file,
-                                                   const MatteRegion& region) const {
-  GW_ASSIGN_OR_RETURN(PositionedFile part, stores_.mattes.unnamed());
-  const absl::Status made = [&]() -> absl::Status {
+absl::StatusOr<StoredMatte> SolveRunner::part_of(const PositionedFile& file, const MattePart& part) const {
+  GW_ASSIGN_OR_RETURN(PositionedFile made, stores_.mattes.unnamed());
+  const absl::Status written = [&]() -> absl::Status {
     GW_ASSIGN_OR_RETURN(const PackedMatteReader matte, PackedMatteReader::open(file));
-    return crop_matte(matte, region, [&](std::uint64_t offset, std::string_view bytes) {
-      return part.write_at(offset, bytes);
+    return write_part(matte, part, [&](std::uint64_t offset, std::string_view bytes) {
+      return made.write_at(offset, bytes);
     });
   }();
-  if (absl::IsDataLoss(made)) {
+  if (absl::IsDataLoss(written)) {
     return absl::DataLossError(
-        fmt::format("{} is damaged: {}", file.path().string(), std::string(made.message())));
+        fmt::format("{} is damaged: {}", file.path().string(), std::string(written.message())));
   }
-  GW_RETURN_IF_ERROR(made);
-  return StoredMatte(std::move(part));
+  GW_RETURN_IF_ERROR(written);
+  return StoredMatte(std::move(made));
 }
 
 absl::Status SolveRunner::remove(const v1::Session& session) {

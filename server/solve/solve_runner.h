@@ -55,15 +55,14 @@ class SolveRunner {
   // Path of the last finished solve's matte, or of a video frame's. The file may be replaced before it is
   // read: then ask again.
   absl::StatusOr<std::filesystem::path> matte(const std::string& name, std::optional<int> frame);
-  // Its file, verified, or a file of that region of it. DATA_LOSS names the file, and what to do.
+  // Its file, verified, or a file of that part of it. DATA_LOSS names the file, and what to do.
   // INVALID_ARGUMENT: the region does not lie within the picture.
   absl::StatusOr<StoredMatte> open_matte(const std::string& name, std::optional<int> frame,
-                                         const std::optional<MatteRegion>& region);
+                                         const MattePart& part);
   // Of a finished solve the same. Before: of a solve that broke off the tiles so far, else the newest draft;
   // without a draft, of a solve that goes on the tiles so far. FAILED_PRECONDITION: there is no draft, and no
   // tile is done.
-  absl::StatusOr<StoredMatte> open_partial_matte(const std::string& name,
-                                                 const std::optional<MatteRegion>& region);
+  absl::StatusOr<StoredMatte> open_partial_matte(const std::string& name, const MattePart& part);
 
   // Removes the job of a session that is being deleted.
   absl::Status remove(const v1::Session& session);
@@ -77,9 +76,8 @@ class SolveRunner {
   absl::Status take_up_matte(SessionStore::Edit& edit, v1::Session session);
   absl::StatusOr<v1::Session> begin(SessionStore::Edit& edit, v1::Session session,
                                     const v1::CaptureManifest& manifest);
-  absl::StatusOr<StoredMatte> open_file(const std::filesystem::path& path,
-                                        const std::optional<MatteRegion>& region);
-  absl::StatusOr<StoredMatte> region_of(const PositionedFile& file, const MatteRegion& region) const;
+  absl::StatusOr<StoredMatte> open_file(const std::filesystem::path& path, const MattePart& part);
+  absl::StatusOr<StoredMatte> part_of(const PositionedFile& file, const MattePart& part) const;
 
   const SolveStores stores_;
   const NodeRegistry& nodes_;

@@ -472,13 +472,7 @@ Matte rows_of(const Matte& matte, int first, int count) {
              matte.is_colourless());
   rows.metadata = matte.metadata;
   for (int y = 0; y < count; ++y) {
-    for (int x = 0; x < matte.width_px(); ++x) {
-      rows.foreground(x, y) = matte.foreground(x, first + y);
-      rows.coverage(x, y) = matte.coverage(x, first + y);
-      rows.flags(x, y) = matte.flags(x, first + y);
-      for (int c = 0; c < kChannels; ++c)
-        std::ranges::copy(matte.modes(x, first + y, c), rows.modes(x, y, c).begin());
-    }
+    for (int x = 0; x < matte.width_px(); ++x) rows.copy_pixel(matte, x, first + y, x, y);
   }
   return rows;
 }

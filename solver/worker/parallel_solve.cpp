@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "core/base/status.h"
+#include "core/matte/matte_rounding.h"
 #include "solver/background/stage_maps.h"
 #include "solver/mosaic/interpolated_stack.h"
 #include "solver/mosaic/mosaic_matte.h"
@@ -189,6 +190,7 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
     whole.metadata.set_mosaic(manifest_.camera().mosaic());
     fill_channels(whole, *mosaic, thread_count);
   }
+  round_to_errors(whole);
   return whole;
 }
 

@@ -26,14 +26,6 @@ bool is_smooth(const Mode& from, const Mode& to, int step) {
          std::hypot(to.x_px - from.x_px, to.y_px - from.y_px) <= far;
 }
 
-void copy_pixel(const Matte& from, int from_x, int from_y, Matte& to, int x, int y) {
-  to.foreground(x, y) = from.foreground(from_x, from_y);
-  to.coverage(x, y) = from.coverage(from_x, from_y);
-  to.flags(x, y) = from.flags(from_x, from_y);
-  for (int c = 0; c < (from.is_colourless() ? 1 : kChannels); ++c)
-    std::ranges::copy(from.modes(from_x, from_y, c), to.modes(x, y, c).begin());
-}
-
 // A pixel between solved ones: the nearest, and one beside it in a direction, `share` of the way there
 // (negative: away from it).
 struct Beside {
@@ -118,7 +110,7 @@ Matte spread(const Matte& solved, int width_px, int row_count, int step) {
         beside.push_back({.x = next, .y = v, .share = *share});
       if (const auto share = share_of(static_cast<float>(v) + below, v, solved.height_px(), next))
         beside.push_back({.x = u, .y = next, .share = *share});
-      copy_pixel(solved, u, v, whole, x, y);
+      whole.copy_pixel(solved, u, v, x, y);
       for (int c = 0; c < (solved.is_colourless() ? 1 : kChannels); ++c)
         move_modes(solved, u, v, beside, step, whole.modes(x, y, c), c);
     }
@@ -157,7 +149,7 @@ absl::StatusOr<Matte> solve_sparsely(const PreparedSolve& prepared, const FrameS
                first.is_colourless());
   sparse.metadata = first.metadata;
   for (size_t i = 0; i < rows.size(); ++i) {
-    for (int x = 0; x < first.width_px(); ++x) copy_pixel(*solved[i], x, 0, sparse, x, static_cast<int>(i));
+    for (int x = 0; x < first.width_px(); ++x) sparse.copy_pixel(*solved[i], x, 0, x, static_cast<int>(i));
   }
   return spread(sparse, stack.width_px, stack.row_count, step);
 }

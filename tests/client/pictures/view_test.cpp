@@ -66,7 +66,7 @@ TEST(SampledMatte, HasEveryNthPixelAndTheCountOfAll) {
   Matte matte = a_matte();
   matte.flags(3, 3) = kFlagPoorFit;
   matte.flags(4, 4) = kFlagNoData;
-  const SampledMatte sampled = sample_matte(encode_matte(matte).value(), 60.0).value();
+  const SampledMatte sampled = sample_matte(encode_matte(matte).value(), 60).value();
   ASSERT_EQ(sampled.step, 2);
   EXPECT_EQ(sampled.outline.width_px, kWidth);
   EXPECT_EQ(sampled.pixels.object, kWidth * kHeight);

@@ -38,6 +38,10 @@ std::string rows_of(const Matte& whole, int first, int count) {
   return encode_matte(part_of(whole, {0, first, whole.width_px(), count})).value();
 }
 
+MattePart cut(const MatteRegion& region) {
+  return {.region = region, .max_pixels = 0};
+}
+
 PackedMatteWriter::Put into(std::string& file) {
   return [&file](std::uint64_t offset, std::string_view bytes) {
     file.resize(std::max(file.size(), static_cast<size_t>(offset) + bytes.size()));
@@ -130,16 +134,51 @@ TEST_F(PackedMatteTest, ACroppedFileHoldsTheRegionsPixelsBitForBit) {
     for (const MatteRegion& region :
          {MatteRegion{0, 0, 6, 75}, {2, 0, 1, 75}, {0, 74, 6, 1}, {5, 33, 1, 1}, {1, 10, 4, 50}}) {
       std::string part;
-      ASSERT_TRUE(crop_matte(reader, region, into(part)).ok());
+      ASSERT_TRUE(write_part(reader, cut(region), into(part)).ok());
       EXPECT_TRUE(part == encode_matte(part_of(whole, region)).value()) << region.x_px << " " << region.y_px;
       expect_same(decode_matte(part).value(), part_of(whole, region));
       // A part of the part.
       const MatteRegion corner{region.x_px + region.width_px - 1, region.y_px + region.height_px - 1, 1, 1};
       const PositionedFile part_file = file_of(part);
       std::string pixel;
-      ASSERT_TRUE(crop_matte(PackedMatteReader::open(part_file).value(), corner, into(pixel)).ok());
+      ASSERT_TRUE(write_part(PackedMatteReader::open(part_file).value(), cut(corner), into(pixel)).ok());
       EXPECT_TRUE(pixel == encode_matte(part_of(whole, corner)).value());
       (void)file_of(encode_matte(whole).value());
+    }
+  }
+}
+
+// Of a region at (1, 10) every third pixel of every third row, each with its own values.
+TEST_F(PackedMatteTest, ASampledFileHoldsEveryNthPixelBitForBit) {
+  for (const bool colourless : {false, true}) {
+    const Matte whole = random_matte(0, 75, colourless);
+    const PositionedFile file = file_of(encode_matte(whole).value());
+    const PackedMatteReader reader = PackedMatteReader::open(file).value();
+    for (const auto& [region, max_pixels, step] : {std::tuple(MatteRegion{0, 0, 6, 75}, 450, 1),
+                                                   {MatteRegion{0, 0, 6, 75}, 449, 2},
+                                                   {MatteRegion{0, 0, 6, 75}, 1, 75},
+                                                   {MatteRegion{1, 10, 5, 60}, 40, 3}}) {
+      std::string bytes;
+      ASSERT_TRUE(write_part(reader, {.region = region, .max_pixels = max_pixels}, into(bytes)).ok());
+      const Matte part = decode_matte(bytes).value();
+      ASSERT_EQ(std::max(part.metadata.sampling_px(), 1), step);
+      EXPECT_EQ(part.x0_px(), region.x_px / step);
+      EXPECT_EQ(part.y0_px(), region.y_px / step);
+      ASSERT_EQ(part.width_px(), (region.width_px - 1) / step + 1);
+      ASSERT_EQ(part.height_px(), (region.height_px - 1) / step + 1);
+      EXPECT_EQ(part.metadata.width_px(), (whole.metadata.width_px() - 1) / step + 1);
+      for (int y = 0; y < part.height_px(); ++y) {
+        for (int x = 0; x < part.width_px(); ++x) {
+          const int from_x = region.x_px + x * step, from_y = region.y_px + y * step;
+          EXPECT_EQ(part.foreground(x, y), whole.foreground(from_x, from_y));
+          EXPECT_EQ(part.coverage(x, y), whole.coverage(from_x, from_y));
+          EXPECT_EQ(part.flags(x, y), whole.flags(from_x, from_y));
+          for (int c = 0; c < kChannels; ++c) {
+            EXPECT_EQ(part.modes(x, y, c).back().x_px, whole.modes(from_x, from_y, c).back().x_px);
+            EXPECT_EQ(part.modes(x, y, c).front().weight, whole.modes(from_x, from_y, c).front().weight);
+          }
+        }
+      }
     }
   }
 }
@@ -158,7 +197,7 @@ TEST_F(PackedMatteTest, RegionsBeyondThePictureAreRefused) {
                                     {1 << 30, 0, 1 << 30, 1},
                                     {2, 2, 2147483647, 2147483647}}) {
     std::string part;
-    const absl::Status status = crop_matte(reader, region, into(part));
+    const absl::Status status = write_part(reader, cut(region), into(part));
     EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
     EXPECT_NE(std::string(status.message()).find("6x75"), std::string::npos) << status;
   }
@@ -177,7 +216,7 @@ TEST_F(PackedMatteTest, DamageWithinTheRegionIsRefused) {
     const PositionedFile file = file_of(altered);
     const absl::StatusOr<PackedMatteReader> reader = PackedMatteReader::open(file);
     std::string part;
-    const bool made = reader.ok() && crop_matte(*reader, region, into(part)).ok();
+    const bool made = reader.ok() && write_part(*reader, cut(region), into(part)).ok();
     (made ? outside : refused) += 1;
     EXPECT_TRUE(!made || part == expected) << "byte " << at;
   }
@@ -191,7 +230,7 @@ TEST_F(PackedMatteTest, NoTruncatedFileIsTakenForTheWhole) {
     const PositionedFile file = file_of(good.substr(0, size));
     const absl::StatusOr<PackedMatteReader> reader = PackedMatteReader::open(file);
     std::string part;
-    EXPECT_FALSE(reader.ok() && crop_matte(*reader, {0, 0, 6, 8}, into(part)).ok()) << size;
+    EXPECT_FALSE(reader.ok() && write_part(*reader, cut({0, 0, 6, 8}), into(part)).ok()) << size;
   }
 }
 

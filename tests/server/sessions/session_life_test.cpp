@@ -334,14 +334,14 @@ TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
   start();
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
   EXPECT_TRUE(
-      absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", std::nullopt)).status()));
+      absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", {})).status()));
   solve_in_tiles("alpha");
   EXPECT_TRUE(
-      absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", std::nullopt)).status()));
+      absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", {})).status()));
   const v1::ClaimTileResponse first = solver_->claim(), left_out = solver_->claim(), third = solver_->claim();
   for (const v1::ClaimTileResponse& tile : {first, third})
     ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
-  const absl::StatusOr<std::string> bytes = sent(server().solves().open_partial_matte("s", std::nullopt));
+  const absl::StatusOr<std::string> bytes = sent(server().solves().open_partial_matte("s", {}));
   ASSERT_TRUE(bytes.ok()) << bytes.status();
   const Matte partial = decode_matte(*bytes).value();
   ASSERT_EQ(partial.height_px(), kHeight);
@@ -356,7 +356,7 @@ TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
   ASSERT_TRUE(solver_->complete_rows(left_out, kWidth, kHeight, 1.0f).ok());
   complete(1.0f);
   ASSERT_EQ(settled().state(), v1::SESSION_STATE_DONE);
-  EXPECT_EQ(sent(server().solves().open_partial_matte("s", std::nullopt)).value(),
+  EXPECT_EQ(sent(server().solves().open_partial_matte("s", {})).value(),
             read_file(server().solves().matte("s", std::nullopt).value()).value());
 }
 
@@ -380,15 +380,15 @@ TEST_F(SessionLife, ARegionOfAMatteIsThatOfTheWhole) {
     }
   };
   SolveRunner& solves = server().solves();
-  expect_region_of_whole(sent(solves.open_partial_matte("s", std::nullopt)),
-                         sent(solves.open_partial_matte("s", region)));
+  expect_region_of_whole(sent(solves.open_partial_matte("s", {})),
+                         sent(solves.open_partial_matte("s", {region, 0})));
   complete(1.0f);
   ASSERT_EQ(settled().state(), v1::SESSION_STATE_DONE);
-  expect_region_of_whole(sent(solves.open_matte("s", std::nullopt, std::nullopt)),
-                         sent(solves.open_matte("s", std::nullopt, region)));
+  expect_region_of_whole(sent(solves.open_matte("s", std::nullopt, {})),
+                         sent(solves.open_matte("s", std::nullopt, {region, 0})));
   for (const MatteRegion& refused : {MatteRegion{0, 0, kWidth + 1, 1}, {0, 0, 0, 1}, {-1, 0, 2, 2}}) {
-    EXPECT_TRUE(absl::IsInvalidArgument(solves.open_matte("s", std::nullopt, refused).status()));
-    EXPECT_TRUE(absl::IsInvalidArgument(solves.open_partial_matte("s", refused).status()));
+    EXPECT_TRUE(absl::IsInvalidArgument(solves.open_matte("s", std::nullopt, {refused, 0}).status()));
+    EXPECT_TRUE(absl::IsInvalidArgument(solves.open_partial_matte("s", {refused, 0}).status()));
   }
   // Files for sending have no name that could stay.
   for (const fs::directory_entry& entry : fs::directory_iterator(data_ / "server"))

@@ -1,6 +1,6 @@
 // Loads mattes from the server in a worker.
 import type { Drawable } from "./compositor";
-import type { MatteData } from "./matte";
+import { samplingOf, type Box, type MatteData } from "./matte";
 
 export interface LoadRequest {
   url: string;
@@ -15,14 +15,31 @@ export interface LoadOptions {
   report: (done: number) => void;
 }
 
-export function matteUrl(session: string, frame?: number): string {
-  return `/mattes/${encodeURIComponent(session)}.exr${frame === undefined ? "" : `?frame=${frame}`}`;
+export interface MatteChoice {
+  /** Of a video. */
+  frame?: number | undefined;
+  /** Of a session that is not solved yet: its newest draft, or what is solved so far. */
+  partial?: boolean;
+  /** Part of the picture. */
+  region?: Box | undefined;
+  /** Rows and columns are left out until there are no more pixels than this. */
+  pixels?: number;
 }
 
-/** Of a session that is not solved yet: its newest draft, or what is solved so far. */
-export function partialMatteUrl(session: string): string {
-  return `${matteUrl(session)}?partial=1`;
+export function matteUrl(session: string, { frame, partial, region, pixels }: MatteChoice = {}): string {
+  const query = new URLSearchParams();
+  if (frame !== undefined) query.set("frame", String(frame));
+  if (partial) query.set("partial", "1");
+  if (region) query.set("crop", `${region.width}x${region.height}+${region.x}+${region.y}`);
+  if (pixels !== undefined) query.set("pixels", String(pixels));
+  const text = query.toString();
+  return `/mattes/${encodeURIComponent(session)}.exr${text === "" ? "" : `?${text}`}`;
 }
+
+/** As many pixels as a page shows of a picture: more would cost a gigabyte of memory, and not be seen. */
+export const kMostPixels = 1.5e6;
+/** Loaded and drawn in a second or two. */
+const kFirstPixels = 2.5e5;
 
 function load<Result>(
   request: LoadRequest,
@@ -55,4 +72,17 @@ export function loadDrawable(url: string, options: LoadOptions): Promise<Drawabl
   return load({ url, wants: "drawable" }, options, (message) =>
     "drawable" in message ? message.drawable : undefined,
   );
+}
+
+/** Loads a matte of any size: of a large one a coarse picture first, then as much as a page shows. */
+export async function loadByLevels(
+  session: string,
+  choice: MatteChoice,
+  options: LoadOptions,
+  show: (matte: Drawable) => void,
+): Promise<void> {
+  const first = await loadDrawable(matteUrl(session, { ...choice, pixels: kFirstPixels }), options);
+  show(first);
+  if (samplingOf(first.metadata) === 1) return;
+  show(await loadDrawable(matteUrl(session, { ...choice, pixels: kMostPixels }), options));
 }

@@ -29,6 +29,12 @@ export interface MatteMetadata {
   footprint?: string;
   warnings?: string[];
   frame?: number;
+  sampling_px?: number;
+}
+
+/** The distance of a matte's pixels in the camera's picture: more than 1 if some are left out. */
+export function samplingOf({ sampling_px }: MatteMetadata): number {
+  return Math.max(1, sampling_px ?? 1);
 }
 
 export interface Mode {

@@ -1,13 +1,14 @@
 import { useEffect, useMemo, useState } from "preact/hooks";
 import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
-import { loadMatte, matteUrl } from "../light/load";
+import { kMostPixels, loadMatte, matteUrl } from "../light/load";
 import { kChannels, type MatteData } from "../light/matte";
 import type { PageProps } from "../pages";
 import { isCaptured, manifestOf } from "../parts/archive";
 import { Downloads } from "../parts/downloads";
 import { Failure } from "../parts/failure";
 import { FrameSlider } from "../parts/frame_slider";
+import { Sampling } from "../parts/sampling";
 import { SessionChoice } from "../parts/session_choice";
 import { framesOf, useSession } from "../parts/use_session";
 import { PanelView, type Place } from "./panel_view";
@@ -29,7 +30,7 @@ function Viewer({ session }: { session: SessionJson }) {
 
   useEffect(() => {
     const cancel = new AbortController();
-    loadMatte(matteUrl(name, frame), { signal: cancel.signal, report: setProgress })
+    loadMatte(matteUrl(name, { frame, pixels: kMostPixels }), { signal: cancel.signal, report: setProgress })
       .then((loaded) => {
         setError(undefined);
         setMatte(loaded);
@@ -81,6 +82,7 @@ function Viewer({ session }: { session: SessionJson }) {
           {warning}
         </p>
       ))}
+      {matte && <Sampling metadata={matte.metadata} />}
       <div class="panels">
         {cursor &&
           panels?.map((panel) => (

@@ -1,7 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { ApiError, ask } from "../api";
 import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
-import { kChannels, modesOf, type MatteData, type Mode } from "../light/matte";
+import { kChannels, modesOf, samplingOf, type MatteData, type Mode } from "../light/matte";
 import { Failure } from "../parts/failure";
 import { FootprintMaps } from "./footprint_map";
 import { kFlagWords } from "./panels";
@@ -80,7 +80,8 @@ function Sweeps({
   useEffect(() => {
     const cancel = new AbortController();
     setError(undefined);
-    const samples = ask(`/pixels/${encodeURIComponent(session)}?x=${x}&y=${y}`, {
+    const step = samplingOf(matte.metadata);
+    const samples = ask(`/pixels/${encodeURIComponent(session)}?x=${x * step}&y=${y * step}`, {
       signal: cancel.signal,
     }).then((answer) => answer.json() as Promise<{ samples?: Sample[] }>);
     Promise.all([manifest, samples]).then(
@@ -88,7 +89,7 @@ function Sweeps({
       (reason: unknown) => cancel.signal.aborted || setError(reason),
     );
     return () => cancel.abort();
-  }, [session, x, y, manifest]);
+  }, [session, matte, x, y, manifest]);
   if (error)
     return error instanceof ApiError && error.code === "NOT_FOUND" ? (
       <p class="note">The frames no longer exist.</p>
@@ -117,11 +118,12 @@ export interface PixelProps {
 
 export function Pixel({ matte, session, x, y, manifest }: PixelProps) {
   const pixel = y * matte.width + x;
+  const step = samplingOf(matte.metadata);
   const foreground = [0, 1, 2].map((channel) => digits(matte.foreground[3 * pixel + channel]!, 3)).join(", ");
   return (
     <section class="card pixel">
       <h2 aria-live="polite">
-        Pixel {x}, {y}
+        Pixel {x * step}, {y * step}
       </h2>
       <p class="digits">
         F {foreground}; coverage {digits(matte.coverage[pixel]!, 3)}; {flagText(matte.flags[pixel]!)}

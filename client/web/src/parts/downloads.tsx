@@ -1,4 +1,4 @@
-import { matteUrl, partialMatteUrl } from "../light/load";
+import { matteUrl } from "../light/load";
 
 interface DownloadsProps {
   session: string;
@@ -21,12 +21,12 @@ export function Downloads({ session, captured, matte, frame, monitors = [] }: Do
     <span class="downloads">
       Download
       {(matte === "partial" || matte === "draft") && (
-        <a href={partialMatteUrl(session)} download={`${session}-${matte}.exr`}>
+        <a href={matteUrl(session, { partial: true })} download={`${session}-${matte}.exr`}>
           {matte === "draft" ? "the draft" : "what is solved so far"}
         </a>
       )}
       {matte === "done" && (
-        <a href={matteUrl(session, frame)} download={`${session}${number}.exr`}>
+        <a href={matteUrl(session, { frame })} download={`${session}${number}.exr`}>
           the matte
         </a>
       )}

@@ -1,11 +1,15 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { DraftJson } from "../gen/glasswing/v1/matte_pb";
-import { loadDrawable, matteUrl, partialMatteUrl } from "../light/load";
+import type { Drawable } from "../light/compositor";
+import { loadByLevels } from "../light/load";
+import { samplingOf, type Box, type MatteMetadata } from "../light/matte";
 import { Failure } from "../parts/failure";
 import { FrameSlider } from "../parts/frame_slider";
+import { Sampling } from "../parts/sampling";
 import { save } from "../parts/save";
 import { countText } from "../parts/words";
 import { kBuiltIn, openPicture, paint, type BuiltIn } from "./backgrounds";
+import { closeUp, middleOf } from "./close_up";
 import { listenToGestures } from "./gestures";
 import { kStill, Stage } from "./stage";
 
@@ -104,31 +108,42 @@ export function Player({ session, frames, draft }: PlayerProps) {
   const [fill, setFill] = useState(true);
   const [seesAll, setSeesAll] = useState(true);
   const [crop, setCrop] = useState(true);
+  const [metadata, setMetadata] = useState<MatteMetadata>();
+  const [closer, setCloser] = useState<Box>();
+  const [picking, setPicking] = useState(false);
+  const whole = useRef({ width: 1, height: 1 });
   const chosen = useRef(monitor);
   chosen.current = monitor;
+  const shown = useRef(closer);
+  shown.current = closer;
   const drafted = draft?.imageCount;
 
   useEffect(() => {
     const cancel = new AbortController();
     setProgress(0);
-    const url = drafted === undefined ? matteUrl(session, frame) : partialMatteUrl(session);
-    loadDrawable(url, { signal: cancel.signal, report: setProgress })
-      .then((matte) => {
-        setError(undefined);
-        setUnsolved(matte.unsolved.length);
-        setSeesAll(matte.seeing.width === matte.width && matte.seeing.height === matte.height);
-        if (stage.current) return stage.current.setMatte(matte);
-        const made = (stage.current = new Stage(canvas.current!, matte));
-        made.monitors.forEach(({ width, height }, t) =>
-          made.setPicture(t, paint("landscape", width, height, kFirstChoice.colour)),
-        );
-        setChoices(made.monitors.map(() => kFirstChoice));
-        setReady(true);
-      })
+    const show = (matte: Drawable): void => {
+      setError(undefined);
+      setMetadata(matte.metadata);
+      setUnsolved(matte.unsolved.length);
+      setSeesAll(matte.seeing.width === matte.width && matte.seeing.height === matte.height);
+      if (!closer) {
+        const step = samplingOf(matte.metadata);
+        whole.current = { width: (matte.width - 1) * step + 1, height: (matte.height - 1) * step + 1 };
+      }
+      if (stage.current) return stage.current.setMatte(matte);
+      const made = (stage.current = new Stage(canvas.current!, matte));
+      made.monitors.forEach(({ width, height }, t) =>
+        made.setPicture(t, paint("landscape", width, height, kFirstChoice.colour)),
+      );
+      setChoices(made.monitors.map(() => kFirstChoice));
+      setReady(true);
+    };
+    const choice = { frame: drafted === undefined ? frame : undefined, partial: drafted !== undefined, region: closer };
+    loadByLevels(session, choice, { signal: cancel.signal, report: setProgress }, show)
       .catch(setError)
       .finally(() => cancel.signal.aborted || setProgress(1));
     return () => cancel.abort();
-  }, [session, frame, drafted]);
+  }, [session, frame, drafted, closer]);
 
   useEffect(() => () => stage.current?.close(), []);
   useEffect(() => {
@@ -139,7 +154,11 @@ export function Player({ session, frames, draft }: PlayerProps) {
     const end = listenToGestures(canvas.current!, {
       get: () => stage.current!.standing(chosen.current),
       set: (standing) => stage.current!.move(chosen.current, standing),
-      size: () => stage.current!.monitors[chosen.current]!,
+      size: () => {
+        const { width, height } = stage.current!.monitors[chosen.current]!;
+        const share = (shown.current?.width ?? whole.current.width) / whole.current.width;
+        return { width: share * width, height: share * height };
+      },
     });
     return () => {
       canvas.current?.removeEventListener("webglcontextlost", lost);
@@ -172,6 +191,12 @@ export function Player({ session, frames, draft }: PlayerProps) {
     stage.current!.picture(fill, crop).then((picture) => save(picture, name), setError);
   };
 
+  const lookCloser = (at: { clientX: number; clientY: number }): void => {
+    setPicking(false);
+    setCloser(closeUp(canvas.current!, at, whole.current));
+  };
+  const sampling = metadata ? samplingOf(metadata) : 1;
+
   const choice = choices[monitor];
   return (
     <section
@@ -195,12 +220,15 @@ export function Player({ session, frames, draft }: PlayerProps) {
       {progress < 1 && <progress value={progress} aria-label="Loading the matte" />}
       <canvas
         ref={canvas}
-        class={over ? "stage over" : "stage"}
+        class={`stage${over ? " over" : ""}${picking ? " picking" : ""}`}
         tabIndex={0}
         role="application"
         aria-label={`The object of ${session} in front of a picture. Arrow keys move the picture, plus and minus scale it, 0 puts it back.`}
         hidden={!ready}
+        onClick={(event) => picking && lookCloser(event)}
+        onKeyDown={(event) => picking && event.key === "Enter" && lookCloser(middleOf(canvas.current!))}
       />
+      {metadata && <Sampling metadata={metadata} />}
       {choice && (
         <div class="row card">
           {choices.length > 1 && (
@@ -248,7 +276,7 @@ export function Player({ session, frames, draft }: PlayerProps) {
           {unsolved > 0 && (
             <label title="Pixels without a result, such as those that saw the id patch, from their neighbours">
               <input type="checkbox" checked={fill} onChange={(event) => setFill(event.currentTarget.checked)} />
-              Fill {countText(unsolved, "unsolved pixel")}
+              Fill {sampling > 1 ? "unsolved pixels" : countText(unsolved, "unsolved pixel")}
             </label>
           )}
           {!seesAll && (
@@ -256,6 +284,15 @@ export function Player({ session, frames, draft }: PlayerProps) {
               <input type="checkbox" checked={crop} onChange={(event) => setCrop(event.currentTarget.checked)} />
               Crop the id patch
             </label>
+          )}
+          {closer ? (
+            <button onClick={() => setCloser(undefined)}>Whole picture</button>
+          ) : (
+            sampling > 1 && (
+              <button aria-pressed={picking} onClick={() => setPicking(!picking)}>
+                {picking ? "Click where to look closer" : "Look closer…"}
+              </button>
+            )
           )}
           <button class="primary" onClick={download}>
             Download frame

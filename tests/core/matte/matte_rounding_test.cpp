@@ -1,0 +1,136 @@
+#include "core/matte/matte_rounding.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+namespace glasswing {
+namespace {
+
+constexpr int kSide = 40;
+
+// Modes of all shapes, needles included, with errors from far below to far above what a float resolves.
+Matte random_matte() {
+  std::mt19937 random(20261127);
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  Matte matte(0, 0, kSide, kSide, 2);
+  matte.metadata.set_format_version(1);
+  matte.metadata.set_width_px(kSide);
+  matte.metadata.set_height_px(kSide);
+  auto& monitor = *matte.metadata.add_monitors();
+  monitor.set_name("back");
+  monitor.set_width_px(1920);
+  monitor.set_height_px(1080);
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        Mode& mode = matte.modes(x, y, c).front();
+        const double wide = std::exp(between(-3.0, 5.0)), narrow = wide * std::exp(between(-9.0, 0.0));
+        const double angle = between(0.0, std::numbers::pi), cos = std::cos(angle), sin = std::sin(angle);
+        mode.weight = static_cast<float>(std::exp(between(-8.0, 0.0)));
+        mode.x_px = static_cast<float>(between(-50.0, 1970.0));
+        mode.y_px = static_cast<float>(between(-50.0, 1130.0));
+        mode.xx_px2 = static_cast<float>(wide * wide * cos * cos + narrow * narrow * sin * sin);
+        mode.yy_px2 = static_cast<float>(wide * wide * sin * sin + narrow * narrow * cos * cos);
+        mode.xy_px2 = static_cast<float>((wide * wide - narrow * narrow) * sin * cos);
+        mode.weight_sd = static_cast<float>(std::exp(between(-25.0, 1.0)));
+        mode.centre_sd_px = static_cast<float>(std::exp(between(-25.0, 3.0)));
+      }
+    }
+  }
+  return matte;
+}
+
+double determinant(const Mode& mode) {
+  return double{mode.xx_px2} * mode.yy_px2 - double{mode.xy_px2} * mode.xy_px2;
+}
+
+// A float beside v is within this, whatever the rounding wants.
+double grain(double v) {
+  return std::abs(v) * 1.2e-7;
+}
+
+TEST(MatteRounding, MovesNothingByMoreThanAThirtySecondOfItsError) {
+  const Matte before = random_matte();
+  Matte after = before;
+  round_to_errors(after);
+  int changed = 0;
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        const Mode &was = before.modes(x, y, c).front(), &is = after.modes(x, y, c).front();
+        const double s = was.centre_sd_px;
+        EXPECT_LE(std::abs(is.weight - was.weight), was.weight_sd / 32.0 + grain(was.weight));
+        EXPECT_LE(std::abs(is.x_px - was.x_px), s / 32.0 + grain(was.x_px));
+        EXPECT_LE(std::abs(is.y_px - was.y_px), s / 32.0 + grain(was.y_px));
+        EXPECT_GT(is.weight, 0.0f);
+        EXPECT_NEAR(is.weight_sd, was.weight_sd, 0.01 * was.weight_sd);
+        EXPECT_NEAR(is.centre_sd_px, was.centre_sd_px, 0.01 * was.centre_sd_px);
+        // By its narrow axis, from the determinant: lambda^2 = det / (the wide axis' variance).
+        const double trace = double{was.xx_px2} + was.yy_px2;
+        const double narrow = std::sqrt(std::max(0.0, 2.0 * determinant(was) / trace));
+        const double most = 2.0 * narrow * s / 16.0 + 4.0 * grain(trace);
+        EXPECT_LE(std::abs(is.xx_px2 - was.xx_px2), most);
+        EXPECT_LE(std::abs(is.yy_px2 - was.yy_px2), most);
+        EXPECT_LE(std::abs(is.xy_px2 - was.xy_px2), most);
+        EXPECT_GE(determinant(is), std::min(0.0, determinant(was)) - grain(trace * trace));
+        if (is.x_px != was.x_px) ++changed;
+      }
+    }
+  }
+  EXPECT_GT(changed, kSide * kSide / 2);
+}
+
+TEST(MatteRounding, UnknownErrorsAndUnusedModesStay) {
+  const auto set = [](Matte& matte) {
+    matte.modes(0, 0, 0).front() = {.weight = 0.3333333f,
+                                    .x_px = 12.345678f,
+                                    .y_px = 9.876543f,
+                                    .xx_px2 = 3.3333333f,
+                                    .xy_px2 = 0.1234567f,
+                                    .yy_px2 = 2.2222222f,
+                                    .texture = 0,
+                                    .weight_sd = 0.0f,
+                                    .centre_sd_px = 0.0f};
+  };
+  Matte matte = random_matte();
+  set(matte);
+  round_to_errors(matte);
+  Matte expected = random_matte();
+  set(expected);
+  const Mode &is = matte.modes(0, 0, 0).front(), &was = expected.modes(0, 0, 0).front();
+  EXPECT_EQ(is.weight, was.weight);
+  EXPECT_EQ(is.x_px, was.x_px);
+  EXPECT_EQ(is.xx_px2, was.xx_px2);
+  EXPECT_EQ(matte.modes(0, 0, 0).back().weight, 0.0f);
+}
+
+TEST(MatteRounding, KeepsMultiplesOfASixteenthOfTheError) {
+  Matte matte = random_matte();
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        matte.modes(x, y, c).front().weight_sd = 0.005f;   // 2^-12 <= 0.005 / 16 < 2^-11
+        matte.modes(x, y, c).front().centre_sd_px = 0.1f;  // 2^-8 <= 0.1 / 16 < 2^-7
+      }
+    }
+  }
+  round_to_errors(matte);
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        const Mode& mode = matte.modes(x, y, c).front();
+        if (mode.weight > 0.005) EXPECT_EQ(std::fmod(mode.weight, 0x1p-12), 0.0);
+        EXPECT_EQ(std::fmod(mode.x_px, 0x1p-8), 0.0);
+        EXPECT_EQ(std::fmod(mode.y_px, 0x1p-8), 0.0);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace glasswing
