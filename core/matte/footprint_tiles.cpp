@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include "core/matte/footprint_quadrature.h"
-#include "core/matte/tile_kernel.h"
 
 namespace glasswing {
 namespace {
@@ -19,6 +18,14 @@ constexpr double kMinVariance = 0.4;
 constexpr double kTileReach = 2.8;
 // For thin footprints nothing is added to the ends; 0.1 % is omitted.
 constexpr double kThinReach = 3.3;
+// Where a footprint slides along u by more than so many of its sigmas along u in a row of v, what crosses a
+// border of pixels does so within a fraction of the row, and a few lines replace it.
+constexpr double kLineSlope = 8.0;
+// Gauss-Hermite, for a normal variable.
+constexpr std::array<double, 5> kHermiteNodes{-2.8569700138728056, -1.355626179974266, 0.0, 1.355626179974266,
+                                              2.8569700138728056};
+constexpr std::array<double, 5> kHermiteWeights{0.011257411327720691, 0.22207592200561266, 0.5333333333333333,
+                                                0.22207592200561266, 0.011257411327720691};
 // Neglecting a correlation changes the footprint by half of it, relative rms.
 constexpr double kUpright = 0.02;
 
@@ -121,6 +128,8 @@ class FootprintTiles::Gaussian {
         change_(std::exp(2.0 * scale_)),
         peak_(1.0 / (sigma_ * std::sqrt(2.0 * std::numbers::pi))) {}
   double sigma() const { return sigma_; }
+  double scale() const { return scale_; }
+  double peak() const { return peak_; }
   void start(double first) {
     value_ = peak_ * std::exp(scale_ * first * first);
     ratio_ = std::exp(scale_ * (2.0 * first + 1.0));
@@ -276,60 +285,140 @@ void FootprintTiles::add_oriented(const Placement& placed, double weight, int ch
   const double slope = placed.xy / placed.yy, cut = placed.xx - slope * placed.xy;
   sample(placed.y, Gaussian(placed.yy), reach_, level.height_px, down_);
   const Gaussian across(cut);
-  for (size_t i = 0; i < down_.weights.size(); ++i) {
-    const int y = down_.first + static_cast<int>(i);
-    const double away = y + 0.5 - placed.y;
-    const double reach = std::sqrt(std::max(reach_ * reach_ - away * away / placed.yy, 1.0));
-    sample(placed.x + slope * away, across, reach, level.width_px, across_);
-    if (!across_.empty())
-      add_row(level, across_.first, y, across_.weights, weight * static_cast<double>(down_.weights[i]),
-              channel);
+  const double column = std::floor(placed.x);  // cuts count from it, for their digits
+  const SlantedGaussian slanted{.centre = static_cast<float>(placed.x - column),
+                                .slope = static_cast<float>(slope),
+                                .sigma = static_cast<float>(across.sigma()),
+                                .peak = static_cast<float>(across.peak()),
+                                .scale = static_cast<float>(across.scale()),
+                                .per_variance = static_cast<float>(1.0 / placed.yy),
+                                .reach2 = static_cast<float>(reach_ * reach_)};
+  const size_t rows = down_.weights.size();
+  std::array<float, kTileWidth> weights{};
+  for (size_t i = 0; i < rows; i += kTileWidth) {
+    const size_t count = std::min<size_t>(kTileWidth, rows - i);
+    weights.fill(0.0f);
+    for (size_t r = 0; r < count; ++r) weights[r] = static_cast<float>(weight) * down_.weights[i + r];
+    const double first = down_.first + static_cast<double>(i) + 0.5 - placed.y;
+    cut_rows(slanted, static_cast<float>(first), weights.data(), cuts_);
+    for (size_t r = 0; r < count; ++r) {
+      const int y = down_.first + static_cast<int>(i + r);
+      const int x = static_cast<int>(column) + static_cast<int>(cuts_.first[r]);
+      const int samples = static_cast<int>(cuts_.count[r]);
+      if (samples > 0 && x >= -PyramidShape::kBorder &&
+          x + samples <= level.width_px + PyramidShape::kBorder) {
+        add_row_tile(static_cast<std::uint32_t>(level.at(x, y, channel)), level.stride,
+                     cuts_.halves[r].data(), *words_);
+        ++count_;
+        continue;
+      }
+      const double away = first + static_cast<double>(r);
+      const double reach = std::sqrt(std::max(reach_ * reach_ - away * away / placed.yy, 1.0));
+      sample(placed.x + slope * away, across, reach, level.width_px, across_);
+      if (!across_.empty())
+        add_row(level, across_.first, y, across_.weights, weight * static_cast<double>(down_.weights[i + r]),
+                channel);
+    }
   }
 }
 
-// As in the exact compositor: in closed form along the narrower axis u, by Gauss-Legendre panels along v.
-// Slopes are at most 1, so few pixels of a row or column are touched.
-void FootprintTiles::add_thin(const Mode& mode, int channel) {
-  const PyramidShape::Level& picture = shape_.levels().front();
-  const bool exchanged = mode.xx_px2 > mode.yy_px2;
-  const double vv = exchanged ? mode.xx_px2 : mode.yy_px2, uv = mode.xy_px2;
-  const double uu = std::max<double>(exchanged ? mode.yy_px2 : mode.xx_px2, 0.0);
-  const double u0 = exchanged ? mode.y_px : mode.x_px, v0 = exchanged ? mode.x_px : mode.y_px;
-  const int u_extent = exchanged ? picture.height_px : picture.width_px;
-  const int v_extent = exchanged ? picture.width_px : picture.height_px;
-  const double sigma = std::sqrt(vv), slope = uv / vv, cut = std::max(uu - slope * uv, 0.0);
-  const double slide = std::abs(slope) / std::max(std::sqrt(cut), 0.02);
-  const double finest = std::max({1.0, 2.0 / sigma, std::min(slide, 50.0)});
+// A tap's weight, beside the others of its row of v, which begin at `begin`.
+void FootprintTiles::add_tap(size_t begin, int u, int v, double weight) {
+  const auto same = std::find_if(thin_.begin() + static_cast<std::ptrdiff_t>(begin), thin_.end(),
+                                 [&](const Tap& tap) { return tap.x == u && tap.y == v; });
+  if (same == thin_.end()) {
+    thin_.push_back({u, v, weight});
+  } else {
+    same->weight += weight;
+  }
+}
+
+// As in the exact compositor: in closed form along u, by Gauss-Legendre panels along v.
+void FootprintTiles::add_panels(const Thin& thin) {
+  const double slide = std::abs(thin.slope) / std::max(std::sqrt(thin.cut), 0.02);
+  const double finest = std::max({1.0, 2.0 / thin.sigma, std::min(slide, 50.0)});
   const double whole = std::erf(thin_reach_ / std::numbers::sqrt2);
-  thin_.clear();
-  const double first = std::max(std::floor(v0 - thin_reach_ * sigma), 0.0);
-  const double last = std::min(std::ceil(v0 + thin_reach_ * sigma), static_cast<double>(v_extent));
+  const double reach = thin_reach_ * thin.sigma;
+  const double first = std::max(std::floor(thin.v - reach), 0.0);
+  const double last = std::min(std::ceil(thin.v + reach), static_cast<double>(thin.v_extent));
   for (double v = first; v < last; v += 1.0) {
-    const double low = std::max(v, v0 - thin_reach_ * sigma),
-                 high = std::min(v + 1.0, v0 + thin_reach_ * sigma);
+    const double low = std::max(v, thin.v - reach), high = std::min(v + 1.0, thin.v + reach);
     const int panels = std::max(1, static_cast<int>(std::ceil((high - low) * finest)));
     const double half = 0.5 * (high - low) / panels;
     const size_t begin = thin_.size();
     for (int p = 0; p < panels; ++p) {
       for (size_t n = 0; n < kNodes.size(); ++n) {
-        const double away = low + (2 * p + 1 + kNodes[n]) * half - v0;
-        const double density =
-            std::exp(-0.5 * away * away / vv) / (sigma * std::sqrt(2.0 * std::numbers::pi) * whole);
-        integrate(u0 + slope * away, cut, u_extent, across_);
-        for (size_t i = 0; i < across_.weights.size(); ++i) {
-          const int u = across_.first + static_cast<int>(i), at = static_cast<int>(v);
-          const double weight = kNodeWeights[n] * half * density * static_cast<double>(across_.weights[i]);
-          const int x = exchanged ? at : u, y = exchanged ? u : at;
-          const auto same = std::find_if(thin_.begin() + static_cast<std::ptrdiff_t>(begin), thin_.end(),
-                                         [&](const Tap& tap) { return tap.x == x && tap.y == y; });
-          if (same == thin_.end()) {
-            thin_.push_back({x, y, weight});
-          } else {
-            same->weight += weight;
-          }
-        }
+        const double away = low + (2 * p + 1 + kNodes[n]) * half - thin.v;
+        const double density = std::exp(-0.5 * away * away / (thin.sigma * thin.sigma)) /
+                               (thin.sigma * std::sqrt(2.0 * std::numbers::pi) * whole);
+        integrate(thin.u + thin.slope * away, thin.cut, thin.u_extent, across_);
+        for (size_t i = 0; i < across_.weights.size(); ++i)
+          add_tap(begin, across_.first + static_cast<int>(i), static_cast<int>(v),
+                  kNodeWeights[n] * half * density * static_cast<double>(across_.weights[i]));
       }
     }
+  }
+}
+
+// The narrow Gaussian along u as Gauss-Hermite nodes, each a line u = u_n + slope (v - v_0). In a row of v it
+// crosses one border of pixels at most: either side has the Gaussian's integral along v up to there.
+void FootprintTiles::add_lines(const Thin& thin) {
+  const double whole = std::erf(thin_reach_ / std::numbers::sqrt2), reach = thin_reach_ * thin.sigma;
+  const auto below = [&](double v) {  // the share of the Gaussian along v
+    return 0.5 * std::erf((v - thin.v) / (thin.sigma * std::numbers::sqrt2)) / whole;
+  };
+  const double narrow = std::sqrt(thin.cut);
+  const size_t nodes = narrow < kPointSigma_px ? 1 : kHermiteNodes.size();
+  const double first = std::max(std::floor(thin.v - reach), 0.0);
+  const double last = std::min(std::ceil(thin.v + reach), static_cast<double>(thin.v_extent));
+  double low = std::max(first, thin.v - reach), below_low = below(low);
+  for (double v = first; v < last; v += 1.0) {
+    const double high = std::min(v + 1.0, thin.v + reach), below_high = below(high);
+    const size_t begin = thin_.size();
+    for (size_t n = 0; n < nodes; ++n) {
+      const double share = nodes == 1 ? 1.0 : kHermiteWeights[n];
+      const double u0 = nodes == 1 ? thin.u : thin.u + narrow * kHermiteNodes[n];
+      const double from = std::floor(u0 + thin.slope * (low - thin.v));
+      const double to = std::floor(u0 + thin.slope * (high - thin.v));
+      const auto add = [&](double u, double part) {
+        if (u >= 0.0 && u < thin.u_extent)
+          add_tap(begin, static_cast<int>(u), static_cast<int>(v), share * part);
+      };
+      if (from == to) {
+        add(from, below_high - below_low);
+        continue;
+      }
+      const double border = below(std::clamp(thin.v + (std::max(from, to) - u0) / thin.slope, low, high));
+      add(from, border - below_low);
+      add(to, below_high - border);
+    }
+    low = high;
+    below_low = below_high;
+  }
+}
+
+// Along the narrower axis u in closed form, or as lines, v the other axis. Slopes are at most 1.
+void FootprintTiles::add_thin(const Mode& mode, int channel) {
+  const PyramidShape::Level& picture = shape_.levels().front();
+  const bool exchanged = mode.xx_px2 > mode.yy_px2;
+  const double vv = exchanged ? mode.xx_px2 : mode.yy_px2, uv = mode.xy_px2;
+  const double uu = std::max<double>(exchanged ? mode.yy_px2 : mode.xx_px2, 0.0);
+  const double slope = uv / vv;
+  const Thin thin{.u = exchanged ? mode.y_px : mode.x_px,
+                  .v = exchanged ? mode.x_px : mode.y_px,
+                  .sigma = std::sqrt(vv),
+                  .slope = slope,
+                  .cut = std::max(uu - slope * uv, 0.0),
+                  .u_extent = exchanged ? picture.height_px : picture.width_px,
+                  .v_extent = exchanged ? picture.width_px : picture.height_px};
+  thin_.clear();
+  if (std::abs(slope) > kLineSlope * std::sqrt(thin.cut)) {
+    add_lines(thin);
+  } else {
+    add_panels(thin);
+  }
+  if (exchanged) {
+    for (Tap& tap : thin_) std::swap(tap.x, tap.y);
   }
   std::ranges::sort(thin_, [](const Tap& a, const Tap& b) { return a.y != b.y ? a.y < b.y : a.x < b.x; });
   for (size_t i = 0; i < thin_.size();) {

@@ -23,6 +23,7 @@
 
 #include "core/matte/matte.h"
 #include "core/matte/pyramid.h"
+#include "core/matte/tile_kernel.h"
 
 namespace glasswing {
 
@@ -64,7 +65,16 @@ class FootprintTiles {
   void integrate(double centre, double variance, int extent, Taps& taps) const;
   void add_product(const PyramidShape::Level& level, double weight, int channel);
   void add_oriented(const Placement& placed, double weight, int channel);
+  // A footprint on the picture itself, narrow along u for each v: x and y, or the other way round.
+  struct Thin {
+    double u = 0.0, v = 0.0, sigma = 0.0;  // centre; sigma along v
+    double slope = 0.0, cut = 0.0;         // by which u moves with v, and its variance for one v
+    int u_extent = 0, v_extent = 0;
+  };
   void add_thin(const Mode& mode, int channel);
+  void add_panels(const Thin& thin);
+  void add_lines(const Thin& thin);
+  void add_tap(size_t begin, int u, int v, double weight);
   void add_row(const PyramidShape::Level& level, int x, int y, std::span<const float> across, double weight,
                int channel);
 
@@ -74,6 +84,7 @@ class FootprintTiles {
   // State of the footprint being added.
   double reach_ = 0.0, thin_reach_ = 0.0;  // sigmas
   Taps across_, down_;
+  RowCuts cuts_;
   std::vector<Tap> thin_;
   std::vector<std::uint16_t>* words_ = nullptr;
   int count_ = 0;

@@ -3,6 +3,7 @@
 #include <hwy/foreach_target.h>
 //
 #include <half.h>
+#include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
 
 #include "core/matte/tile_kernel.h"
@@ -88,6 +89,56 @@ void EvaluateTiles(const PixelTiles* pixels, size_t count, const std::uint16_t* 
   }
 }
 
+// Lanes are rows.
+void CutRows(const SlantedGaussian& in, float first_row, const float* weights, RowCuts& cuts) {
+  const T d;
+  const H half;
+  const auto lanes = hn::Iota(d, 0.0f), one = hn::Set(d, 1.0f), last = hn::Set(d, kTileWidth - 1.0f);
+  for (size_t r = 0; r < kTileWidth; r += hn::Lanes(d)) {
+    const auto away = hn::Add(lanes, hn::Set(d, first_row + static_cast<float>(r)));
+    const auto centre = hn::MulAdd(hn::Set(d, in.slope), away, hn::Set(d, in.centre));
+    const auto left = hn::NegMulAdd(hn::Mul(away, away), hn::Set(d, in.per_variance), hn::Set(d, in.reach2));
+    const auto reach = hn::Mul(hn::Set(d, in.sigma), hn::Sqrt(hn::Max(left, one)));
+    auto low = hn::Floor(hn::Sub(centre, reach)), high = hn::Floor(hn::Add(centre, reach));
+    // A single sample that would need a tile of its own is dropped.
+    const auto wider = hn::Eq(hn::Sub(high, low), hn::Set(d, kTileWidth));
+    const auto from_low = hn::Gt(hn::Sub(centre, low), hn::Sub(hn::Add(high, one), centre));
+    low = hn::Add(low, hn::IfThenElseZero(hn::And(wider, from_low), one));
+    high = hn::Sub(high, hn::IfThenElseZero(hn::AndNot(from_low, wider), one));
+    const auto count = hn::Sub(high, low);  // but one
+    const auto start = hn::Sub(hn::Add(low, hn::Set(d, 0.5f)), centre);
+    HWY_ALIGN float values[kTileWidth][kTileWidth];
+    auto sum = hn::Zero(d), moment = hn::Zero(d);
+    for (size_t u = 0; u < kTileWidth; ++u) {
+      const auto place = hn::Set(d, static_cast<float>(u));
+      const auto a = hn::Add(start, place);
+      const auto g = hn::Mul(hn::Set(d, in.peak), hn::Exp(d, hn::Mul(hn::Set(d, in.scale), hn::Mul(a, a))));
+      const auto value = hn::IfThenElseZero(hn::Le(place, count), g);
+      hn::Store(value, d, values[u]);
+      sum = hn::Add(sum, value);
+      moment = hn::MulAdd(value, a, moment);
+    }
+    // The light beyond the reach goes to the end samples, so that sum and centroid are right.
+    const auto beyond = hn::Sub(one, sum);
+    const auto after = hn::Div(hn::NegMulSub(beyond, start, moment), count);
+    const auto before = hn::Sub(beyond, after);
+    const auto weight = hn::LoadU(d, weights + r);
+    for (size_t u = 0; u < kTileWidth; ++u) {
+      auto value = hn::Load(d, values[u]);
+      if (u == 0) value = hn::Add(value, before);
+      value = hn::Add(value, hn::IfThenElseZero(hn::Eq(hn::Set(d, static_cast<float>(u)), count), after));
+      HWY_ALIGN std::uint16_t column[kTileWidth];
+      hn::Store(hn::DemoteTo(half, hn::Mul(value, weight)), half, reinterpret_cast<hwy::float16_t*>(column));
+      for (size_t row = 0; row < hn::Lanes(d); ++row) cuts.halves[r + row][u] = column[row];
+    }
+    hn::StoreU(low, d, &cuts.first[r]);
+    // Of others the ends are the same sample, or several tiles are needed.
+    hn::StoreU(
+        hn::IfThenElse(hn::And(hn::Ge(count, one), hn::Le(count, last)), hn::Add(count, one), hn::Zero(d)), d,
+        &cuts.count[r]);
+  }
+}
+
 void SplitRow(const float* interleaved, size_t count, float* r, float* g, float* b) {
   const F d;
   size_t i = 0;
@@ -152,6 +203,7 @@ HWY_AFTER_NAMESPACE();
 namespace glasswing {
 
 HWY_EXPORT(EvaluateTiles);
+HWY_EXPORT(CutRows);
 HWY_EXPORT(SplitRow);
 HWY_EXPORT(BlendRows);
 HWY_EXPORT(HalveRow);
@@ -169,6 +221,18 @@ void add_tile(std::uint32_t offset, std::uint16_t stride, std::span<const float>
   for (size_t i = 0; i < across.size(); ++i) to[i] = Imath::half(common * across[i]).bits();
   to += kTileWidth;
   for (size_t i = 0; i < rows; ++i) to[i] = Imath::half(down[i]).bits();
+}
+
+void add_row_tile(std::uint32_t offset, std::uint16_t stride, const std::uint16_t* across,
+                  std::vector<std::uint16_t>& words) {
+  const std::array<std::uint16_t, kTileHeader> head{static_cast<std::uint16_t>(offset),
+                                                    static_cast<std::uint16_t>(offset >> 16), stride, 1};
+  words.insert(words.end(), head.begin(), head.end());
+  words.insert(words.end(), across, across + kTileWidth);
+}
+
+void cut_rows(const SlantedGaussian& gaussian, float first_row, const float* weights, RowCuts& cuts) {
+  HWY_DYNAMIC_DISPATCH(CutRows)(gaussian, first_row, weights, cuts);
 }
 
 void evaluate_tiles(std::span<const PixelTiles> pixels, const std::uint16_t* words, const float* samples,

@@ -2,6 +2,7 @@
 // of weights.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -33,6 +34,26 @@ void add_tile(std::uint32_t offset, std::uint16_t stride, std::span<const float>
 // Adds to `light`, r, g, b per pixel. Reads kTileWidth samples at every offset of a tile.
 void evaluate_tiles(std::span<const PixelTiles> pixels, const std::uint16_t* words, const float* samples,
                     float* light);
+
+// The cuts of a Gaussian along rows, each a Gaussian of the same width whose centre moves from row to row.
+struct SlantedGaussian {
+  float centre = 0.0f;                            // of the cut through the Gaussian's centre, in samples
+  float slope = 0.0f;                             // by which the centre of a cut moves, a row
+  float sigma = 0.0f, peak = 0.0f, scale = 0.0f;  // of a cut: its values are peak exp(scale a^2)
+  float per_variance = 0.0f, reach2 = 0.0f;  // a cut reaches sqrt(max(reach2 - away^2 per_variance, 1)) sigma
+};
+struct RowCuts {
+  std::array<float, kTileWidth> first{};  // sample of a row's tile, in the units of `centre`
+  std::array<float, kTileWidth> count{};  // of samples; 0: they are none of 2 to kTileWidth, nothing is made
+  std::array<std::array<std::uint16_t, kTileWidth>, kTileWidth> halves{};  // their weights, by row
+};
+// kTileWidth rows, the first of them `first_row` below the Gaussian's centre, each with the sum of its
+// weights.
+void cut_rows(const SlantedGaussian& gaussian, float first_row, const float* weights, RowCuts& cuts);
+
+// Appends a tile of one row, of weights as half floats.
+void add_row_tile(std::uint32_t offset, std::uint16_t stride, const std::uint16_t* across,
+                  std::vector<std::uint16_t>& words);
 
 // De-interleaves r, g, b.
 void split_row(const float* interleaved, size_t count, float* r, float* g, float* b);

@@ -141,6 +141,13 @@ TEST_P(Widths, LinesAreTheExactOnes) {
   }));
 }
 
+TEST_P(Widths, NeedlesAreTheExactOnes) {
+  expect_held(matte_of(8, 4, [&](Random& random) {
+    return oriented(x(random), y(random), GetParam(), std::min(GetParam(), uniform(random, 0.001, 0.2)),
+                    uniform(random, 0.0, std::numbers::pi));
+  }));
+}
+
 TEST_P(Widths, BoxesAreTheExactOnes) {
   Matte matte = matte_of(12, 8, [&](Random& random) {
     return oriented(x(random), y(random), GetParam(), GetParam() * uniform(random, 0.3, 1.0), 0.0);

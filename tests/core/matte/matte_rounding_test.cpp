@@ -124,7 +124,9 @@ TEST(MatteRounding, KeepsMultiplesOfASixteenthOfTheError) {
     for (int x = 0; x < kSide; ++x) {
       for (int c = 0; c < kChannels; ++c) {
         const Mode& mode = matte.modes(x, y, c).front();
-        if (mode.weight > 0.005) EXPECT_EQ(std::fmod(mode.weight, 0x1p-12), 0.0);
+        if (mode.weight > 0.005) {
+          EXPECT_EQ(std::fmod(mode.weight, 0x1p-12), 0.0);
+        }
         EXPECT_EQ(std::fmod(mode.x_px, 0x1p-8), 0.0);
         EXPECT_EQ(std::fmod(mode.y_px, 0x1p-8), 0.0);
       }
