@@ -50,6 +50,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_composite_command(app, client);
   add_stmap_command(app, client);
   add_view_command(app, client);
+  add_web_command(app, client);
   app.group("Pictures");
   add_sheet_command(app, client);
   add_compare_command(app, client);

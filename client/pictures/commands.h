@@ -14,6 +14,7 @@ void add_view_command(CLI::App& app, Client& client);
 void add_sheet_command(CLI::App& app, Client& client);
 void add_compare_command(CLI::App& app, Client& client);
 void add_blur_command(CLI::App& app, Client& client);
+void add_web_command(CLI::App& app, Client& client);
 void add_convert_command(CLI::App& app, Client& client);
 
 }  // namespace glasswing

@@ -1,11 +1,16 @@
 #include "core/matte/matte_rounding.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace glasswing {
 namespace {
 
 constexpr double kShare = 1.0 / 16.0;  // of an error
+constexpr double kMinWeightError = 1.0 / 4096.0, kMaxWeightError = 1.0 / 512.0;
+constexpr double kMinCentreError_px = 1.0 / 64.0;
+constexpr double kMaxCentreError = 1.0 / 32.0, kMaxWidthError = 1.0 / 128.0;  // of the width that is seen
+constexpr double kPixelVariance_px2 = 1.0 / 12.0;
 
 // The largest power of two that is at most kShare of an error above 0.
 double step_of(double error) {
@@ -27,28 +32,34 @@ double smaller_variance(const Mode& mode) {
   return std::max(0.0, mean - std::hypot(half, double{mode.xy_px2}));
 }
 
-void round_covariance(Mode& mode) {
-  const double error = 2.0 * std::sqrt(smaller_variance(mode)) * mode.centre_sd_px;
-  if (!(error > 0.0)) return;
-  const double step = step_of(error);
-  mode.xx_px2 = static_cast<float>(step * std::ceil(mode.xx_px2 / step));
-  mode.yy_px2 = static_cast<float>(step * std::ceil(mode.yy_px2 / step));
-  mode.xy_px2 = static_cast<float>(step * std::trunc(mode.xy_px2 / step));
-}
+// Of a mode, or the smallest of a pixel's modes where they are known.
+struct Errors {
+  float weight = 0.0f, centre_px = 0.0f;
+};
 
-void round_mode(Mode& mode) {
-  if (mode.weight_sd > 0.0f) {
-    const auto weight = static_cast<float>(nearest(mode.weight, step_of(mode.weight_sd)));
-    if (weight > 0.0f) mode.weight = weight;  // else it would no longer be a mode
-  }
-  if (mode.centre_sd_px > 0.0f) {
-    const double step = step_of(mode.centre_sd_px);
-    mode.x_px = static_cast<float>(nearest(mode.x_px, step));
-    mode.y_px = static_cast<float>(nearest(mode.y_px, step));
-    round_covariance(mode);
-  }
+void round_mode(Mode& mode, const Errors& errors) {
+  const double weight_step = step_of(std::clamp<double>(errors.weight, kMinWeightError, kMaxWeightError));
+  const auto weight = static_cast<float>(nearest(mode.weight, weight_step));
+  if (weight > 0.0f) mode.weight = weight;  // else it would no longer be a mode
+  const double seen_px = std::sqrt(smaller_variance(mode) + kPixelVariance_px2);
+  const auto centre_error_px = [&](double share) {
+    return std::clamp<double>(errors.centre_px, kMinCentreError_px,
+                              std::max(kMinCentreError_px, share * seen_px));
+  };
+  const double step = step_of(centre_error_px(kMaxCentreError));
+  mode.x_px = static_cast<float>(nearest(mode.x_px, step));
+  mode.y_px = static_cast<float>(nearest(mode.y_px, step));
+  const double covariance_step = step_of(2.0 * seen_px * centre_error_px(kMaxWidthError));
+  mode.xx_px2 = static_cast<float>(covariance_step * std::ceil(mode.xx_px2 / covariance_step));
+  mode.yy_px2 = static_cast<float>(covariance_step * std::ceil(mode.yy_px2 / covariance_step));
+  mode.xy_px2 = static_cast<float>(covariance_step * std::trunc(mode.xy_px2 / covariance_step));
   mode.weight_sd = two_digits(mode.weight_sd);
   mode.centre_sd_px = two_digits(mode.centre_sd_px);
+}
+
+// The smaller of known errors.
+float smaller(float a, float b) {
+  return a > 0.0f && b > 0.0f ? std::min(a, b) : std::max(a, b);
 }
 
 }  // namespace
@@ -57,9 +68,19 @@ void round_to_errors(Matte& matte) {
   const int channels = matte.is_colourless() ? 1 : kChannels;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
+      Errors least;
+      for (int c = 0; c < channels; ++c) {
+        for (const Mode& mode : matte.modes(x, y, c)) {
+          if (!(mode.weight > 0.0f)) continue;
+          least.weight = smaller(least.weight, mode.weight_sd);
+          least.centre_px = smaller(least.centre_px, mode.centre_sd_px);
+        }
+      }
       for (int c = 0; c < channels; ++c) {
         for (Mode& mode : matte.modes(x, y, c)) {
-          if (mode.weight > 0.0f) round_mode(mode);
+          if (!(mode.weight > 0.0f)) continue;
+          round_mode(mode, {.weight = mode.weight_sd > 0.0f ? mode.weight_sd : least.weight,
+                            .centre_px = mode.centre_sd_px > 0.0f ? mode.centre_sd_px : least.centre_px});
         }
       }
     }

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <regex>
 
+#include "core/base/file.h"
 #include "core/base/freed_memory.h"
 #include "tests/bench/rows.h"
 
@@ -31,11 +32,17 @@ int run(int argc, char** argv) {
   CLI::App app{
       "Measures the solver, the simulated camera, ramp mattes and composites; tests/bench/run holds the rows "
       "against their goals.\n\nExample:  build/release/bin/glasswing-bench --filter 'joint fit'"};
-  std::string filter = ".*";
+  std::string filter = ".*", large;
   bool list = false;
   app.add_option("--filter", filter, "Only rows whose names match this regular expression");
   app.add_flag("--list", list, "Print the rows without values; measure nothing");
+  app.add_option("--large-matte", large, "Write a matte of 12 megapixels to this file; measure nothing");
   CLI11_PARSE(app, argc, argv);
+  if (!large.empty()) {
+    const absl::Status written = write_file_durably(large, large_matte());
+    if (!written.ok()) fmt::print(stderr, "glasswing-bench: {}\n", std::string(written.message()));
+    return written.ok() ? 0 : 1;
+  }
   std::vector<Row> all, rows;
   add_line_rows(all);
   add_joint_rows(all);

@@ -219,8 +219,7 @@ struct Large {
 };
 Large& large() {
   static Large made{
-      .file =
-          encode_matte(lens(kKinds[3], Large::kLargeWidth, Large::kLargeHeight, Large::kLargeHeight)).value(),
+      .file = large_matte(),
       .background = {waves(Large::kLargeWidth, Large::kLargeHeight, 0)},
       .fast = std::nullopt};
   return made;
@@ -274,6 +273,10 @@ void add_large_rows(std::vector<Row>& rows) {
 }
 
 }  // namespace
+
+std::string large_matte() {
+  return encode_matte(lens(kKinds[3], Large::kLargeWidth, Large::kLargeHeight, Large::kLargeHeight)).value();
+}
 
 void add_composite_rows(std::vector<Row>& rows) {
   for (size_t kind = 0; kind < kKinds.size(); ++kind) {

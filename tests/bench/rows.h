@@ -38,5 +38,7 @@ void add_solve_rows(std::vector<Row>& rows);
 void add_camera_rows(std::vector<Row>& rows);
 void add_ramp_rows(std::vector<Row>& rows);
 void add_composite_rows(std::vector<Row>& rows);
+// A matte's file of 12 megapixels, two modes a channel, before a monitor as large.
+std::string large_matte();
 
 }  // namespace glasswing

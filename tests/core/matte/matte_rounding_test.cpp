@@ -63,17 +63,21 @@ TEST(MatteRounding, MovesNothingByMoreThanAThirtySecondOfItsError) {
     for (int x = 0; x < kSide; ++x) {
       for (int c = 0; c < kChannels; ++c) {
         const Mode &was = before.modes(x, y, c).front(), &is = after.modes(x, y, c).front();
-        const double s = was.centre_sd_px;
-        EXPECT_LE(std::abs(is.weight - was.weight), was.weight_sd / 32.0 + grain(was.weight));
+        const double weight_error = std::clamp<double>(was.weight_sd, 1.0 / 4096.0, 1.0 / 512.0);
+        EXPECT_LE(std::abs(is.weight - was.weight), weight_error / 32.0 + grain(was.weight));
+        // By its narrow axis, from the determinant: lambda^2 = det / (the wide axis' variance).
+        const double trace = double{was.xx_px2} + was.yy_px2;
+        const double seen = std::sqrt(std::max(0.0, 2.0 * determinant(was) / trace) + 1.0 / 12.0);
+        const double s = std::clamp<double>(was.centre_sd_px, 1.0 / 64.0, std::max(1.0 / 64.0, seen / 32.0));
         EXPECT_LE(std::abs(is.x_px - was.x_px), s / 32.0 + grain(was.x_px));
         EXPECT_LE(std::abs(is.y_px - was.y_px), s / 32.0 + grain(was.y_px));
         EXPECT_GT(is.weight, 0.0f);
         EXPECT_NEAR(is.weight_sd, was.weight_sd, 0.01 * was.weight_sd);
         EXPECT_NEAR(is.centre_sd_px, was.centre_sd_px, 0.01 * was.centre_sd_px);
-        // By its narrow axis, from the determinant: lambda^2 = det / (the wide axis' variance).
-        const double trace = double{was.xx_px2} + was.yy_px2;
-        const double narrow = std::sqrt(std::max(0.0, 2.0 * determinant(was) / trace));
-        const double most = 2.0 * narrow * s / 16.0 + 4.0 * grain(trace);
+        const double most =
+            2.0 * seen *
+                std::clamp<double>(was.centre_sd_px, 1.0 / 64.0, std::max(1.0 / 64.0, seen / 128.0)) / 16.0 +
+            4.0 * grain(trace);
         EXPECT_LE(std::abs(is.xx_px2 - was.xx_px2), most);
         EXPECT_LE(std::abs(is.yy_px2 - was.yy_px2), most);
         EXPECT_LE(std::abs(is.xy_px2 - was.xy_px2), most);
@@ -85,28 +89,44 @@ TEST(MatteRounding, MovesNothingByMoreThanAThirtySecondOfItsError) {
   EXPECT_GT(changed, kSide * kSide / 2);
 }
 
-TEST(MatteRounding, UnknownErrorsAndUnusedModesStay) {
-  const auto set = [](Matte& matte) {
-    matte.modes(0, 0, 0).front() = {.weight = 0.3333333f,
-                                    .x_px = 12.345678f,
-                                    .y_px = 9.876543f,
-                                    .xx_px2 = 3.3333333f,
-                                    .xy_px2 = 0.1234567f,
-                                    .yy_px2 = 2.2222222f,
-                                    .texture = 0,
-                                    .weight_sd = 0.0f,
-                                    .centre_sd_px = 0.0f};
-  };
+Mode unknown_mode() {
+  return {.weight = 0.3333333f,
+          .x_px = 12.345678f,
+          .y_px = 9.876543f,
+          .xx_px2 = 3.3333333f,
+          .xy_px2 = 0.1234567f,
+          .yy_px2 = 2.2222222f,
+          .texture = 0,
+          .weight_sd = 0.0f,
+          .centre_sd_px = 0.0f};
+}
+
+TEST(MatteRounding, AnUnknownErrorIsTheSmallestOfThePixel) {
   Matte matte = random_matte();
-  set(matte);
+  matte.modes(0, 0, 0).front() = unknown_mode();
+  for (const int c : {1, 2}) {
+    matte.modes(0, 0, c).front().weight_sd = c == 1 ? 0.001f : 0.5f;
+    matte.modes(0, 0, c).front().centre_sd_px = c == 1 ? 4.0f : 0.03f;
+  }
   round_to_errors(matte);
-  Matte expected = random_matte();
-  set(expected);
-  const Mode &is = matte.modes(0, 0, 0).front(), &was = expected.modes(0, 0, 0).front();
-  EXPECT_EQ(is.weight, was.weight);
-  EXPECT_EQ(is.x_px, was.x_px);
-  EXPECT_EQ(is.xx_px2, was.xx_px2);
+  const Mode& is = matte.modes(0, 0, 0).front();
+  EXPECT_EQ(std::fmod(is.weight, 0x1p-14), 0.0);  // <= 0.001 / 16
+  EXPECT_EQ(std::fmod(is.x_px, 0x1p-10), 0.0);    // <= 0.03 / 16
+  EXPECT_NEAR(is.weight, 0.3333333f, 0x1p-15);
+  EXPECT_NEAR(is.x_px, 12.345678f, 0x1p-11);
+  EXPECT_EQ(is.weight_sd, 0.0f);  // it stays unknown
   EXPECT_EQ(matte.modes(0, 0, 0).back().weight, 0.0f);
+}
+
+TEST(MatteRounding, WithoutAnyErrorDigitsAreThoseOfAGoodRig) {
+  Matte matte(0, 0, 1, 1, 1);
+  for (int c = 0; c < kChannels; ++c) matte.modes(0, 0, c).front() = unknown_mode();
+  round_to_errors(matte);
+  const Mode& is = matte.modes(0, 0, 0).front();
+  EXPECT_NEAR(is.weight, 0.3333333f, 0x1p-17);
+  EXPECT_NEAR(is.x_px, 12.345678f, 0x1p-11);
+  EXPECT_NEAR(is.y_px, 9.876543f, 0x1p-11);
+  EXPECT_EQ(std::fmod(is.y_px, 0x1p-10), 0.0);
 }
 
 TEST(MatteRounding, KeepsMultiplesOfASixteenthOfTheError) {
@@ -114,8 +134,8 @@ TEST(MatteRounding, KeepsMultiplesOfASixteenthOfTheError) {
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
       for (int c = 0; c < kChannels; ++c) {
-        matte.modes(x, y, c).front().weight_sd = 0.005f;   // 2^-12 <= 0.005 / 16 < 2^-11
-        matte.modes(x, y, c).front().centre_sd_px = 0.1f;  // 2^-8 <= 0.1 / 16 < 2^-7
+        matte.modes(x, y, c).front().weight_sd = 0.001f;    // 2^-14 <= 0.001 / 16 < 2^-13
+        matte.modes(x, y, c).front().centre_sd_px = 0.03f;  // 2^-10 <= 0.03 / 16 < 2^-9
       }
     }
   }
@@ -124,11 +144,11 @@ TEST(MatteRounding, KeepsMultiplesOfASixteenthOfTheError) {
     for (int x = 0; x < kSide; ++x) {
       for (int c = 0; c < kChannels; ++c) {
         const Mode& mode = matte.modes(x, y, c).front();
-        if (mode.weight > 0.005) {
-          EXPECT_EQ(std::fmod(mode.weight, 0x1p-12), 0.0);
+        if (mode.weight > 0.001) {
+          EXPECT_EQ(std::fmod(mode.weight, 0x1p-14), 0.0);
         }
-        EXPECT_EQ(std::fmod(mode.x_px, 0x1p-8), 0.0);
-        EXPECT_EQ(std::fmod(mode.y_px, 0x1p-8), 0.0);
+        EXPECT_EQ(std::fmod(mode.x_px, 0x1p-10), 0.0);
+        EXPECT_EQ(std::fmod(mode.y_px, 0x1p-10), 0.0);
       }
     }
   }

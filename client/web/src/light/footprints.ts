@@ -6,7 +6,7 @@
 // instead of its covariance S: the blur of level l (its filter, and squares of 4^l / 12 px^2) less that of the pixels' own
 // squares is subtracted. On the picture itself, l = 0, Q is S. This holds for boxes and Gaussians.
 import { toHalf } from "./half";
-import { kLayers, modesOf, type MatteData, type Mode } from "./matte";
+import { kLayers, modesOf, type MatteData, type MatteMetadata, type Mode } from "./matte";
 import { pyramidShape, type PyramidShape } from "./pyramid_shape";
 
 /** Texels of four 32-bit words; a footprint has two. Every graphics processor has textures as wide as this. */
@@ -109,33 +109,58 @@ function sharedModes(matte: MatteData, pixel: number): { mode: Mode; weights: nu
   return shared;
 }
 
-export function packFootprints(matte: MatteData): Footprints {
-  const kind = matte.metadata.footprint === "box" ? "box" : "gaussian";
-  const shapes = matte.metadata.monitors.map(({ width_px, height_px }) => pyramidShape(width_px, height_px));
-  const pixels = matte.width * matte.height;
-  const index = new Uint32Array(2 * pixels);
-  const most = matte.modes.length / kLayers.length;
-  const list = new Uint32Array(8 * most);
-  const floats = new Float32Array(list.buffer);
-  let count = 0;
-  for (let pixel = 0; pixel < pixels; ++pixel) {
-    const shared = sharedModes(matte, pixel);
-    index[2 * pixel] = count;
-    index[2 * pixel + 1] = shared.length;
-    for (const { mode, weights } of shared) {
-      const place = placeOf(mode, shapes[mode.texture]!, kind);
-      const [red, green, blue] = weights.map(toHalf) as [number, number, number];
-      const at = 8 * count++;
-      floats.set([place.x, place.y, place.xx, place.yy, place.xy], at);
-      list[at + 5] = red | (green << 16);
-      list[at + 6] = blue | (mode.texture << 16) | (place.level << 24);
-      floats[at + 7] = Math.max(...weights);
-    }
+/** Collects footprints, pixel by pixel. */
+export class FootprintList {
+  private readonly index: Uint32Array<ArrayBuffer>;
+  private readonly list: Uint32Array<ArrayBuffer>;
+  private readonly floats: Float32Array<ArrayBuffer>;
+  private readonly shapes: PyramidShape[];
+  private readonly kind: keyof typeof kMinVariance;
+  private pixel = -1;
+  private count = 0;
+
+  /** `most`: there are no more footprints than this. */
+  constructor({ monitors, footprint }: MatteMetadata, pixels: number, most: number) {
+    this.kind = footprint === "box" ? "box" : "gaussian";
+    this.shapes = monitors.map(({ width_px, height_px }) => pyramidShape(width_px, height_px));
+    this.index = new Uint32Array(2 * pixels);
+    this.list = new Uint32Array(8 * most);
+    this.floats = new Float32Array(this.list.buffer);
   }
-  let listWidth = kMinListWidth;
-  while (2 * count > listWidth * listWidth) listWidth *= 2;
-  const listHeight = Math.max(1, Math.ceil((2 * count) / listWidth));
-  const texels = new Uint32Array(4 * listWidth * listHeight);
-  texels.set(list.subarray(0, 8 * count));
-  return { index, list: texels, listWidth, listHeight };
+
+  nextPixel(): void {
+    ++this.pixel;
+    this.index[2 * this.pixel] = this.count;
+  }
+
+  /** Of the pixel; `weights` of its channels, in place of the mode's. */
+  add(mode: Mode, weights: readonly number[]): void {
+    const place = placeOf(mode, this.shapes[mode.texture]!, this.kind);
+    const [red, green, blue] = weights.map(toHalf) as [number, number, number];
+    const at = 8 * this.count++;
+    ++this.index[2 * this.pixel + 1]!;
+    this.floats.set([place.x, place.y, place.xx, place.yy, place.xy], at);
+    this.list[at + 5] = red | (green << 16);
+    this.list[at + 6] = blue | (mode.texture << 16) | (place.level << 24);
+    this.floats[at + 7] = Math.max(...weights);
+  }
+
+  packed(): Footprints {
+    let listWidth = kMinListWidth;
+    while (2 * this.count > listWidth * listWidth) listWidth *= 2;
+    const listHeight = Math.max(1, Math.ceil((2 * this.count) / listWidth));
+    const texels = new Uint32Array(4 * listWidth * listHeight);
+    texels.set(this.list.subarray(0, 8 * this.count));
+    return { index: this.index, list: texels, listWidth, listHeight };
+  }
+}
+
+export function packFootprints(matte: MatteData): Footprints {
+  const pixels = matte.width * matte.height;
+  const list = new FootprintList(matte.metadata, pixels, matte.modes.length / kLayers.length);
+  for (let pixel = 0; pixel < pixels; ++pixel) {
+    list.nextPixel();
+    for (const { mode, weights } of sharedModes(matte, pixel)) list.add(mode, weights);
+  }
+  return list.packed();
 }

@@ -44,6 +44,7 @@ export async function start_rig() {
     url: `http://127.0.0.1:${port + 3}/`,
     glasswing: (...args) => run(join(bin, "glasswing"), args),
     session: (name) => JSON.parse(run(join(bin, "glasswing"), ["--json", "show", name])),
+    matte: (name) => join(data, "server/mattes", `${name}.exr`),
     plan: (name) => join(kRoot, "deploy/plans", `${name}.txtpb`),
     kill_server: () => process.kill(Number(readFileSync(join(data, "run/server.pid"), "utf8")), "SIGKILL"),
     down: () => {

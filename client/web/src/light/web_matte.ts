@@ -1,0 +1,164 @@
+// Reads the folder that `glasswing web` writes (client/pictures/web_matte.h, docs/web.md).
+import type { Drawable } from "./compositor";
+import { FootprintList } from "./footprints";
+import type { Box, MatteMetadata, Mode } from "./matte";
+import { lightOf } from "./srgb";
+
+export interface WebDescription {
+  format: "glasswing-web";
+  version: number;
+  title: string;
+  width_px: number;
+  height_px: number;
+  metadata: MatteMetadata;
+  unit_px: number;
+  origin_px: number;
+  foreground_scale: number;
+  footprints: number;
+  planes: { name: string; bytes: number }[];
+  backgrounds: string[];
+}
+
+const kVersion = 1;
+const kUnsolved = 255;
+const kWidthsAnOctave = 8;
+const kNarrowest_px = 1 / 16;
+const kWeightUnit = 1 / 4096;
+const kAngles = 256;
+const kMostPixels = 1 << 26;
+
+export class NotAWebMatte extends Error {}
+
+export function checkedDescription(read: unknown): WebDescription {
+  const description = read as WebDescription;
+  if (description?.format !== "glasswing-web")
+    throw new NotAWebMatte("matte.json is not a matte that glasswing web wrote");
+  if (description.version !== kVersion)
+    throw new NotAWebMatte(`the folder has version ${description.version}; this player reads version ${kVersion}`);
+  const { width_px, height_px } = description;
+  if (!(width_px >= 1 && height_px >= 1 && width_px * height_px <= kMostPixels))
+    throw new NotAWebMatte(`matte.json says ${width_px}x${height_px}; there must be 1 to ${kMostPixels} pixels`);
+  return description;
+}
+
+async function inflated(packed: Uint8Array<ArrayBuffer>): Promise<Uint8Array> {
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+async function planesOf(
+  { planes }: WebDescription,
+  bytes: Uint8Array<ArrayBuffer>,
+): Promise<(name: string) => Uint8Array> {
+  const unpacked = new Map<string, Uint8Array>();
+  let at = 0;
+  await Promise.all(
+    planes.map(async ({ name, bytes: size }) => {
+      const packed = bytes.subarray(at, (at += size));
+      if (packed.length !== size) throw new NotAWebMatte("matte.bin ends too early");
+      unpacked.set(name, await inflated(packed));
+    }),
+  );
+  return (name) => {
+    const plane = unpacked.get(name);
+    if (!plane) throw new NotAWebMatte(`matte.json names no plane ${name}`);
+    return plane;
+  };
+}
+
+/** Undoes the folding of a difference of 16 bits. */
+function unfolded(low: number, high: number): number {
+  const folded = low | (high << 8);
+  return (folded >>> 1) ^ -(folded & 1);
+}
+
+const kWidths = Float64Array.from({ length: 256 }, (_, code) => kNarrowest_px * 2 ** (code / kWidthsAnOctave));
+const kLights = Float32Array.from({ length: 256 }, (_, code) => lightOf(code / 255));
+
+export async function readWebMatte(description: WebDescription, bytes: Uint8Array<ArrayBuffer>): Promise<Drawable> {
+  const { width_px: width, height_px: height, metadata, unit_px, origin_px, foreground_scale } = description;
+  const plane = await planesOf(description, bytes);
+  const [count, x_low, x_high, y_low, y_high, wide, narrow, angle, texture] = [
+    plane("count"),
+    plane("x_low"),
+    plane("x_high"),
+    plane("y_low"),
+    plane("y_high"),
+    plane("wide"),
+    plane("narrow"),
+    plane("angle"),
+    plane("texture"),
+  ] as const;
+  const lights = ["red", "green", "blue"].map(plane);
+  const weightPlanes = ["red", "green", "blue"].map((name) => [plane(`${name}_low`), plane(`${name}_high`)] as const);
+  const pixels = width * height;
+  if (count.length !== pixels || wide.length !== description.footprints)
+    throw new NotAWebMatte("matte.bin has not as many pixels as matte.json says");
+
+  const foreground = new Float32Array(3 * pixels);
+  const list = new FootprintList(metadata, pixels, description.footprints);
+  const unsolved: number[] = [];
+  // What differences refer to: F of the pixel before, and by place in a pixel's list the footprint before.
+  const light = [0, 0, 0];
+  const last = new Int32Array(kUnsolved * 8);
+  let [left, top, right, bottom] = [width, height, -1, -1];
+  let next = 0;
+  for (let pixel = 0; pixel < pixels; ++pixel) {
+    for (let c = 0; c < 3; ++c) {
+      light[c] = (light[c]! + lights[c]![pixel]!) & 255;
+      foreground[3 * pixel + c] = foreground_scale * kLights[light[c]!]!;
+    }
+    list.nextPixel();
+    const own = count[pixel]!;
+    if (own === kUnsolved) {
+      unsolved.push(pixel);
+      continue;
+    }
+    if (own > 0) {
+      const [x, y] = [pixel % width, Math.floor(pixel / width)];
+      [left, right] = [Math.min(left, x), Math.max(right, x)];
+      [top, bottom] = [Math.min(top, y), Math.max(bottom, y)];
+    }
+    for (let slot = 0; slot < own; ++slot, ++next) {
+      const at = 8 * slot;
+      const take = (field: number, difference: number, mask: number): number =>
+        (last[at + field] = (last[at + field]! + difference) & mask);
+      const x = take(0, unfolded(x_low[next]!, x_high[next]!), 0xffff);
+      const y = take(1, unfolded(y_low[next]!, y_high[next]!), 0xffff);
+      const wide_px = kWidths[take(2, wide[next]!, 255)]!;
+      const narrow_px = kWidths[take(3, narrow[next]!, 255)]!;
+      const turn = (take(4, angle[next]!, 255) * Math.PI) / kAngles;
+      const weights = weightPlanes.map(
+        ([low, high], c) => kWeightUnit * take(5 + c, unfolded(low[next]!, high[next]!), 0xffff),
+      );
+      if (texture[next]! >= metadata.monitors.length)
+        throw new NotAWebMatte("matte.bin names a monitor that matte.json has not");
+      const [cos, sin, w2, n2] = [Math.cos(turn), Math.sin(turn), wide_px * wide_px, narrow_px * narrow_px];
+      const mode: Mode = {
+        weight: Math.max(...weights),
+        x: origin_px + unit_px * x,
+        y: origin_px + unit_px * y,
+        xx: w2 * cos * cos + n2 * sin * sin,
+        xy: (w2 - n2) * cos * sin,
+        yy: w2 * sin * sin + n2 * cos * cos,
+        texture: texture[next]!,
+        weight_sd: 0,
+        centre_sd: 0,
+      };
+      list.add(mode, weights);
+    }
+  }
+  const seeing: Box =
+    right < 0
+      ? { x: 0, y: 0, width, height }
+      : { x: left, y: top, width: right - left + 1, height: bottom - top + 1 };
+  return {
+    metadata,
+    width,
+    height,
+    foreground,
+    footprints: list.packed(),
+    unsolved: Uint32Array.from(unsolved),
+    seeing,
+  };
+}
