@@ -50,8 +50,10 @@ nlohmann::ordered_json description_of(const WebArguments& arguments, const Sampl
   return {{"format", "glasswing-web"},
           {"version", 1},
           {"title", arguments.title},
-          {"width_px", web.width_px},
-          {"height_px", web.height_px},
+          {"x_px", web.region.x_px},
+          {"y_px", web.region.y_px},
+          {"width_px", web.region.width_px},
+          {"height_px", web.region.height_px},
           {"metadata",
            {{"monitors", monitors},
             {"crosstalk", crosstalk},
@@ -136,14 +138,14 @@ absl::Status write_web_folder(const Client& client, WebArguments arguments) {
   const std::uintmax_t bytes = size_of(folder);
   if (client.json) {
     const nlohmann::ordered_json written = {
-        {"folder", folder.string()},       {"bytes", bytes},
-        {"matte_bytes", web.bytes.size()}, {"width_px", web.width_px},
-        {"height_px", web.height_px},      {"sampling_px", sampled->step}};
+        {"folder", folder.string()},         {"bytes", bytes},
+        {"matte_bytes", web.bytes.size()},   {"width_px", web.region.width_px},
+        {"height_px", web.region.height_px}, {"sampling_px", sampled->step}};
     std::cout << written.dump(1) << "\n";
     return absl::OkStatus();
   }
-  std::cout << fmt::format("{}: {}x{}, {:.1f} MB, {:.1f} of them the matte\n", folder.string(), web.width_px,
-                           web.height_px, static_cast<double>(bytes) / 1e6,
+  std::cout << fmt::format("{}: {}x{}, {:.1f} MB, {:.1f} of them the matte\n", folder.string(),
+                           web.region.width_px, web.region.height_px, static_cast<double>(bytes) / 1e6,
                            static_cast<double>(web.bytes.size()) / 1e6);
   if (sampled->step > 1)
     std::cout << fmt::format("of {0} x {0} pixels one is in it; --megapixels allows more\n", sampled->step);

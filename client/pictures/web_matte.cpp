@@ -6,17 +6,18 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "core/frame/image_file.h"
 
 namespace glasswing {
 namespace {
 
-constexpr double kLeastWeight = 1.0 / 512.0;  // of a footprint that is kept
-constexpr int kUnsolved = 255;                // in place of a pixel's number of footprints
-constexpr double kPlaces = 65536.0;           // that a number of 16 bits tells apart
-constexpr double kBeside = 1.06;              // of the monitor's longer side: room for footprints beyond it
-constexpr double kAngles = 256.0;             // in half a turn
+constexpr size_t kMostFootprints = 255;  // of a pixel: its number of them is a byte
+constexpr int kReach = 16;               // px, to a solved pixel that fills an unsolved one
+constexpr double kPlaces = 65536.0;      // that a number of 16 bits tells apart
+constexpr double kBeside = 1.06;         // of the monitor's longer side: room for footprints beyond it
+constexpr double kAngles = 256.0;        // in half a turn
 
 enum Plane {
   kCount,
@@ -63,7 +64,7 @@ Axes axes_of(const Mode& mode) {
 struct Footprint {
   Mode mode;  // of the first of them
   Axes axes;
-  std::array<double, kChannels> weight{}, weight_sd{};
+  std::array<double, kChannels> weight{};
 };
 
 bool is_alike(const Footprint& a, const Mode& b) {
@@ -85,19 +86,16 @@ std::vector<Footprint> footprints_of(const Matte& matte, int x, int y) {
   for (int c = 0; c < kChannels; ++c) {
     const auto channel = static_cast<size_t>(c);
     for (const Mode& mode : matte.modes(x, y, c)) {
-      if (!(mode.weight >= kLeastWeight)) continue;
+      if (!(mode.weight >= kWeightUnit)) continue;
       auto shared = std::ranges::find_if(
           found, [&](const Footprint& each) { return each.weight[channel] == 0.0 && is_alike(each, mode); });
       if (shared == found.end())
-        shared =
-            found.insert(found.end(), {.mode = mode, .axes = axes_of(mode), .weight = {}, .weight_sd = {}});
+        shared = found.insert(found.end(), {.mode = mode, .axes = axes_of(mode), .weight = {}});
       shared->weight[channel] = mode.weight;
-      shared->weight_sd[channel] = mode.weight_sd;
     }
   }
   std::ranges::stable_sort(found, std::ranges::greater{},
                            [](const Footprint& each) { return std::ranges::max(each.weight); });
-  if (found.size() >= kUnsolved) found.resize(kUnsolved - 1);
   return found;
 }
 
@@ -126,10 +124,6 @@ class Writer {
       const int code = static_cast<int>(std::lround(255.0 * srgb_of_linear(static_cast<float>(light))));
       put(kRed + c, code - light_[c]);
       light_[c] = code;
-    }
-    if ((matte_.flags(x, y) & kFlagNoData) != 0) {
-      put(kCount, kUnsolved);
-      return;
     }
     std::vector<Numbers> left;
     for (const Footprint& footprint : footprints_of(matte_, x, y)) left.push_back(numbers_of(footprint));
@@ -166,8 +160,7 @@ class Writer {
 
   Numbers numbers_of(const Footprint& footprint) const {
     const Mode& mode = footprint.mode;
-    const double coarse = coarseness(
-        std::max(0.125 * footprint.axes.narrow_px, 0.5 * double{mode.centre_sd_px}) / web_.unit_px);
+    const double coarse = coarseness(0.0625 * footprint.axes.narrow_px / web_.unit_px);
     const auto place = [&](double at) {
       return static_cast<int>(
           std::clamp(rounded((at - web_.origin_px) / web_.unit_px, coarse), 0.0, kPlaces - 1.0));
@@ -193,9 +186,8 @@ class Writer {
           255;
     }
     for (size_t c = 0; c < kChannels; ++c) {
-      const double step = coarseness(std::max(kLeastWeight, 0.5 * footprint.weight_sd[c]) / kWeightUnit);
       numbers.weight[c] =
-          static_cast<int>(std::min(rounded(footprint.weight[c] / kWeightUnit, step), kPlaces - 1.0));
+          static_cast<int>(std::min(std::round(footprint.weight[c] / kWeightUnit), kPlaces - 1.0));
     }
     return numbers;
   }
@@ -224,13 +216,66 @@ class Writer {
   WebMatte& web_;
   std::array<std::string, kPlaneCount> planes_;
   std::array<int, kChannels> light_{};
-  std::array<Numbers, kUnsolved> last_{};  // by place in a pixel's list
+  std::array<Numbers, kMostFootprints> last_{};  // by place in a pixel's list
 };
+
+bool is_unsolved(const Matte& matte, int x, int y) {
+  return (matte.flags(x, y) & kFlagNoData) != 0;
+}
+
+// The smallest region around the pixels that see a monitor's picture: not, for instance, the id patches below
+// it. All of the matte if there are none.
+MatteRegion seeing_region(const Matte& matte) {
+  int left = matte.width_px(), top = matte.height_px(), right = -1, bottom = -1;
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      bool sees = false;
+      for (int c = 0; c < kChannels && !sees; ++c)
+        sees = std::ranges::any_of(matte.modes(x, y, c), [](const Mode& mode) { return mode.weight > 0.0f; });
+      if (!sees) continue;
+      left = std::min(left, x);
+      right = std::max(right, x);
+      top = std::min(top, y);
+      bottom = std::max(bottom, y);
+    }
+  }
+  if (right < 0) return {.x_px = 0, .y_px = 0, .width_px = matte.width_px(), .height_px = matte.height_px()};
+  return {.x_px = left, .y_px = top, .width_px = right - left + 1, .height_px = bottom - top + 1};
+}
+
+// The nearest solved pixel, if one is near, else the pixel itself.
+std::pair<int, int> solved_near(const Matte& matte, int x, int y) {
+  if (!is_unsolved(matte, x, y)) return {x, y};
+  std::pair<int, int> found{x, y};
+  int nearest = 2 * kReach * kReach + 1;
+  for (int v = std::max(y - kReach, 0); v <= std::min(y + kReach, matte.height_px() - 1); ++v) {
+    for (int u = std::max(x - kReach, 0); u <= std::min(x + kReach, matte.width_px() - 1); ++u) {
+      const int far = (u - x) * (u - x) + (v - y) * (v - y);
+      if (far >= nearest || is_unsolved(matte, u, v)) continue;
+      nearest = far;
+      found = {u, v};
+    }
+  }
+  return found;
+}
+
+Matte shown_part(const Matte& matte, const MatteRegion& region) {
+  Matte part(0, 0, region.width_px, region.height_px, matte.modes_per_channel(), matte.is_colourless());
+  part.metadata = matte.metadata;
+  for (int y = 0; y < region.height_px; ++y) {
+    for (int x = 0; x < region.width_px; ++x) {
+      const auto [from_x, from_y] = solved_near(matte, region.x_px + x, region.y_px + y);
+      part.copy_pixel(matte, from_x, from_y, x, y);
+    }
+  }
+  return part;
+}
 
 }  // namespace
 
-absl::StatusOr<WebMatte> encode_web_matte(const Matte& matte) {
-  WebMatte web{.width_px = matte.width_px(), .height_px = matte.height_px(), .planes = {}, .bytes = {}};
+absl::StatusOr<WebMatte> encode_web_matte(const Matte& whole) {
+  WebMatte web{.region = seeing_region(whole), .planes = {}, .bytes = {}};
+  const Matte matte = shown_part(whole, web.region);
   double side_px = 1.0;
   for (const v1::Monitor& monitor : matte.metadata.monitors())
     side_px = std::max<double>(

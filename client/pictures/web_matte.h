@@ -1,14 +1,16 @@
 // A matte for browsers: what an eye can see of it, in a few bytes a pixel (docs/web.md).
 //
 // Each pixel has F and a list of footprints, each with a weight a channel. Places, widths and weights are
-// whole numbers, coarser where errors or widths hide more: by c, a power of two,
+// whole numbers:
 //
-//   x, y    in units u = 1/16 px (more before monitors wider than 4,000 px), c u <= max(sigma / 8, error / 2)
-//   widths  of the footprint's axes, eight steps an octave; the angle between them in 1/256 of half a turn
-//   weight  in 1/4096, c / 4096 <= max(1/512, error / 2)
+//   x, y    in 1/16 px (more before monitors wider than 3,800 px), coarser by a power of two up to 1/16 of the
+//           smaller width
+//   widths  of the footprint's axes, sixteen steps an octave; the angle between them in 1/256 of half a turn
+//   weight  in 1/512
 //
-// Channels whose footprints differ by less share one. Each kind of number is a plane of bytes, as differences
-// to the footprint before in the same place of a pixel's list, deflated.
+// Channels whose footprints differ by less than an eighth of a width or a px, or by their errors, share one.
+// Each kind of number is a plane of bytes, as differences to the footprint before in the same place of a
+// pixel's list, deflated. Pixels that are not solved are as the nearest that is.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -18,6 +20,7 @@
 #include <vector>
 
 #include "core/matte/matte.h"
+#include "core/matte/matte_region.h"
 
 namespace glasswing {
 
@@ -27,7 +30,7 @@ struct WebPlane {
 };
 
 struct WebMatte {
-  int width_px = 0, height_px = 0;
+  MatteRegion region;                     // of the matte: what sees a monitor's picture
   double unit_px = 0.0, origin_px = 0.0;  // a place is origin + unit * number
   double foreground_scale = 1.0;          // F of code 255
   std::uint64_t footprint_count = 0;
@@ -39,7 +42,7 @@ struct WebMatte {
 absl::StatusOr<WebMatte> encode_web_matte(const Matte& matte);
 
 // Steps of a width's code; code 0 is kNarrowest_px.
-inline constexpr double kWidthsAnOctave = 8.0, kNarrowest_px = 1.0 / 16.0;
-inline constexpr double kWeightUnit = 1.0 / 4096.0;
+inline constexpr double kWidthsAnOctave = 16.0, kNarrowest_px = 1.0 / 16.0;
+inline constexpr double kWeightUnit = 1.0 / 512.0;
 
 }  // namespace glasswing

@@ -48,12 +48,11 @@ function addControls(show: Show, pictures: string[]): void {
   choice.setAttribute("aria-label", "Picture behind the object");
   const names = [...pictures, ...kBuiltIn.filter((kind) => kind !== "colour")];
   for (const name of names) choice.add(new Option(name.replace(/\.[a-z]+$/, ""), name));
-  const choose = (name: string): Promise<void> =>
-    pictures.includes(name)
-      ? got(name)
-          .then((response) => response.blob())
-          .then((blob) => show.file(blob, name))
-      : Promise.resolve(show.builtIn(name as BuiltIn));
+  const choose = async (name: string): Promise<void> => {
+    canvas.ariaBusy = "true";
+    if (pictures.includes(name)) await show.file(await (await got(name)).blob(), name);
+    else show.builtIn(name as BuiltIn);
+  };
   choice.onchange = () => void choose(choice.value).catch(fail);
   const label = document.createElement("label");
   label.textContent = "Your picture…";

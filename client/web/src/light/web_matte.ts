@@ -1,13 +1,16 @@
 // Reads the folder that `glasswing web` writes (client/pictures/web_matte.h, docs/web.md).
 import type { Drawable } from "./compositor";
 import { FootprintList } from "./footprints";
-import type { Box, MatteMetadata, Mode } from "./matte";
+import type { MatteMetadata, Mode } from "./matte";
 import { lightOf } from "./srgb";
 
 export interface WebDescription {
   format: "glasswing-web";
   version: number;
   title: string;
+  /** Of the matte: the part that sees a monitor's picture. */
+  x_px: number;
+  y_px: number;
   width_px: number;
   height_px: number;
   metadata: MatteMetadata;
@@ -20,10 +23,10 @@ export interface WebDescription {
 }
 
 const kVersion = 1;
-const kUnsolved = 255;
-const kWidthsAnOctave = 8;
+const kMostFootprints = 255; // of a pixel
+const kWidthsAnOctave = 16;
 const kNarrowest_px = 1 / 16;
-const kWeightUnit = 1 / 4096;
+const kWeightUnit = 1 / 512;
 const kAngles = 256;
 const kMostPixels = 1 << 26;
 
@@ -97,11 +100,9 @@ export async function readWebMatte(description: WebDescription, bytes: Uint8Arra
 
   const foreground = new Float32Array(3 * pixels);
   const list = new FootprintList(metadata, pixels, description.footprints);
-  const unsolved: number[] = [];
   // What differences refer to: F of the pixel before, and by place in a pixel's list the footprint before.
   const light = [0, 0, 0];
-  const last = new Int32Array(kUnsolved * 8);
-  let [left, top, right, bottom] = [width, height, -1, -1];
+  const last = new Int32Array(kMostFootprints * 8);
   let next = 0;
   for (let pixel = 0; pixel < pixels; ++pixel) {
     for (let c = 0; c < 3; ++c) {
@@ -110,15 +111,6 @@ export async function readWebMatte(description: WebDescription, bytes: Uint8Arra
     }
     list.nextPixel();
     const own = count[pixel]!;
-    if (own === kUnsolved) {
-      unsolved.push(pixel);
-      continue;
-    }
-    if (own > 0) {
-      const [x, y] = [pixel % width, Math.floor(pixel / width)];
-      [left, right] = [Math.min(left, x), Math.max(right, x)];
-      [top, bottom] = [Math.min(top, y), Math.max(bottom, y)];
-    }
     for (let slot = 0; slot < own; ++slot, ++next) {
       const at = 8 * slot;
       const take = (field: number, difference: number, mask: number): number =>
@@ -148,17 +140,13 @@ export async function readWebMatte(description: WebDescription, bytes: Uint8Arra
       list.add(mode, weights);
     }
   }
-  const seeing: Box =
-    right < 0
-      ? { x: 0, y: 0, width, height }
-      : { x: left, y: top, width: right - left + 1, height: bottom - top + 1 };
   return {
     metadata,
     width,
     height,
     foreground,
     footprints: list.packed(),
-    unsolved: Uint32Array.from(unsolved),
-    seeing,
+    unsolved: new Uint32Array(),
+    seeing: { x: 0, y: 0, width, height },
   };
 }

@@ -93,6 +93,7 @@ export class Stage {
   }
 
   private drawSoon(): void {
+    this.canvas.ariaBusy = "true";
     this.isOld = true;
     this.changed_ms = performance.now();
     this.look();
@@ -109,6 +110,7 @@ export class Stage {
     if (this.isOld) this.draw(this.pace.step);
     else if (this.isCoarse && now - this.changed_ms > kRest_ms) this.draw(1);
     if (this.drawing || this.isCoarse) this.look();
+    else this.canvas.ariaBusy = "false";
   }
   private draw(step: number): void {
     for (const monitor of this.moved) this.compositor.place(monitor, this.standing(monitor));

@@ -9,7 +9,10 @@ export function monitors_of(file) {
   return JSON.parse(text.slice(start, end)).monitors;
 }
 
-/** Mean and largest colour difference of two PNG files, 0 to 255, and the position of the largest; the browser decodes them. */
+/**
+ * Mean and largest colour difference of two PNG files, 0 to 255, the position of the largest, and the PSNR; the browser decodes
+ * them.
+ */
 export function difference(page, one, other) {
   const encoded = [one, other].map((file) => readFileSync(file).toString("base64"));
   return page.evaluate(async (files) => {
@@ -25,14 +28,17 @@ export function difference(page, one, other) {
     if (a.width !== b.width || a.height !== b.height)
       throw new Error(`${a.width}x${a.height} is not ${b.width}x${b.height}`);
     let sum = 0,
+      squares = 0,
       most = 0,
       worst = 0;
     for (let i = 0; i < a.data.length; ++i) {
       const away = Math.abs(a.data[i] - b.data[i]);
       sum += away;
+      squares += away * away;
       if (away > most) [most, worst] = [away, i >> 2];
     }
     // Alpha is 255 in both.
-    return { mean: sum / (3 * a.width * a.height), most, x: worst % a.width, y: Math.floor(worst / a.width) };
+    const count = 3 * a.width * a.height;
+    return { mean: sum / count, psnr_db: 10 * Math.log10((255 * 255 * count) / squares), most, x: worst % a.width, y: Math.floor(worst / a.width) };
   }, encoded);
 }
