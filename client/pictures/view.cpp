@@ -84,7 +84,7 @@ absl::Status view(const Client& client, const ViewArguments& arguments) {
 void add_view_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("view", "Draw a matte's contents as a sheet of labelled panels.");
   command.footer(
-      "A single panel (--only) has the matte's size in pixels; preview is what EXR viewers show of it.\n\n"
+      "A single panel (--only) has the matte's size in pixels; preview is F plus half of the weights.\n\n"
       "Examples:\n"
       "  glasswing view vase.exr -o vase_sheet.png\n"
       "  glasswing view vase.exr --only preview -o vase.png\n"

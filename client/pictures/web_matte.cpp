@@ -17,6 +17,7 @@ constexpr size_t kMostFootprints = 255;  // of a pixel: its number of them is a 
 constexpr int kReach = 16;               // px, to a solved pixel that fills an unsolved one
 constexpr double kPlaces = 65536.0;      // that a number of 16 bits tells apart
 constexpr double kBeside = 1.06;         // of the monitor's longer side: room for footprints beyond it
+constexpr int kDark = 16;                // of 255, a code of F
 constexpr double kAngles = 256.0;        // in half a turn
 
 enum Plane {
@@ -58,6 +59,11 @@ Axes axes_of(const Mode& mode) {
   if (angle < 0.0) angle += std::numbers::pi;
   return {
       .wide_px = std::sqrt(mean + away), .narrow_px = std::sqrt(std::max(mean - away, 0.0)), .angle = angle};
+}
+
+// The variance with that of the monitor's pixels.
+double seen(double sigma_px) {
+  return sigma_px * sigma_px + 1.0 / 12.0;
 }
 
 // One footprint in whole numbers, with the weights of all channels that share it.
@@ -121,7 +127,8 @@ class Writer {
   void put_pixel(int x, int y) {
     for (size_t c = 0; c < kChannels; ++c) {
       const double light = std::max<double>(matte_.foreground(x, y)[c], 0.0) / web_.foreground_scale;
-      const int code = static_cast<int>(std::lround(255.0 * srgb_of_linear(static_cast<float>(light))));
+      int code = static_cast<int>(std::lround(255.0 * srgb_of_linear(static_cast<float>(light))));
+      if (code < kDark) code &= ~3;  // noise, which an eye does not see there
       put(kRed + c, code - light_[c]);
       light_[c] = code;
     }
@@ -165,10 +172,11 @@ class Writer {
       return static_cast<int>(
           std::clamp(rounded((at - web_.origin_px) / web_.unit_px, coarse), 0.0, kPlaces - 1.0));
     };
+    // Narrow ones are coarser: the monitor's pixels hide them.
     const auto width = [](double sigma_px) {
+      const double code = kWidthsAnOctave * std::log2(std::max(sigma_px, kNarrowest_px) / kNarrowest_px);
       return static_cast<int>(std::clamp(
-          std::round(kWidthsAnOctave * std::log2(std::max(sigma_px, kNarrowest_px) / kNarrowest_px)), 0.0,
-          255.0));
+          rounded(code, coarseness(seen(sigma_px) / std::max(sigma_px * sigma_px, 1e-3))), 0.0, 255.0));
     };
     Numbers numbers{.x = place(mode.x_px),
                     .y = place(mode.y_px),
@@ -178,12 +186,14 @@ class Writer {
                     .texture = mode.texture,
                     .weight = {}};
     if (numbers.wide > numbers.narrow) {
-      // A turn moves the ends of the wide axis by less than a tenth of the narrow one.
+      // A turn moves the ends of the wide axis by less than a tenth of the narrow one, or changes a nearly
+      // round footprint's covariance by less than a tenth of its smaller variance.
+      const double wide = seen(footprint.axes.wide_px), narrow = seen(footprint.axes.narrow_px);
       const double turn =
-          0.2 * footprint.axes.narrow_px / footprint.axes.wide_px * kAngles / std::numbers::pi;
-      numbers.angle =
-          static_cast<int>(rounded(footprint.axes.angle * kAngles / std::numbers::pi, coarseness(turn))) &
-          255;
+          0.2 * std::max(std::sqrt(narrow / wide), narrow / (wide - narrow)) * kAngles / std::numbers::pi;
+      numbers.angle = static_cast<int>(rounded(footprint.axes.angle * kAngles / std::numbers::pi,
+                                               coarseness(std::min(turn, kAngles)))) &
+                      255;
     }
     for (size_t c = 0; c < kChannels; ++c) {
       numbers.weight[c] =

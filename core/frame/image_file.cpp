@@ -7,6 +7,8 @@
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfRgbaFile.h>
+#include <OpenEXR/ImfStandardAttributes.h>
+#include <OpenEXR/ImfStringAttribute.h>
 #include <fmt/format.h>
 #include <unistd.h>
 #include <zlib.h>
@@ -181,6 +183,10 @@ absl::Status write_exr(const fs::path& path, const RadianceImage& image, bool ha
   try {
     Imf::Header header(image.width_px, image.height_px);
     header.compression() = Imf::ZIP_COMPRESSION;
+    // The primaries that all pictures are taken to have: linear Rec. 709, which are sRGB's.
+    Imf::addChromaticities(header, Imf::Chromaticities());
+    header.insert("oiio:ColorSpace", Imf::StringAttribute("lin_rec709"));
+    header.insert("colorInteropID", Imf::StringAttribute("lin_rec709_scene"));
     std::vector<Imath::half> halves(half ? image.samples.size() : 0);
     std::ranges::transform(image.samples.begin(),
                            image.samples.begin() + static_cast<std::ptrdiff_t>(halves.size()), halves.begin(),

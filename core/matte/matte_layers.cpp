@@ -35,7 +35,8 @@ std::string layer_name(size_t mode, size_t layer, int channel, bool colourless) 
 
 std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless) {
   std::vector<ExrPart> parts;
-  // A preview for people: total weight and foreground, so that any viewer shows the object.
+  // A preview for people: half the weights and the foreground, so that any viewer shows the object;
+  // premultiplied by the coverage, as every viewer expects.
   parts.push_back({.name = "preview", .channels = {"R", "G", "B", kPreviewCoverage}, .attributes = {}});
   parts.push_back({.name = "foreground", .channels = {kCoverage, kFlags}, .attributes = {}});
   for (int c = 0; c < kChannels; ++c) parts.back().channels.push_back(foreground_name(c));
@@ -139,7 +140,7 @@ void MatteBlock::take(const Matte& matte, int y, int rows) {
         float light = foreground;
         for (const Mode& mode : matte.modes(x, row, c)) light += 0.5f * mode.weight;
         foreground_[static_cast<size_t>(c)][i] = foreground;
-        preview_[static_cast<size_t>(c)][i] = light;
+        preview_[static_cast<size_t>(c)][i] = matte.coverage(x, row) * light;
       }
       preview_coverage_[i] = coverage_[i] = matte.coverage(x, row);
       flags_[i] = static_cast<float>(matte.flags(x, row));

@@ -1,5 +1,8 @@
 #include "core/frame/image_file.h"
 
+#include <OpenEXR/ImfInputFile.h>
+#include <OpenEXR/ImfStandardAttributes.h>
+#include <OpenEXR/ImfStringAttribute.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 #include <zlib.h>
@@ -116,6 +119,19 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   EXPECT_NE(std::string(status.message()).find("lying.png is 6x4; the manifest says that frames are 4x6"),
             std::string::npos)
       << status;
+}
+
+// Rec. 709 and D65, ITU-R BT.709-6.
+TEST_F(ImageFile, OpenExrSaysItsPrimaries) {
+  ASSERT_TRUE(write_radiance(directory_ / "p.exr", random_picture(9, 5), Encoding::kLinear).ok());
+  const Imf::InputFile file((directory_ / "p.exr").c_str());
+  ASSERT_TRUE(Imf::hasChromaticities(file.header()));
+  const Imf::Chromaticities& said = Imf::chromaticities(file.header());
+  EXPECT_EQ(said.red, Imath::V2f(0.64f, 0.33f));
+  EXPECT_EQ(said.green, Imath::V2f(0.30f, 0.60f));
+  EXPECT_EQ(said.blue, Imath::V2f(0.15f, 0.06f));
+  EXPECT_EQ(said.white, Imath::V2f(0.3127f, 0.3290f));
+  EXPECT_EQ(file.header().typedAttribute<Imf::StringAttribute>("oiio:ColorSpace").value(), "lin_rec709");
 }
 
 TEST_F(ImageFile, PhotographsKeepTheirCodes) {

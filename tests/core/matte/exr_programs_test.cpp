@@ -209,7 +209,7 @@ TEST_P(ExrPrograms, OiiotoolReadsEveryPixel) {
     expect_plane(kColours[c], [&](int x, int y) {
       float light = matte_.foreground(x, y)[c];
       for (const Mode& mode : matte_.modes(x, y, static_cast<int>(c))) light += 0.5f * mode.weight;
-      return light;
+      return matte_.coverage(x, y) * light;
     });
   }
   for (const char* coverage : {"A", "foreground.coverage.Y"})
