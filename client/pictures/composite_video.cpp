@@ -151,10 +151,10 @@ absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
 
 }  // namespace
 
-ObjectInFront::ObjectInFront(std::string file, std::string bytes, MatteOutline outline,
+ObjectInFront::ObjectInFront(std::string file, std::shared_ptr<const MappedFile> mapped, MatteOutline outline,
                              const CompositeArguments& arguments)
     : file_(std::move(file)),
-      bytes_(std::move(bytes)),
+      mapped_(std::move(mapped)),
       outline_(std::move(outline)),
       crop_(arguments.crop),
       fill_(arguments.fill),
@@ -163,20 +163,20 @@ ObjectInFront::ObjectInFront(std::string file, std::string bytes, MatteOutline o
 
 absl::StatusOr<ObjectInFront> ObjectInFront::create(const fs::path& file, const CompositeArguments& arguments,
                                                     Pictures pictures) {
-  GW_ASSIGN_OR_RETURN(std::string bytes, read_file(file));
-  absl::StatusOr<MatteOutline> outline = outline_of(bytes);
+  GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> mapped, MappedFile::open(file));
+  absl::StatusOr<MatteOutline> outline = outline_of(mapped->bytes());
   if (!outline.ok()) return in_file(file.string(), outline.status());
-  ObjectInFront object(file.string(), std::move(bytes), *std::move(outline), arguments);
+  ObjectInFront object(file.string(), std::move(mapped), *std::move(outline), arguments);
   GW_RETURN_IF_ERROR(in_file(object.file_, object.prepare(pictures, arguments.exact)));
   return object;
 }
 
 absl::Status ObjectInFront::prepare(Pictures pictures, bool exact) {
   if (exact) {
-    GW_ASSIGN_OR_RETURN(exact_, decode_matte(bytes_));
+    GW_ASSIGN_OR_RETURN(exact_, decode_matte(mapped_->bytes()));
     take(*exact_);
   } else if (pictures == Pictures::kMany) {
-    GW_ASSIGN_OR_RETURN(many_, FastCompositor::create(bytes_, [this](Matte& rows) { take(rows); }));
+    GW_ASSIGN_OR_RETURN(many_, FastCompositor::create(mapped_->bytes(), [this](Matte& rows) { take(rows); }));
   }
   return absl::OkStatus();
 }
@@ -195,7 +195,7 @@ absl::StatusOr<RadianceImage> ObjectInFront::composite_whole(const std::vector<R
   if (exact_) return glasswing::composite(*exact_, backgrounds, 0, progress);
   if (many_) return many_->composite(backgrounds);
   absl::StatusOr<RadianceImage> made = composite_file(
-      bytes_, backgrounds, [this](Matte& rows) { take(rows); }, 0, progress);
+      mapped_->bytes(), backgrounds, [this](Matte& rows) { take(rows); }, 0, progress);
   if (!made.ok()) return in_file(file_, made.status());
   return made;
 }
@@ -209,7 +209,7 @@ absl::StatusOr<RadianceImage> ObjectInFront::composite(const std::vector<Radianc
 
 absl::StatusOr<RadianceImage> ObjectInFront::error(const std::vector<RadianceImage>& backgrounds,
                                                    const std::function<void(double)>& progress) const {
-  GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(bytes_));
+  GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(mapped_->bytes()));
   GW_ASSIGN_OR_RETURN(const RadianceImage whole, composite_error(matte, backgrounds, 0, progress));
   return cropped(whole, crop_);
 }

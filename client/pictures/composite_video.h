@@ -15,6 +15,7 @@
 
 #include "client/cli/client.h"
 #include "client/pictures/composite.h"
+#include "core/base/mapped_file.h"
 #include "core/frame/image_file.h"
 #include "core/matte/fast_compositor.h"
 #include "core/matte/fill_unsolved.h"
@@ -59,7 +60,7 @@ class ObjectInFront {
                                       const std::function<void(double)>& progress = nullptr) const;
 
  private:
-  ObjectInFront(std::string file, std::string bytes, MatteOutline outline,
+  ObjectInFront(std::string file, std::shared_ptr<const MappedFile> mapped, MatteOutline outline,
                 const CompositeArguments& arguments);
   absl::Status prepare(Pictures pictures, bool exact);
   absl::StatusOr<RadianceImage> composite_whole(const std::vector<RadianceImage>& backgrounds,
@@ -67,7 +68,8 @@ class ObjectInFront {
   // Brightens the object's own light, and notes what is not solved.
   void take(Matte& rows);
 
-  std::string file_, bytes_;
+  std::string file_;
+  std::shared_ptr<const MappedFile> mapped_;
   MatteOutline outline_;
   std::string crop_;
   bool fill_;

@@ -26,9 +26,7 @@ absl::Status write_stmap(const Client& client, const StmapArguments& arguments) 
     return absl::InvalidArgumentError(
         fmt::format("the output is {}; its name must end in .exr", arguments.output));
   }
-  GW_ASSIGN_OR_RETURN(const FileIdentity identity, identity_of(arguments.matte));
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte,
-                      MappedFile::open(arguments.matte, static_cast<size_t>(identity.size_bytes)));
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte, MappedFile::open(arguments.matte));
   StmapChoice choice{.monitor = arguments.monitor, .path = arguments.path};
   if (!arguments.channel.empty())
     choice.channel =

@@ -12,6 +12,7 @@
 #include "client/pictures/picture.h"
 #include "client/pictures/sampled_matte.h"
 #include "core/base/file.h"
+#include "core/base/mapped_file.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/stmap.h"
@@ -59,9 +60,9 @@ absl::Status view(const Client& client, const ViewArguments& arguments) {
     return absl::InvalidArgumentError(
         fmt::format("the output is {}; its name must end in .png", arguments.output));
   }
-  GW_ASSIGN_OR_RETURN(const std::string file, read_file(arguments.matte));
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(arguments.matte));
   const absl::StatusOr<SampledMatte> sampled =
-      sample_matte(file, arguments.only.empty() ? kMaxSheetPixels : 0);
+      sample_matte(file->bytes(), arguments.only.empty() ? kMaxSheetPixels : 0);
   if (!sampled.ok()) return in_file(arguments.matte, sampled.status());
   const Matte& matte = sampled->matte;
   const int channel =

@@ -117,9 +117,7 @@ absl::Status write_web_folder(const Client& client, WebArguments arguments) {
         "the output is {}, which has other files; it must be new, empty, or an earlier folder for the web",
         folder.string()));
   }
-  GW_ASSIGN_OR_RETURN(const FileIdentity identity, identity_of(arguments.matte));
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file,
-                      MappedFile::open(arguments.matte, static_cast<size_t>(identity.size_bytes)));
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(arguments.matte));
   const absl::StatusOr<SampledMatte> sampled =
       sample_matte(file->bytes(), static_cast<std::int64_t>(1e6 * arguments.megapixels));
   if (!sampled.ok()) return in_file(arguments.matte, sampled.status());

@@ -132,6 +132,16 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> MappedFile::open(const std::fi
 MappedFile::MappedFile(std::filesystem::path path, std::string_view bytes, const FileIdentity& identity)
     : path_(std::move(path)), bytes_(bytes), identity_(identity), region_(regions().add(bytes)) {}
 
+absl::StatusOr<std::shared_ptr<const MappedFile>> MappedFile::open(const std::filesystem::path& path) {
+  const absl::StatusOr<FileIdentity> identity = identity_of(path);
+  if (!identity.ok()) return identity.status();
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored))
+    return absl::InvalidArgumentError(fmt::format("{} is not a file", path.string()));
+  if (identity->size_bytes == 0) return absl::DataLossError(fmt::format("{} is empty", path.string()));
+  return open(path, static_cast<size_t>(identity->size_bytes));
+}
+
 MappedFile::~MappedFile() {
   regions().remove(region_);
   ::munmap(const_cast<char*>(bytes_.data()), bytes_.size());

@@ -28,6 +28,8 @@ class MappedFile {
   // The system's error, with the path; OUT_OF_RANGE: the file's size is not `size_bytes` (> 0).
   static absl::StatusOr<std::shared_ptr<const MappedFile>> open(const std::filesystem::path& path,
                                                                 size_t size_bytes);
+  // The same of whatever size it has; INVALID_ARGUMENT: it is no file, DATA_LOSS: it is empty.
+  static absl::StatusOr<std::shared_ptr<const MappedFile>> open(const std::filesystem::path& path);
   ~MappedFile();
   MappedFile(const MappedFile&) = delete;
   MappedFile& operator=(const MappedFile&) = delete;
