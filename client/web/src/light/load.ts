@@ -39,7 +39,7 @@ export function matteUrl(session: string, { frame, partial, region, pixels }: Ma
 /** As many pixels as a page shows of a picture: more would cost a gigabyte of memory, and not be seen. */
 export const kMostPixels = 1.5e6;
 /** Loaded and drawn in a second or two. */
-const kFirstPixels = 2.5e5;
+const kFirstPixels = 1.6e5;
 
 function load<Result>(
   request: LoadRequest,

@@ -28,8 +28,8 @@ afterEach(() => vi.unstubAllGlobals());
 
 test("a large matte is drawn coarsely first, a small one once", async () => {
   for (const [pixels, steps] of [
-    [12e6, [7, 3]],
-    [1e6, [2, 1]],
+    [12e6, [9, 3]],
+    [1e6, [3, 1]],
     [1e5, [1]],
   ] as const) {
     const asked: string[] = [];
