@@ -166,6 +166,8 @@ class Matcher {
       });
       for (size_t i = 0; i < nodes_.size(); ++i) nodes_[i].pairs = std::move(next[i]);
     }
+    label(false, near_labels_);
+    label(true, far_labels_);
   }
 
   // The rays of a pixel's channel.
@@ -193,7 +195,7 @@ class Matcher {
     for (size_t i = 0; i < here.near.size(); ++i) {
       if (near_left[i] < kStrayLight * here.near[i].weight) continue;
       unpaired += near_left[i];
-      rays.push_back(extrapolated(x, y, c, here.near[i], near_left[i], false));
+      rays.push_back(extrapolated(x, y, c, i, near_left[i], false));
     }
     // What only the far depth saw may be the same light as what only the near one saw.
     for (size_t k = 0; k < here.far.size(); ++k) {
@@ -201,7 +203,7 @@ class Matcher {
       if (light < std::max(kStrayLight * here.far[k].weight, 3.0 * kMinWeight)) continue;
       const double surplus = light - unpaired;
       unpaired = std::max(unpaired - light, 0.0);
-      if (surplus > 0.5 * light) rays.push_back(extrapolated(x, y, c, here.far[k], surplus, true));
+      if (surplus > 0.5 * light) rays.push_back(extrapolated(x, y, c, k, surplus, true));
     }
     return rays;
   }
@@ -352,12 +354,59 @@ class Matcher {
     return ray;
   }
 
-  // Of a place that one depth alone saw: the other by a fit, affine in this one, to the pairs around.
-  Ray extrapolated(int x, int y, int c, const Place& seen, double light, bool seen_far) const {
+  // Which places of one depth lie on one path: those of neighbouring pixels that lie as near each other as their
+  // widths say, and carry about the same light.
+  void label(bool of_far, std::vector<std::vector<int>>& labels) const {
+    std::vector<int> parent;
+    labels.assign(nodes_.size(), {});
+    const auto places = [&](const Node& at) -> const std::vector<Place>& { return of_far ? at.far : at.near; };
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      for (size_t m = 0; m < places(nodes_[i]).size(); ++m) {
+        labels[i].push_back(static_cast<int>(parent.size()));
+        parent.push_back(static_cast<int>(parent.size()));
+      }
+    }
+    const auto root = [&](int of) {
+      while (parent[static_cast<size_t>(of)] != of) {
+        parent[static_cast<size_t>(of)] = parent[static_cast<size_t>(parent[static_cast<size_t>(of)])];
+        of = parent[static_cast<size_t>(of)];
+      }
+      return of;
+    };
+    const auto join = [&](size_t one, size_t other) {
+      for (size_t m = 0; m < labels[one].size(); ++m) {
+        for (size_t n = 0; n < labels[other].size(); ++n) {
+          const Place &a = places(nodes_[one])[m], &b = places(nodes_[other])[n];
+          constexpr double kMaxRatio = 1.4;
+          if (a.texture != b.texture || a.weight > kMaxRatio * b.weight || b.weight > kMaxRatio * a.weight) continue;
+          if ((a.at - b.at).norm() > 0.5 * kNearPx + 2.0 * (a.width + b.width)) continue;
+          parent[static_cast<size_t>(root(labels[one][m]))] = root(labels[other][n]);
+        }
+      }
+    };
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) {
+        for (int c = 0; c < kChannels; ++c) {
+          if (x + 1 < width_) join(index(x, y, c), index(x + 1, y, c));
+          if (y + 1 < height_) join(index(x, y, c), index(x, y + 1, c));
+        }
+      }
+    }
+    for (std::vector<int>& of_node : labels) {
+      for (int& own : of_node) own = root(own);
+    }
+  }
+
+  // Of a place that one depth alone saw: the other by fits to the pairs around on the same path, affine and
+  // quadratic in this one. Their difference is its standard error.
+  Ray extrapolated(int x, int y, int c, size_t place, double light, bool seen_far) const {
     struct Sample {
       Vector2d seen, other;
       double squared, width;
     };
+    const Place& seen = seen_far ? node(x, y, c).far[place] : node(x, y, c).near[place];
+    const auto& labels = seen_far ? far_labels_ : near_labels_;
+    const int path = labels[index(x, y, c)][place];
     std::vector<Sample> samples;
     double least = 1e30;
     for (const int radius : {8, 16, 32, 64}) {
@@ -369,67 +418,102 @@ class Matcher {
           if (!holds(x + dx, y + dy)) continue;
           const Node& there = node(x + dx, y + dy, c);
           for (const Pair& pair : there.pairs) {
+            if (labels[index(x + dx, y + dy, c)][seen_far ? pair.far : pair.near] != path) continue;
             const Place &near = there.near[pair.near], &far = there.far[pair.far];
             const Place &same = seen_far ? far : near, &other = seen_far ? near : far;
-            if (same.texture != seen.texture || same.weight > 2.0 * seen.weight || same.weight < 0.5 * seen.weight)
-              continue;
-            const Vector2d away = same.at - seen.at;
-            const double squared = dx * dx + dy * dy + 0.25 * away.squaredNorm();
+            constexpr double kMainPart = 0.7;  // of both modes: others are pairs of parts of a path
+            if (pair.light < kMainPart * std::max(near.weight, far.weight)) continue;
+            const double squared = dx * dx + dy * dy;
             least = std::min(least, squared);
-            samples.push_back({away, other.at, squared, other.width});
+            samples.push_back({same.at - seen.at, other.at, squared, other.width});
           }
         }
       }
-      constexpr size_t kEnough = 12;
-      if (samples.size() >= kEnough && 4.0 * std::sqrt(least) <= 3.0 * radius) break;
+      constexpr size_t kEnough = 24;
+      if (samples.size() >= kEnough && 2.0 * std::sqrt(least) <= radius) break;
     }
-    Ray ray;
     const MonitorPlane &near_plane = near_.plane(seen.texture), &far_plane = far_.plane(seen.texture);
-    constexpr size_t kMinSamples = 6;
+    const MonitorPlane &own = seen_far ? far_plane : near_plane, &target = seen_far ? near_plane : far_plane;
+    const double gap = (far_plane.corner_mm - near_plane.corner_mm).norm();
+    const Matrix2d seen_axes = root_of(seen.covariance);
+    constexpr size_t kMinSamples = 12;
     if (samples.size() < kMinSamples) {
-      const Matrix2d axes = root_of(seen.covariance);
-      ray = ray_through(near_plane, seen.at, axes, far_plane, seen.at, axes);
-      if (seen_far) ray.origin_mm = far_plane.at(seen.at.x(), seen.at.y()).cast<float>();
-      ray.weight = static_cast<float>(light);
-      ray.state = RayState::kUnknown;
-      return ray;
+      // The direction is as good as unknown: straight on from the camera, by half a radian or so.
+      constexpr double kUnknownSd = 0.5;
+      const Vector3d here = own.at(seen.at.x(), seen.at.y());
+      const Vector3d straight = here * (target.depth_mm() / here.dot(target.normal)) - target.corner_mm;
+      const double per_px2 = target.pitch_mm * target.pitch_mm;
+      const Vector2d other(target.x_mm.dot(straight) / per_px2, target.y_mm.dot(straight) / per_px2);
+      return one_sided(seen, seen_axes, other, kUnknownSd * gap / target.pitch_mm, 0.0, light, seen_far,
+                       RayState::kUnknown);
     }
-    const double reach = std::max(2.0 * std::sqrt(least), 3.0);
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    Eigen::Matrix<double, 3, 2> right = Eigen::Matrix<double, 3, 2>::Zero();
+    const double reach = std::max(std::sqrt(least), 4.0);
+    constexpr int kTerms = 6;
+    using Row = Eigen::Matrix<double, kTerms, 1>;
+    const double unit = std::max(seen.width, 8.0);
+    const auto row_of = [&](const Vector2d& at) {
+      const Vector2d u = at / unit;
+      Row row;
+      row << 1.0, u.x(), u.y(), u.x() * u.x(), u.x() * u.y(), u.y() * u.y();
+      return row;
+    };
+    Eigen::Matrix<double, kTerms, kTerms> normal = Eigen::Matrix<double, kTerms, kTerms>::Zero();
+    Eigen::Matrix<double, kTerms, 2> right = Eigen::Matrix<double, kTerms, 2>::Zero();
     double total = 0.0, width = 0.0;
     for (const Sample& sample : samples) {
       const double w = std::exp(-0.5 * sample.squared / (reach * reach));
-      const Vector3d row(1.0, sample.seen.x(), sample.seen.y());
+      const Row row = row_of(sample.seen);
       normal += w * row * row.transpose();
       right += w * row * sample.other.transpose();
       total += w;
       width += w * sample.width;
     }
-    constexpr double kRidge = 1e-6;
-    normal += kRidge * total * Eigen::Matrix3d::Identity();
-    const Eigen::Matrix<double, 3, 2> fit = normal.ldlt().solve(right);
-    const Vector2d other = fit.row(0).transpose();
+    const auto fit = [&](int terms) -> Eigen::MatrixXd {
+      Eigen::MatrixXd left = normal.topLeftCorner(terms, terms);
+      constexpr double kRidge = 1e-6;
+      left.diagonal().array() += kRidge * total;
+      return left.ldlt().solve(right.topRows(terms));
+    };
+    const Eigen::MatrixXd affine = fit(3), quadratic = fit(kTerms);
     double residual = 0.0;
-    Vector2d mean = Vector2d::Zero();
     for (const Sample& sample : samples) {
       const double w = std::exp(-0.5 * sample.squared / (reach * reach)) / total;
-      const Vector3d row(1.0, sample.seen.x(), sample.seen.y());
-      residual += w * (fit.transpose() * row - sample.other).squaredNorm() / 2.0;
-      mean += w * sample.other;
+      residual += 0.5 * w * (quadratic.transpose() * row_of(sample.seen) - sample.other).squaredNorm();
     }
-    // The fit is wrong by its residual, and the further it reaches the more.
-    constexpr double kCurvature = 0.25;
-    const double sd = std::sqrt(residual + std::pow(kCurvature * (other - mean).norm(), 2));
-    const Matrix2d seen_axes = root_of(seen.covariance);
-    const Matrix2d other_axes =
-        root_of(Matrix2d(Matrix2d::Identity() * (std::pow(width / total, 2) + sd * sd)));
-    ray = seen_far ? ray_through(near_plane, other, other_axes, far_plane, seen.at, seen_axes)
-                   : ray_through(near_plane, seen.at, seen_axes, far_plane, other, other_axes);
+    const Vector2d first = affine.row(0).transpose(), second = quadratic.row(0).transpose();
+    const double sd = std::sqrt(residual + 0.125 * (second - first).squaredNorm());
+    return one_sided(seen, seen_axes, second, sd, width / total, light, seen_far, RayState::kExtrapolated);
+  }
+
+  // A bundle through a place that was seen and one that was not, px on the other depth's monitor, with that
+  // one's standard error and width. A monitor that did not see it is not where it went.
+  Ray one_sided(const Place& seen, const Matrix2d& seen_axes, Vector2d other, double sd, double width,
+                double light, bool seen_far, RayState state) const {
+    const MonitorPlane &near_plane = near_.plane(seen.texture), &far_plane = far_.plane(seen.texture);
+    const v1::Monitor& monitor = one_.metadata.monitors(seen.texture);
+    const Vector2d size(monitor.width_px(), monitor.height_px());
+    if (state == RayState::kExtrapolated) {
+      // Distances inside the four edges; moved out over the nearest, and no wider than that leaves it there.
+      const Vector2d low = other, high = size - other;
+      const double inside = std::min(low.minCoeff(), high.minCoeff());
+      const double margin = 0.5 * sd;
+      if (inside > -margin) {
+        Eigen::Index axis = 0;
+        const bool is_low = low.minCoeff(&axis) < high.minCoeff();
+        if (!is_low) high.minCoeff(&axis);
+        other[axis] = is_low ? -margin : size[axis] + margin;
+      }
+      const double outside = -std::min(other.minCoeff(), (size - other).minCoeff());
+      sd = std::min(sd, std::max(outside, 0.25));
+      width = std::min(width, std::max(0.5 * outside, 0.25));
+    }
+    const Matrix2d other_axes = Matrix2d::Identity() * std::hypot(width, sd);
+    Ray ray = seen_far ? ray_through(near_plane, other, other_axes, far_plane, seen.at, seen_axes)
+                       : ray_through(near_plane, seen.at, seen_axes, far_plane, other, other_axes);
     const double gap = (far_plane.corner_mm - near_plane.corner_mm).norm();
-    ray.direction_sd = static_cast<float>(sd * far_plane.pitch_mm / std::max(gap, 1e-9));
+    ray.direction_sd = static_cast<float>(sd * far_plane.pitch_mm / gap);
     ray.weight = static_cast<float>(light);
-    ray.state = RayState::kExtrapolated;
+    ray.state = state;
     return ray;
   }
 
@@ -437,6 +521,7 @@ class Matcher {
   const int width_, height_;
   const Depth &near_, &far_;
   std::vector<Node> nodes_;
+  std::vector<std::vector<int>> near_labels_, far_labels_;  // of each node's places: their path
 };
 
 // The ray that the camera sends through a pixel, with the pixel's extent as its spread.

@@ -23,7 +23,7 @@ enum class RayState : std::uint8_t {
   kMatched = 0,       // through a place that was measured at either depth
   kAmbiguous = 1,     // the same, but another match was about as likely
   kExtrapolated = 2,  // measured at one depth; the direction is that of the neighbours' fit
-  kUnknown = 3,       // measured at one depth; no direction. No composite uses it
+  kUnknown = 3,       // measured at one depth; no direction, but for a spread of half a radian
   kStraight = 4,      // outside the object: the camera's own ray
   kFarLight = 5,      // of one depth: the direction from the object to the place on the monitor
 };

@@ -151,7 +151,7 @@ class Projector {
           size_t used = 0;
           const std::span<Mode> modes = matte.modes(x, y - first, c);
           for (const Ray& ray : rays_.rays(x, y, c)) {
-            if (!(ray.weight > 0.0f) || ray.state == RayState::kUnknown) continue;
+            if (!(ray.weight > 0.0f)) continue;
             seen += static_cast<double>(ray.weight);
             add(ray, c, modes, used, foreground[static_cast<size_t>(c)]);
           }
