@@ -377,7 +377,7 @@ class Matcher {
       for (size_t m = 0; m < labels[one].size(); ++m) {
         for (size_t n = 0; n < labels[other].size(); ++n) {
           const Place &a = places(nodes_[one])[m], &b = places(nodes_[other])[n];
-          constexpr double kMaxRatio = 1.4;
+          constexpr double kMaxRatio = 3.0;
           if (a.texture != b.texture || a.weight > kMaxRatio * b.weight || b.weight > kMaxRatio * a.weight) continue;
           if ((a.at - b.at).norm() > 0.5 * kNearPx + 2.0 * (a.width + b.width)) continue;
           parent[static_cast<size_t>(root(labels[one][m]))] = root(labels[other][n]);
@@ -421,7 +421,7 @@ class Matcher {
             if (labels[index(x + dx, y + dy, c)][seen_far ? pair.far : pair.near] != path) continue;
             const Place &near = there.near[pair.near], &far = there.far[pair.far];
             const Place &same = seen_far ? far : near, &other = seen_far ? near : far;
-            constexpr double kMainPart = 0.7;  // of both modes: others are pairs of parts of a path
+            constexpr double kMainPart = 0.4;  // of both modes: others are pairs of small parts of a path
             if (pair.light < kMainPart * std::max(near.weight, far.weight)) continue;
             const double squared = dx * dx + dy * dy;
             least = std::min(least, squared);
@@ -492,7 +492,7 @@ class Matcher {
     const MonitorPlane &near_plane = near_.plane(seen.texture), &far_plane = far_.plane(seen.texture);
     const v1::Monitor& monitor = one_.metadata.monitors(seen.texture);
     const Vector2d size(monitor.width_px(), monitor.height_px());
-    if (state == RayState::kExtrapolated) {
+    {
       // Distances inside the four edges; moved out over the nearest, and no wider than that leaves it there.
       const Vector2d low = other, high = size - other;
       const double inside = std::min(low.minCoeff(), high.minCoeff());
