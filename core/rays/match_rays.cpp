@@ -496,7 +496,8 @@ class Matcher {
       // Distances inside the four edges; moved out over the nearest, and no wider than that leaves it there.
       const Vector2d low = other, high = size - other;
       const double inside = std::min(low.minCoeff(), high.minCoeff());
-      const double margin = 0.5 * sd;
+      constexpr double kMaxMargin = 3.0;  // px
+      const double margin = std::min(sd, kMaxMargin);
       if (inside > -margin) {
         Eigen::Index axis = 0;
         const bool is_low = low.minCoeff(&axis) < high.minCoeff();
@@ -504,8 +505,9 @@ class Matcher {
         other[axis] = is_low ? -margin : size[axis] + margin;
       }
       const double outside = -std::min(other.minCoeff(), (size - other).minCoeff());
-      sd = std::min(sd, std::max(outside, 0.25));
-      width = std::min(width, std::max(0.5 * outside, 0.25));
+      const double within = std::max(0.5 * outside, 0.05);
+      sd = std::min(sd, within);
+      width = std::min(width, within);
     }
     const Matrix2d other_axes = Matrix2d::Identity() * std::hypot(width, sd);
     Ray ray = seen_far ? ray_through(near_plane, other, other_axes, far_plane, seen.at, seen_axes)
