@@ -174,20 +174,24 @@ class Matcher {
   std::vector<Ray> rays(int x, int y, int c) const {
     const Node& here = node(x, y, c);
     std::vector<Ray> rays;
-    std::vector<double> near_left, far_left, near_light(here.near.size(), 0.0);
+    std::vector<double> near_left, far_left, near_light(here.near.size(), 0.0), far_light(here.far.size(), 0.0);
     for (const Place& place : here.near) near_left.push_back(place.weight);
     for (const Place& place : here.far) far_left.push_back(place.weight);
     for (const Pair& pair : here.pairs) {
       near_left[pair.near] -= pair.light;
       far_left[pair.far] -= pair.light;
       near_light[pair.near] += pair.light;
+      far_light[pair.far] += pair.light;
     }
     for (const Pair& pair : here.pairs) {
       const Place &from = here.near[pair.near], &to = here.far[pair.far];
       Ray ray = joined(x, y, c, from, to);
       // What is left of a mode by noise goes with its pairs.
       const bool whole = near_left[pair.near] < kStrayLight * from.weight;
-      ray.weight = static_cast<float>(whole ? pair.light * from.weight / near_light[pair.near] : pair.light);
+      const double near_weight = whole ? pair.light * from.weight / near_light[pair.near] : pair.light;
+      const bool far_whole = far_left[pair.far] < kStrayLight * to.weight;
+      const double far_weight = far_whole ? pair.light * to.weight / far_light[pair.far] : pair.light;
+      ray.weight = static_cast<float>(0.5 * (near_weight + far_weight));
       ray.state = pair.ambiguous ? RayState::kAmbiguous : RayState::kMatched;
       rays.push_back(ray);
     }
@@ -447,7 +451,7 @@ class Matcher {
       return one_sided(seen, seen_axes, other, kUnknownSd * gap / target.pitch_mm, 0.0, light, seen_far,
                        RayState::kUnknown);
     }
-    const double reach = std::max(std::sqrt(least), 4.0);
+    const double reach = std::max(0.6 * std::sqrt(least), 3.0);
     constexpr int kTerms = 6;
     using Row = Eigen::Matrix<double, kTerms, 1>;
     const double unit = std::max(seen.width, 8.0);
@@ -482,7 +486,7 @@ class Matcher {
     }
     const Vector2d first = affine.row(0).transpose(), second = quadratic.row(0).transpose();
     const double sd = std::sqrt(residual + 0.125 * (second - first).squaredNorm());
-    return one_sided(seen, seen_axes, second, sd, width / total, light, seen_far, RayState::kExtrapolated);
+    return one_sided(seen, seen_axes, first, sd, width / total, light, seen_far, RayState::kExtrapolated);
   }
 
   // A bundle through a place that was seen and one that was not, px on the other depth's monitor, with that
