@@ -64,8 +64,8 @@ absl::Status check_matte_options(const CompositeArguments& arguments) {
                                       std::pair{arguments.lossless, "--lossless"}}) {
     if (given) {
       return absl::InvalidArgumentError(fmt::format(
-          "{} is for rays; {} is not a file of them: glasswing rays makes one of the mattes of two depths", option,
-          arguments.matte));
+          "{} is for rays; {} is not a file of them: glasswing rays makes one of the mattes of two depths",
+          option, arguments.matte));
     }
   }
   if (!arguments.backgrounds.pictures.empty()) return absl::OkStatus();
@@ -110,7 +110,8 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
 absl::Status composited(const Client& client, const CompositeArguments& arguments) {
   if (holds_rays(arguments.matte)) {
     if (is_video(arguments) && arguments.frame_count > 0)
-      return absl::InvalidArgumentError(fmt::format("{} holds rays, which give one picture", arguments.matte));
+      return absl::InvalidArgumentError(
+          fmt::format("{} holds rays, which give one picture", arguments.matte));
     return composite_rays_still(client, arguments);
   }
   GW_RETURN_IF_ERROR(check_matte_options(arguments));
@@ -184,8 +185,9 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
                   "of rays: DEPTH_MM[:PICTURE], a picture this far from the camera, as large as the monitor; "
                   "default: --background's; may be repeated, nearer ones hide others")
       ->allow_extra_args(false);
-  command.add_option("--environment", arguments.environment,
-                     "of rays: a picture of all directions, equirectangular; its middle lies ahead of the camera");
+  command.add_option(
+      "--environment", arguments.environment,
+      "of rays: a picture of all directions, equirectangular; its middle lies ahead of the camera");
   command
       .add_option("--environment-turn", arguments.environment_turn_deg,
                   "turn the environment about the vertical, degrees; what lay ahead moves to the right")
@@ -339,11 +341,8 @@ void add_composite_command(CLI::App& app, Client& client) {
       "  glasswing composite rays.exr --plane 850:harbour.png --environment street.exr -o vase.png");
   auto arguments = std::make_shared<CompositeArguments>();
   add_composite_options(command, *arguments);
-  command.callback([&client, arguments] {
-    client.run = [&client, arguments] {
-      return composited(client, *arguments);
-    };
-  });
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return composited(client, *arguments); }; });
 }
 
 }  // namespace glasswing

@@ -26,13 +26,14 @@ absl::StatusOr<PlaneArgument> parse_plane(const std::string& text) {
   PlaneArgument plane;
   const char* const end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, plane.depth_mm);
-  if (error == std::errc() && plane.depth_mm > 0.0 && plane.depth_mm <= kMaxDepth_mm && (rest == end || *rest == ':')) {
+  if (error == std::errc() && plane.depth_mm > 0.0 && plane.depth_mm <= kMaxDepth_mm &&
+      (rest == end || *rest == ':')) {
     if (rest != end) plane.picture = std::string(rest + 1, end);
     if (rest == end || !plane.picture.empty()) return plane;
   }
-  return absl::InvalidArgumentError(
-      fmt::format("--plane is \"{}\"; it must be DEPTH_MM or DEPTH_MM:PICTURE, up to {} mm, as 850:harbour.png", text,
-                  kMaxDepth_mm));
+  return absl::InvalidArgumentError(fmt::format(
+      "--plane is \"{}\"; it must be DEPTH_MM or DEPTH_MM:PICTURE, up to {} mm, as 850:harbour.png", text,
+      kMaxDepth_mm));
 }
 
 absl::Status check_options(const CompositeArguments& arguments) {
@@ -48,15 +49,16 @@ absl::Status check_options(const CompositeArguments& arguments) {
   GW_RETURN_IF_ERROR(refuse(!arguments.error.empty(), "--error"));
   GW_RETURN_IF_ERROR(refuse(arguments.fill, "--fill"));
   if (backgrounds.pictures.size() > 1) {
-    return absl::InvalidArgumentError(
-        fmt::format("--background is given {} times; rays take one, at the nearest depth that was captured, and any "
-                    "number of --plane",
-                    backgrounds.pictures.size()));
+    return absl::InvalidArgumentError(fmt::format(
+        "--background is given {} times; rays take one, at the nearest depth that was captured, and any "
+        "number of --plane",
+        backgrounds.pictures.size()));
   }
   if (arguments.lossless && arguments.environment.empty())
     return absl::InvalidArgumentError("--lossless is about light of an --environment, which is not given");
   if (backgrounds.pictures.empty() && arguments.planes.empty() && arguments.environment.empty())
-    return absl::InvalidArgumentError("--background, --plane or --environment must say what stands behind the object");
+    return absl::InvalidArgumentError(
+        "--background, --plane or --environment must say what stands behind the object");
   return absl::OkStatus();
 }
 
@@ -85,9 +87,8 @@ absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& argume
   const v1::RayMetadata& metadata = rays->metadata;
   if (metadata.poses().empty() || metadata.matte().monitors().empty())
     return absl::DataLossError(fmt::format("{} names no pose or no monitor", arguments.matte));
-  GW_ASSIGN_OR_RETURN(
-      const v1::MonitorPose* const pose,
-      find_pose(metadata.geometry(), metadata.poses(0), metadata.matte().monitors(0).name()));
+  GW_ASSIGN_OR_RETURN(const v1::MonitorPose* const pose,
+                      find_pose(metadata.geometry(), metadata.poses(0), metadata.matte().monitors(0).name()));
   const MonitorPlane monitor(*pose);
   Surroundings surroundings;
   const auto add_plane = [&](double depth_mm, const std::string& file) -> absl::Status {

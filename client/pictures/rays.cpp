@@ -30,14 +30,16 @@ absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
   std::vector<std::string> poses = arguments.poses;
   GW_ASSIGN_OR_RETURN(const Matte one, read_matte(arguments.mattes[0]));
   if (!poses.empty() && poses.size() != arguments.mattes.size()) {
-    return absl::InvalidArgumentError(fmt::format("--poses has {} names; there are {} mattes, and it must have one "
-                                                  "for each",
-                                                  poses.size(), arguments.mattes.size()));
+    return absl::InvalidArgumentError(
+        fmt::format("--poses has {} names; there are {} mattes, and it must have one "
+                    "for each",
+                    poses.size(), arguments.mattes.size()));
   }
   if (arguments.mattes.size() == 1) {
     if (!(arguments.object_depth_mm > 0.0)) {
       return absl::InvalidArgumentError(
-          "one matte does not say where light goes; --object-depth must say how many mm from the camera the object "
+          "one matte does not say where light goes; --object-depth must say how many mm from the camera the "
+          "object "
           "stands, for a far environment as an approximation; or give a second matte");
     }
     return far_light_rays(one, geometry, poses.empty() ? one.metadata.session() : poses[0],
@@ -80,11 +82,12 @@ absl::Status write_rays(const Client& client, const RaysArguments& arguments) {
     std::cout << "approximation: " << rays.metadata.approximation() << "\n";
     return absl::OkStatus();
   }
-  const double all = std::max(counts.matched_weight() + counts.ambiguous_weight() + counts.extrapolated_weight() +
-                                  counts.unknown_weight(),
+  const double all = std::max(counts.matched_weight() + counts.ambiguous_weight() +
+                                  counts.extrapolated_weight() + counts.unknown_weight(),
                               1e-12);
   const auto line = [&](const char* what, std::int64_t count, double weight) {
-    std::cout << fmt::format("{:<48}{:>9} rays, {:5.1f} % of the object's light\n", what, count, 100.0 * weight / all);
+    std::cout << fmt::format("{:<48}{:>9} rays, {:5.1f} % of the object's light\n", what, count,
+                             100.0 * weight / all);
   };
   line("through two measured places", counts.matched(), counts.matched_weight());
   line("ambiguous: another match is as likely", counts.ambiguous(), counts.ambiguous_weight());
@@ -109,16 +112,17 @@ void add_rays_command(CLI::App& app, Client& client) {
       "  glasswing rays near.exr --geometry rig.txtpb --object-depth 450 -o rays.exr");
   auto arguments = std::make_shared<RaysArguments>();
   command.add_option("mattes", arguments->mattes, "one matte or two")->required();
-  command.add_option("--geometry", arguments->geometry, "camera and poses, as glasswing calibrate geometry writes them")
+  command
+      .add_option("--geometry", arguments->geometry,
+                  "camera and poses, as glasswing calibrate geometry writes them")
       ->required();
   command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")->required();
   command.add_option("--poses", arguments->poses, "the pose of each matte; default: named as its session")
       ->delimiter(',');
   command.add_option("--object-depth", arguments->object_depth_mm,
                      "with one matte: how far from the camera the object stands, mm");
-  command.callback([&client, arguments] {
-    client.run = [&client, arguments] { return write_rays(client, *arguments); };
-  });
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return write_rays(client, *arguments); }; });
 }
 
 }  // namespace glasswing

@@ -17,12 +17,12 @@ using Eigen::Matrix2d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kMinWeight = 1e-4;   // of a mode, below which it is left out
-constexpr float kMaxWeight = 1.05f;   // no object has more
-constexpr double kNearPx = 4.0;       // as LightPaths
-constexpr double kMaxCost = 1.0;      // of a pair
-constexpr double kStrayLight = 0.1;   // of a mode's light, that may be left without a partner
-constexpr double kSameCost = 0.1;     // of two pairs of which either may be right
+constexpr double kMinWeight = 1e-4;  // of a mode, below which it is left out
+constexpr float kMaxWeight = 1.05f;  // no object has more
+constexpr double kNearPx = 4.0;      // as LightPaths
+constexpr double kMaxCost = 1.0;     // of a pair
+constexpr double kStrayLight = 0.1;  // of a mode's light, that may be left without a partner
+constexpr double kSameCost = 0.1;    // of two pairs of which either may be right
 constexpr int kPasses = 4;
 
 // A mode on one monitor, as the matching needs it.
@@ -59,7 +59,8 @@ Place place_of(const Mode& mode) {
 std::vector<Place> places_of(const Matte& matte, int x, int y, int channel) {
   std::vector<Place> places;
   for (const Mode& mode : matte.modes(x, y, channel)) {
-    if (static_cast<double>(mode.weight) > kMinWeight && mode.weight <= kMaxWeight) places.push_back(place_of(mode));
+    if (static_cast<double>(mode.weight) > kMinWeight && mode.weight <= kMaxWeight)
+      places.push_back(place_of(mode));
   }
   return places;
 }
@@ -79,10 +80,9 @@ class Depth {
     for (const v1::Monitor& monitor : metadata_.monitors()) {
       GW_ASSIGN_OR_RETURN(const v1::MonitorPose* const pose, find_pose(geometry_, pose_, monitor.name()));
       if (pose->width_px() != monitor.width_px() || pose->height_px() != monitor.height_px()) {
-        return absl::InvalidArgumentError(
-            fmt::format("pose \"{}\" is of a monitor of {}x{} px; the matte's monitor {} has {}x{}", pose_,
-                        pose->width_px(), pose->height_px(), monitor.name(), monitor.width_px(),
-                        monitor.height_px()));
+        return absl::InvalidArgumentError(fmt::format(
+            "pose \"{}\" is of a monitor of {}x{} px; the matte's monitor {} has {}x{}", pose_,
+            pose->width_px(), pose->height_px(), monitor.name(), monitor.width_px(), monitor.height_px()));
       }
       planes_.emplace_back(*pose);
     }
@@ -103,9 +103,9 @@ absl::Status check_camera(const Matte& matte, const v1::RigGeometry& geometry) {
   const v1::CameraGeometry& camera = geometry.camera();
   if (matte.x0_px() != 0 || matte.y0_px() != 0 || matte.width_px() != camera.width_px() ||
       matte.height_px() != camera.height_px()) {
-    return absl::InvalidArgumentError(
-        fmt::format("the matte has {}x{} px from ({}, {}) on; the geometry's camera has {}x{}", matte.width_px(),
-                    matte.height_px(), matte.x0_px(), matte.y0_px(), camera.width_px(), camera.height_px()));
+    return absl::InvalidArgumentError(fmt::format(
+        "the matte has {}x{} px from ({}, {}) on; the geometry's camera has {}x{}", matte.width_px(),
+        matte.height_px(), matte.x0_px(), matte.y0_px(), camera.width_px(), camera.height_px()));
   }
   if (matte.metadata.footprint() == kBoxFootprint) {
     return absl::InvalidArgumentError(
@@ -174,7 +174,8 @@ class Matcher {
   std::vector<Ray> rays(int x, int y, int c) const {
     const Node& here = node(x, y, c);
     std::vector<Ray> rays;
-    std::vector<double> near_left, far_left, near_light(here.near.size(), 0.0), far_light(here.far.size(), 0.0);
+    std::vector<double> near_left, far_left, near_light(here.near.size(), 0.0),
+        far_light(here.far.size(), 0.0);
     for (const Place& place : here.near) near_left.push_back(place.weight);
     for (const Place& place : here.far) far_left.push_back(place.weight);
     for (const Pair& pair : here.pairs) {
@@ -358,12 +359,14 @@ class Matcher {
     return ray;
   }
 
-  // Which places of one depth lie on one path: those of neighbouring pixels that lie as near each other as their
-  // widths say, and carry about the same light.
+  // Which places of one depth lie on one path: those of neighbouring pixels that lie as near each other as
+  // their widths say, and carry about the same light.
   void label(bool of_far, std::vector<std::vector<int>>& labels) const {
     std::vector<int> parent;
     labels.assign(nodes_.size(), {});
-    const auto places = [&](const Node& at) -> const std::vector<Place>& { return of_far ? at.far : at.near; };
+    const auto places = [&](const Node& at) -> const std::vector<Place>& {
+      return of_far ? at.far : at.near;
+    };
     for (size_t i = 0; i < nodes_.size(); ++i) {
       for (size_t m = 0; m < places(nodes_[i]).size(); ++m) {
         labels[i].push_back(static_cast<int>(parent.size()));
@@ -382,7 +385,8 @@ class Matcher {
         for (size_t n = 0; n < labels[other].size(); ++n) {
           const Place &a = places(nodes_[one])[m], &b = places(nodes_[other])[n];
           constexpr double kMaxRatio = 3.0;
-          if (a.texture != b.texture || a.weight > kMaxRatio * b.weight || b.weight > kMaxRatio * a.weight) continue;
+          if (a.texture != b.texture || a.weight > kMaxRatio * b.weight || b.weight > kMaxRatio * a.weight)
+            continue;
           if ((a.at - b.at).norm() > 0.5 * kNearPx + 2.0 * (a.width + b.width)) continue;
           parent[static_cast<size_t>(root(labels[one][m]))] = root(labels[other][n]);
         }
@@ -623,10 +627,10 @@ absl::StatusOr<RayMatte> match_rays(const Matte& one, const Matte& other, const 
     const double distance = near.planes()[t].depth_mm();
     const double gap = far.planes()[t].depth_mm() - distance;
     if (!(gap > kMinGap * distance)) {
-      return absl::InvalidArgumentError(
-          fmt::format("monitor {} stands {} mm from the camera in one pose and {} mm in the other; they must be "
-                      "more than {} mm apart, in one order for all monitors",
-                      t, distance, distance + gap, kMinGap * distance));
+      return absl::InvalidArgumentError(fmt::format(
+          "monitor {} stands {} mm from the camera in one pose and {} mm in the other; they must be "
+          "more than {} mm apart, in one order for all monitors",
+          t, distance, distance + gap, kMinGap * distance));
     }
   }
   const Matte &front = in_order ? one : other, &back = in_order ? other : one;
@@ -663,7 +667,8 @@ absl::StatusOr<RayMatte> far_light_rays(const Matte& matte, const v1::RigGeometr
       ray.direction = direction.cast<float>();
       for (int axis = 0; axis < 2; ++axis) {
         const Vector3d turn = spread_on(plane, axes, axis) / length;
-        ray.direction_spread[static_cast<size_t>(axis)] = (turn - direction * direction.dot(turn)).cast<float>();
+        ray.direction_spread[static_cast<size_t>(axis)] =
+            (turn - direction * direction.dot(turn)).cast<float>();
       }
       rays_here.push_back(ray);
     }

@@ -3,11 +3,12 @@
 // In each pixel and channel the modes of one depth share their light with those of the other: pairs are taken
 // in the order of their cost, each as much light as both have left. The cost of a pair is the difference of
 // the weights and, from the second pass on, how far the pair's two places lie from those of its neighbours'
-// pairs. So a path that one fit tells by one mode and the other by three becomes three rays, and both recorded
-// depths are kept as they are.
+// pairs. So a path that one fit tells by one mode and the other by three becomes three rays, and both
+// recorded depths are kept as they are.
 //
-// A pair's footprints S_n and S_f are joined by the turn Q for which S_f^(1/2) Q is nearest A S_n^(1/2), where A
-// is how the far place moves with the near one from pixel to pixel; where neighbours do not tell, A = I.
+// A pair's footprints S_n and S_f are joined by the turn Q for which S_f^(1/2) Q is nearest A S_n^(1/2),
+// where A is how the far place moves with the near one from pixel to pixel; where neighbours do not tell, A =
+// I.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -29,8 +29,10 @@ constexpr const char* kRayMetadata = "glasswing:rays";
 constexpr const char* kRayConventions = "glasswing:conventions";
 constexpr const char* kRayChecksum = "glasswing:checksum";
 constexpr const char* kRayConventionsText =
-    "C = F + sum weight * light of a bundle of rays, per channel, linear light. A bundle: origin + u origin_u + v "
-    "origin_v, direction + u direction_u + v direction_v, u and v independent with standard deviation 1. mm, in "
+    "C = F + sum weight * light of a bundle of rays, per channel, linear light. A bundle: origin + u "
+    "origin_u + v "
+    "origin_v, direction + u direction_u + v direction_v, u and v independent with standard deviation 1. mm, "
+    "in "
     "the camera's frame: origin at the centre of projection, x right, y down, z forward. state: 0 matched, 1 "
     "ambiguous, 2 extrapolated, 3 unknown, 4 straight, 5 far light. Layer ray: green's strongest ray.";
 constexpr std::array<const char*, kChannels> kRayColours{"R", "G", "B"};
@@ -59,19 +61,20 @@ template <auto Spread, size_t Which, int Axis>
 void set_spread(Ray& ray, float value) {
   (ray.*Spread)[Which][Axis] = value;
 }
-#define RAY_VECTOR(name, member)                                                \
-  {name "_x", get_axis<&Ray::member, 0>, set_axis<&Ray::member, 0>},            \
-      {name "_y", get_axis<&Ray::member, 1>, set_axis<&Ray::member, 1>}, {      \
-    name "_z", get_axis<&Ray::member, 2>, set_axis<&Ray::member, 2>             \
+#define RAY_VECTOR(name, member)                                           \
+  {name "_x", get_axis<&Ray::member, 0>, set_axis<&Ray::member, 0>},       \
+      {name "_y", get_axis<&Ray::member, 1>, set_axis<&Ray::member, 1>}, { \
+    name "_z", get_axis<&Ray::member, 2>, set_axis<&Ray::member, 2>        \
   }
-#define RAY_SPREAD(name, member, which)                                                 \
-  {name "_x", get_spread<&Ray::member, which, 0>, set_spread<&Ray::member, which, 0>},  \
+#define RAY_SPREAD(name, member, which)                                                      \
+  {name "_x", get_spread<&Ray::member, which, 0>, set_spread<&Ray::member, which, 0>},       \
       {name "_y", get_spread<&Ray::member, which, 1>, set_spread<&Ray::member, which, 1>}, { \
-    name "_z", get_spread<&Ray::member, which, 2>, set_spread<&Ray::member, which, 2>   \
+    name "_z", get_spread<&Ray::member, which, 2>, set_spread<&Ray::member, which, 2>        \
   }
 const std::vector<RayLayer>& ray_layers() {
   static const std::vector<RayLayer> layers{
-      {"weight", [](const Ray& ray) { return ray.weight; }, [](Ray& ray, float value) { ray.weight = value; }},
+      {"weight", [](const Ray& ray) { return ray.weight; },
+       [](Ray& ray, float value) { ray.weight = value; }},
       RAY_VECTOR("origin", origin_mm),
       RAY_VECTOR("direction", direction),
       RAY_SPREAD("origin_u", origin_spread_mm, 0),
@@ -108,7 +111,8 @@ void for_channels(Matte& rays, const Use& use) {
   const auto none = [](int, int, float) {};
   for (int c = 0; c < kChannels; ++c) {
     const auto index = static_cast<size_t>(c);
-    use("preview", std::string(kRayColours[index]),
+    use(
+        "preview", std::string(kRayColours[index]),
         [&, c](int x, int y) {
           float light = rays.foreground(x, y)[static_cast<size_t>(c)];
           for (const Ray& ray : rays.rays(x, y, c)) light += 0.5f * ray.weight;
@@ -116,24 +120,29 @@ void for_channels(Matte& rays, const Use& use) {
         },
         none);
   }
-  use("preview", "A", [&](int x, int y) { return rays.coverage(x, y); }, none);
+  use(
+      "preview", "A", [&](int x, int y) { return rays.coverage(x, y); }, none);
   for (int c = 0; c < kChannels; ++c) {
-    use("foreground", fmt::format("foreground.F.{}", kRayColours[static_cast<size_t>(c)]),
+    use(
+        "foreground", fmt::format("foreground.F.{}", kRayColours[static_cast<size_t>(c)]),
         [&, c](int x, int y) { return rays.foreground(x, y)[static_cast<size_t>(c)]; },
         [&, c](int x, int y, float value) {
           if constexpr (!std::is_const_v<Matte>) rays.foreground(x, y)[static_cast<size_t>(c)] = value;
         });
   }
-  use("foreground", "foreground.coverage.Y", [&](int x, int y) { return rays.coverage(x, y); },
+  use(
+      "foreground", "foreground.coverage.Y", [&](int x, int y) { return rays.coverage(x, y); },
       [&](int x, int y, float value) {
         if constexpr (!std::is_const_v<Matte>) rays.coverage(x, y) = value;
       });
-  use("foreground", "foreground.flags.Y", [&](int x, int y) { return static_cast<float>(rays.flags(x, y)); },
+  use(
+      "foreground", "foreground.flags.Y", [&](int x, int y) { return static_cast<float>(rays.flags(x, y)); },
       [&](int x, int y, float value) {
         if constexpr (!std::is_const_v<Matte>) rays.flags(x, y) = static_cast<std::uint8_t>(value);
       });
   const auto strongest = [&](const std::string& name, auto get) {
-    use("ray", name,
+    use(
+        "ray", name,
         [&, get](int x, int y) {
           const Ray* ray = strongest_of(rays, x, y);
           return ray != nullptr ? get(*ray) : 0.0f;
@@ -150,10 +159,12 @@ void for_channels(Matte& rays, const Use& use) {
   for (int r = 0; r < rays.rays_per_channel(); ++r) {
     for (const RayLayer& layer : ray_layers()) {
       for (int c = 0; c < kChannels; ++c) {
-        use(fmt::format("ray{}", r + 1), ray_channel(r, layer.name, c),
+        use(
+            fmt::format("ray{}", r + 1), ray_channel(r, layer.name, c),
             [&, r, c](int x, int y) { return layer.get(rays.rays(x, y, c)[static_cast<size_t>(r)]); },
             [&, r, c](int x, int y, float value) {
-              if constexpr (!std::is_const_v<Matte>) layer.set(rays.rays(x, y, c)[static_cast<size_t>(r)], value);
+              if constexpr (!std::is_const_v<Matte>)
+                layer.set(rays.rays(x, y, c)[static_cast<size_t>(r)], value);
             });
       }
     }
@@ -165,7 +176,8 @@ template <class Matte>
 std::vector<ExrPart> ray_parts(Matte& rays) {
   std::vector<ExrPart> parts;
   for_channels(rays, [&](const std::string& part, const std::string& channel, const auto&, const auto&) {
-    if (parts.empty() || parts.back().name != part) parts.push_back({.name = part, .channels = {}, .attributes = {}});
+    if (parts.empty() || parts.back().name != part)
+      parts.push_back({.name = part, .channels = {}, .attributes = {}});
     parts.back().channels.push_back(channel);
   });
   for (ExrPart& part : parts) std::ranges::sort(part.channels);
@@ -224,7 +236,8 @@ absl::Status check_rays(const RayMatte& rays) {
                  (!(ray.weight > 0.0f) || std::abs(ray.direction.norm() - 1.0f) < kMaxUnitError);
         }
       }
-      if (!good) return absl::DataLossError(fmt::format("pixel ({}, {}) holds values that no rays have", x, y));
+      if (!good)
+        return absl::DataLossError(fmt::format("pixel ({}, {}) holds values that no rays have", x, y));
     }
   }
   return absl::OkStatus();

@@ -33,8 +33,8 @@ absl::Status check_geometry(const v1::RigGeometry& geometry) {
   const v1::CameraGeometry& camera = geometry.camera();
   if (!(camera.fx_px() > 0.0 && camera.fy_px() > 0.0) || camera.width_px() < 1 || camera.height_px() < 1) {
     return absl::InvalidArgumentError(
-        fmt::format("the camera is {}x{} px, its fx_px {} and fy_px {}; all must be above 0", camera.width_px(),
-                    camera.height_px(), camera.fx_px(), camera.fy_px()));
+        fmt::format("the camera is {}x{} px, its fx_px {} and fy_px {}; all must be above 0",
+                    camera.width_px(), camera.height_px(), camera.fx_px(), camera.fy_px()));
   }
   if (geometry.monitors().empty()) return absl::InvalidArgumentError("it has no pose in monitors");
   for (const v1::MonitorPose& pose : geometry.monitors()) {
@@ -50,16 +50,17 @@ absl::Status check_geometry(const v1::RigGeometry& geometry) {
     }
     const Eigen::Matrix3d rotation = rotation_of(pose);
     constexpr double kMaxDeviation = 1e-3;
-    const double deviation = (rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+    const double deviation =
+        (rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
     if (!(deviation < kMaxDeviation) || rotation.determinant() < 0.0) {
       return absl::InvalidArgumentError(
-          fmt::format("the rotation of pose \"{}\" is {} off a rotation matrix; at most {} can be", pose.name(),
-                      rotation.determinant() < 0.0 ? 2.0 : deviation, kMaxDeviation));
+          fmt::format("the rotation of pose \"{}\" is {} off a rotation matrix; at most {} can be",
+                      pose.name(), rotation.determinant() < 0.0 ? 2.0 : deviation, kMaxDeviation));
     }
     if (!(MonitorPlane(pose).depth_mm() > 0.0)) {
       return absl::InvalidArgumentError(fmt::format(
-          "pose \"{}\" lies {} mm along its normal (x cross y) from the camera; it must be above 0", pose.name(),
-          MonitorPlane(pose).depth_mm()));
+          "pose \"{}\" lies {} mm along its normal (x cross y) from the camera; it must be above 0",
+          pose.name(), MonitorPlane(pose).depth_mm()));
     }
   }
   return absl::OkStatus();
@@ -73,7 +74,8 @@ absl::StatusOr<v1::RigGeometry> parse_geometry(std::string_view text, std::strin
   if (!parser.ParseFromString(std::string(text), &geometry))
     return absl::InvalidArgumentError(fmt::format("{}: {}", file_name, errors.text));
   const absl::Status checked = check_geometry(geometry);
-  if (!checked.ok()) return absl::InvalidArgumentError(fmt::format("{}: {}", file_name, std::string(checked.message())));
+  if (!checked.ok())
+    return absl::InvalidArgumentError(fmt::format("{}: {}", file_name, std::string(checked.message())));
   return geometry;
 }
 
@@ -95,10 +97,11 @@ absl::StatusOr<const v1::MonitorPose*> find_pose(const v1::RigGeometry& geometry
   std::vector<std::string> names;
   for (const v1::MonitorPose& pose : geometry.monitors()) {
     if (pose.name() == name && (pose.monitor().empty() || pose.monitor() == monitor)) return &pose;
-    names.push_back(pose.monitor().empty() ? pose.name() : fmt::format("{} of {}", pose.name(), pose.monitor()));
+    names.push_back(pose.monitor().empty() ? pose.name()
+                                           : fmt::format("{} of {}", pose.name(), pose.monitor()));
   }
-  return absl::NotFoundError(fmt::format("the geometry has no pose \"{}\" of monitor \"{}\"; it has: {}", name,
-                                         monitor, fmt::join(names, ", ")));
+  return absl::NotFoundError(fmt::format("the geometry has no pose \"{}\" of monitor \"{}\"; it has: {}",
+                                         name, monitor, fmt::join(names, ", ")));
 }
 
 Eigen::Vector2d CameraLens::pixel_of(const Eigen::Vector2d& u) const {
@@ -118,7 +121,8 @@ Eigen::Vector2d CameraLens::slope_of(const Eigen::Vector2d& pixel) const {
   Eigen::Vector2d u = d;
   for (int step = 0; step < kMaxSteps; ++step) {
     const Eigen::Vector2d back = pixel_of(u);
-    const Eigen::Vector2d off((pixel.x() - back.x()) / camera_.fx_px(), (pixel.y() - back.y()) / camera_.fy_px());
+    const Eigen::Vector2d off((pixel.x() - back.x()) / camera_.fx_px(),
+                              (pixel.y() - back.y()) / camera_.fy_px());
     u += off;
     if (off.norm() < kEnd) break;
   }

@@ -88,7 +88,8 @@ RadianceImage shrunk(const RadianceImage& map) {
         sums[at + static_cast<size_t>(c)] += weight * static_cast<double>(map.at(u, v, c));
     }
   }
-  for (size_t i = 0; i < sums.size(); ++i) small.samples[i] = static_cast<float>(sums[i] / weights[i / kChannels]);
+  for (size_t i = 0; i < sums.size(); ++i)
+    small.samples[i] = static_cast<float>(sums[i] / weights[i / kChannels]);
   return small;
 }
 
@@ -118,11 +119,11 @@ double share_on(const PlaneFootprint& footprint, const RadianceImage& picture) {
   const double yy = std::max(footprint.covariance_px2(1, 1), kMinVariance);
   const double limit = 0.999 * std::sqrt(xx * yy);
   const double xy = std::clamp(footprint.covariance_px2(0, 1), -limit, limit);
-  return std::clamp(NormalOnRectangles({x, y, xx, xy, yy})
-                        .share({0.0, 0.0, static_cast<double>(picture.width_px),
-                                static_cast<double>(picture.height_px)})
-                        .share,
-                    0.0, 1.0);
+  return std::clamp(
+      NormalOnRectangles({x, y, xx, xy, yy})
+          .share({0.0, 0.0, static_cast<double>(picture.width_px), static_cast<double>(picture.height_px)})
+          .share,
+      0.0, 1.0);
 }
 
 class Projector {
@@ -156,7 +157,8 @@ class Projector {
             add(ray, c, modes, used, foreground[static_cast<size_t>(c)]);
           }
           const double unseen = 1.0 - seen;
-          if (surroundings_.lossless && environment_ != nullptr && rays_.coverage(x, y) > 0.0f && unseen > 0.0) {
+          if (surroundings_.lossless && environment_ != nullptr && rays_.coverage(x, y) > 0.0f &&
+              unseen > 0.0) {
             foreground[static_cast<size_t>(c)] +=
                 static_cast<float>(unseen) * mix_.seen(0, environment_->mean())[static_cast<size_t>(c)];
           }
@@ -229,7 +231,8 @@ Vector3d EnvironmentMap::in_map(const Eigen::Vector3f& direction) const {
 
 bool EnvironmentMap::on_face(const Ray& ray, int& face, PlaneFootprint& footprint) const {
   double trace = 0.0;
-  for (const Eigen::Vector3f& spread : ray.direction_spread) trace += static_cast<double>(spread.squaredNorm());
+  for (const Eigen::Vector3f& spread : ray.direction_spread)
+    trace += static_cast<double>(spread.squaredNorm());
   if (trace > kMaxFaceSd * kMaxFaceSd) return false;
   const Vector3d direction = in_map(ray.direction);
   Eigen::Index axis = 0;
@@ -243,8 +246,7 @@ bool EnvironmentMap::on_face(const Ray& ray, int& face, PlaneFootprint& footprin
   footprint.covariance_px2.setZero();
   for (const Eigen::Vector3f& spread : ray.direction_spread) {
     const Vector3d turn = in_map(spread);
-    const Vector2d moved =
-        scale / along * (Vector2d(turn[right], turn[down]) - at * (sign * turn[axis]));
+    const Vector2d moved = scale / along * (Vector2d(turn[right], turn[down]) - at * (sign * turn[axis]));
     footprint.covariance_px2 += moved * moved.transpose();
   }
   return true;
@@ -290,8 +292,9 @@ std::array<float, kChannels> EnvironmentMap::wide(const Ray& ray) const {
   return light;
 }
 
-absl::StatusOr<RadianceImage> composite_rays(const RayMatte& rays, const Surroundings& surroundings, bool exact,
-                                             int thread_count, const std::function<void(double)>& progress) {
+absl::StatusOr<RadianceImage> composite_rays(const RayMatte& rays, const Surroundings& surroundings,
+                                             bool exact, int thread_count,
+                                             const std::function<void(double)>& progress) {
   // A matte of the planes and the environment's faces instead of the monitors.
   v1::MatteMetadata metadata = rays.metadata.matte();
   metadata.clear_monitors();
@@ -316,7 +319,8 @@ absl::StatusOr<RadianceImage> composite_rays(const RayMatte& rays, const Surroun
   std::vector<FootprintTexture> textures = footprint_textures(metadata);
   for (FootprintTexture& texture : textures)
     texture.level_count = static_cast<int>(texture.shape.levels().size());
-  const BackgroundSamples samples(textures, mix, exact ? std::vector<RadianceImage>() : pictures, thread_count);
+  const BackgroundSamples samples(textures, mix, exact ? std::vector<RadianceImage>() : pictures,
+                                  thread_count);
   RadianceImage out(rays.width_px(), rays.height_px());
   const size_t row_length = static_cast<size_t>(out.width_px) * kChannels;
   const int blocks = (out.height_px + kBlockRows - 1) / kBlockRows;
@@ -342,7 +346,8 @@ absl::StatusOr<RadianceImage> composite_rays(const RayMatte& rays, const Surroun
       } else {
         for (int y = first; y < end; ++y) {
           rows.prepare(matte, y - first, row);
-          samples.composite(row, std::span(out.samples).subspan(static_cast<size_t>(y) * row_length, row_length));
+          samples.composite(row,
+                            std::span(out.samples).subspan(static_cast<size_t>(y) * row_length, row_length));
         }
       }
       const std::lock_guard lock(mutex);
