@@ -113,8 +113,7 @@ void add_rays_command(CLI::App& app, Client& client) {
   auto arguments = std::make_shared<RaysArguments>();
   command.add_option("mattes", arguments->mattes, "one matte or two")->required();
   command
-      .add_option("--geometry", arguments->geometry,
-                  "camera and poses, as glasswing calibrate geometry writes them")
+      .add_option("--geometry", arguments->geometry, "a text file of the camera and its poses (docs/rays.md)")
       ->required();
   command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")->required();
   command.add_option("--poses", arguments->poses, "the pose of each matte; default: named as its session")
