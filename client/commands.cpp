@@ -48,6 +48,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_solve_command(app, client);
   add_fetch_command(app, client);
   add_composite_command(app, client);
+  add_rays_command(app, client);
   add_stmap_command(app, client);
   add_view_command(app, client);
   add_web_command(app, client);

@@ -9,6 +9,7 @@ namespace glasswing {
 
 // Each declares its options and sets Client::run.
 void add_composite_command(CLI::App& app, Client& client);
+void add_rays_command(CLI::App& app, Client& client);
 void add_stmap_command(CLI::App& app, Client& client);
 void add_view_command(CLI::App& app, Client& client);
 void add_sheet_command(CLI::App& app, Client& client);

@@ -12,6 +12,7 @@
 
 #include "client/cli/progress.h"
 #include "client/pictures/commands.h"
+#include "client/pictures/composite_rays.h"
 #include "client/pictures/composite_video.h"
 #include "client/pictures/picture.h"
 #include "client/pictures/video_file.h"
@@ -41,6 +42,34 @@ void print_composite(const Client& client, const CompositeArguments& arguments, 
                                             : "they are black, or filled from their neighbours with --fill");
   }
   std::cout << "\n";
+}
+
+absl::Status composite_rays_still(const Client& client, const CompositeArguments& arguments) {
+  GW_RETURN_IF_ERROR(check_output(arguments.output, arguments.bits));
+  absl::StatusOr<RadianceImage> picture;
+  {
+    Progress progress("compositing");
+    picture = composite_of_rays(arguments, [&progress](double fraction) { progress.update(fraction); });
+  }
+  GW_RETURN_IF_ERROR(picture.status());
+  GW_RETURN_IF_ERROR(write_radiance(arguments.output, *picture, arguments.encoding(), arguments.bits));
+  print_composite(client, arguments, *picture, 0);
+  return absl::OkStatus();
+}
+
+// A matte looks at its monitors; what only rays can show is refused.
+absl::Status check_matte_options(const CompositeArguments& arguments) {
+  for (const auto& [given, option] : {std::pair{!arguments.planes.empty(), "--plane"},
+                                      std::pair{!arguments.environment.empty(), "--environment"},
+                                      std::pair{arguments.lossless, "--lossless"}}) {
+    if (given) {
+      return absl::InvalidArgumentError(fmt::format(
+          "{} is for rays; {} is not a file of them: glasswing rays makes one of the mattes of two depths",
+          option, arguments.matte));
+    }
+  }
+  if (!arguments.backgrounds.pictures.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError("--background is required: the picture behind the object");
 }
 
 absl::Status composite_still(const Client& client, const CompositeArguments& arguments) {
@@ -78,6 +107,17 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
   return absl::OkStatus();
 }
 
+absl::Status composited(const Client& client, const CompositeArguments& arguments) {
+  if (holds_rays(arguments.matte)) {
+    if (is_video(arguments) && arguments.frame_count > 0)
+      return absl::InvalidArgumentError(
+          fmt::format("{} holds rays, which give one picture", arguments.matte));
+    return composite_rays_still(client, arguments);
+  }
+  GW_RETURN_IF_ERROR(check_matte_options(arguments));
+  return is_video(arguments) ? composite_video(client, arguments) : composite_still(client, arguments);
+}
+
 // "DX,DY".
 absl::Status read_shift(const BackgroundArgument& argument, std::string_view option, double& dx_px,
                         double& dy_px) {
@@ -95,7 +135,6 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
   command.add_option("matte", arguments.matte, "a matte from glasswing fetch, or a directory of them")
       ->required();
   command.add_option("--background", arguments.backgrounds.pictures, "[TEXTURE=]IMAGE; may be repeated")
-      ->required()
       ->allow_extra_args(false);
   command
       .add_option(
@@ -141,6 +180,23 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
   command.add_flag("--fill", arguments.fill,
                    "fill pixels that are not solved, such as those that saw the id patch, from their "
                    "neighbours");
+  command
+      .add_option("--plane", arguments.planes,
+                  "of rays: DEPTH_MM[:PICTURE], a picture this far from the camera, as large as the monitor; "
+                  "default: --background's; may be repeated, nearer ones hide others")
+      ->allow_extra_args(false);
+  command.add_option(
+      "--environment", arguments.environment,
+      "of rays: a picture of all directions, equirectangular; its middle lies ahead of the camera");
+  command
+      .add_option("--environment-turn", arguments.environment_turn_deg,
+                  "turn the environment about the vertical, degrees; what lay ahead moves to the right")
+      ->check(CLI::Range(-3600.0, 3600.0));
+  command.add_option("--environment-gain", arguments.environment_gain, "factor on the environment's light")
+      ->check(CLI::Range(0.0f, 1e6f))
+      ->capture_default_str();
+  command.add_flag("--lossless", arguments.lossless,
+                   "the object absorbs nothing: light that no monitor showed is the environment's mean");
   command.add_flag("--exact", arguments.exact,
                    "integrate every footprint, slowly; the default is within 0.002 rms of that");
   command.add_flag("--linear", arguments.linear,
@@ -280,14 +336,13 @@ void add_composite_command(CLI::App& app, Client& client) {
       "  glasswing composite vase.exr --background harbour.png --pan 8,0 --frames 60 -o vase.webp\n"
       "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png\n"
-      "  glasswing composite vase.exr --background harbour.png -o vase.png --error vase_error.exr");
+      "  glasswing composite vase.exr --background harbour.png -o vase.png --error vase_error.exr\n"
+      "  glasswing composite rays.exr --environment street.exr --environment-turn 30 -o vase.png\n"
+      "  glasswing composite rays.exr --plane 850:harbour.png --environment street.exr -o vase.png");
   auto arguments = std::make_shared<CompositeArguments>();
   add_composite_options(command, *arguments);
-  command.callback([&client, arguments] {
-    client.run = [&client, arguments] {
-      return is_video(*arguments) ? composite_video(client, *arguments) : composite_still(client, *arguments);
-    };
-  });
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return composited(client, *arguments); }; });
 }
 
 }  // namespace glasswing

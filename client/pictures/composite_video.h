@@ -37,6 +37,12 @@ struct CompositeArguments {
   std::string error;  // a picture of the composite's standard error; empty: none
   bool linear = false, exact = false;
   bool fill = false;  // pixels that are not solved, from their neighbours
+  // Of files of rays (composite_rays.h).
+  std::vector<std::string> planes;
+  std::string environment;
+  double environment_turn_deg = 0.0;
+  float environment_gain = 1.0f;
+  bool lossless = false;
 
   Encoding encoding() const { return linear ? Encoding::kLinear : Encoding::kDisplay; }
 };

@@ -1,0 +1,146 @@
+#include "core/rays/rig_geometry.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <google/protobuf/io/tokenizer.h>
+#include <google/protobuf/text_format.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <vector>
+
+#include "core/base/file.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+class FirstError final : public google::protobuf::io::ErrorCollector {
+ public:
+  void AddError(int line, int, const std::string& message) override {
+    if (text.empty()) text = fmt::format("line {}: {}", line + 1, message);
+  }
+  std::string text;
+};
+
+Eigen::Matrix3d rotation_of(const v1::MonitorPose& pose) {
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(pose.rotation().data());
+}
+
+}  // namespace
+
+absl::Status check_geometry(const v1::RigGeometry& geometry) {
+  const v1::CameraGeometry& camera = geometry.camera();
+  if (!(camera.fx_px() > 0.0 && camera.fy_px() > 0.0) || camera.width_px() < 1 || camera.height_px() < 1) {
+    return absl::InvalidArgumentError(
+        fmt::format("the camera is {}x{} px, its fx_px {} and fy_px {}; all must be above 0",
+                    camera.width_px(), camera.height_px(), camera.fx_px(), camera.fy_px()));
+  }
+  if (geometry.monitors().empty()) return absl::InvalidArgumentError("it has no pose in monitors");
+  for (const v1::MonitorPose& pose : geometry.monitors()) {
+    if (pose.rotation_size() != 9 || pose.translation_mm_size() != 3) {
+      return absl::InvalidArgumentError(
+          fmt::format("pose \"{}\" has {} numbers of rotation and {} of translation_mm; they must be 9 and 3",
+                      pose.name(), pose.rotation_size(), pose.translation_mm_size()));
+    }
+    if (pose.width_px() < 1 || pose.height_px() < 1 || !(pose.pitch_mm() > 0.0)) {
+      return absl::InvalidArgumentError(
+          fmt::format("pose \"{}\" has a monitor of {}x{} px of {} mm; all must be above 0", pose.name(),
+                      pose.width_px(), pose.height_px(), pose.pitch_mm()));
+    }
+    const Eigen::Matrix3d rotation = rotation_of(pose);
+    constexpr double kMaxDeviation = 1e-3;
+    const double deviation =
+        (rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+    if (!(deviation < kMaxDeviation) || rotation.determinant() < 0.0) {
+      return absl::InvalidArgumentError(
+          fmt::format("the rotation of pose \"{}\" is {} off a rotation matrix; at most {} can be",
+                      pose.name(), rotation.determinant() < 0.0 ? 2.0 : deviation, kMaxDeviation));
+    }
+    if (!(MonitorPlane(pose).depth_mm() > 0.0)) {
+      return absl::InvalidArgumentError(fmt::format(
+          "pose \"{}\" lies {} mm along its normal (x cross y) from the camera; it must be above 0",
+          pose.name(), MonitorPlane(pose).depth_mm()));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<v1::RigGeometry> parse_geometry(std::string_view text, std::string_view file_name) {
+  v1::RigGeometry geometry;
+  FirstError errors;
+  google::protobuf::TextFormat::Parser parser;
+  parser.RecordErrorsTo(&errors);
+  if (!parser.ParseFromString(std::string(text), &geometry))
+    return absl::InvalidArgumentError(fmt::format("{}: {}", file_name, errors.text));
+  const absl::Status checked = check_geometry(geometry);
+  if (!checked.ok())
+    return absl::InvalidArgumentError(fmt::format("{}: {}", file_name, std::string(checked.message())));
+  return geometry;
+}
+
+absl::StatusOr<v1::RigGeometry> read_geometry(const std::filesystem::path& path) {
+  GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
+  return parse_geometry(text, path.string());
+}
+
+std::string geometry_text(const v1::RigGeometry& geometry) {
+  std::string text;
+  google::protobuf::TextFormat::Printer printer;
+  printer.SetUseShortRepeatedPrimitives(true);
+  printer.PrintToString(geometry, &text);
+  return text;
+}
+
+absl::StatusOr<const v1::MonitorPose*> find_pose(const v1::RigGeometry& geometry, std::string_view name,
+                                                 std::string_view monitor) {
+  std::vector<std::string> names;
+  for (const v1::MonitorPose& pose : geometry.monitors()) {
+    if (pose.name() == name && (pose.monitor().empty() || pose.monitor() == monitor)) return &pose;
+    names.push_back(pose.monitor().empty() ? pose.name()
+                                           : fmt::format("{} of {}", pose.name(), pose.monitor()));
+  }
+  return absl::NotFoundError(fmt::format("the geometry has no pose \"{}\" of monitor \"{}\"; it has: {}",
+                                         name, monitor, fmt::join(names, ", ")));
+}
+
+Eigen::Vector2d CameraLens::pixel_of(const Eigen::Vector2d& u) const {
+  const double r2 = u.squaredNorm(), xy = u.x() * u.y();
+  const double radial = 1.0 + r2 * (camera_.k1() + r2 * (camera_.k2() + r2 * camera_.k3()));
+  const double p1 = camera_.p1(), p2 = camera_.p2();
+  const Eigen::Vector2d d(u.x() * radial + 2.0 * p1 * xy + p2 * (r2 + 2.0 * u.x() * u.x()),
+                          u.y() * radial + p1 * (r2 + 2.0 * u.y() * u.y()) + 2.0 * p2 * xy);
+  return {camera_.fx_px() * d.x() + camera_.cx_px(), camera_.fy_px() * d.y() + camera_.cy_px()};
+}
+
+Eigen::Vector2d CameraLens::slope_of(const Eigen::Vector2d& pixel) const {
+  constexpr int kMaxSteps = 50;
+  constexpr double kEnd = 1e-13;
+  const Eigen::Vector2d d((pixel.x() - camera_.cx_px()) / camera_.fx_px(),
+                          (pixel.y() - camera_.cy_px()) / camera_.fy_px());
+  Eigen::Vector2d u = d;
+  for (int step = 0; step < kMaxSteps; ++step) {
+    const Eigen::Vector2d back = pixel_of(u);
+    const Eigen::Vector2d off((pixel.x() - back.x()) / camera_.fx_px(),
+                              (pixel.y() - back.y()) / camera_.fy_px());
+    u += off;
+    if (off.norm() < kEnd) break;
+  }
+  return u;
+}
+
+MonitorPlane::MonitorPlane(const v1::MonitorPose& pose) : pitch_mm(pose.pitch_mm()) {
+  const Eigen::Matrix3d rotation = rotation_of(pose);
+  corner_mm = Eigen::Map<const Eigen::Vector3d>(pose.translation_mm().data());
+  x_mm = rotation.col(0) * pitch_mm;
+  y_mm = rotation.col(1) * pitch_mm;
+  normal = x_mm.cross(y_mm).normalized();
+}
+
+MonitorPlane MonitorPlane::at_depth(double depth) const {
+  MonitorPlane moved = *this;
+  moved.corner_mm += (depth - depth_mm()) * normal;
+  return moved;
+}
+
+}  // namespace glasswing
