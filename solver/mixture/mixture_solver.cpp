@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "solver/method/clipped_noise.h"
 
@@ -11,7 +12,9 @@ namespace {
 constexpr double kLeastNoise = 1e-4;  // the shape of pixels and footprints leaves as much
 constexpr int kRounds = 3;            // of weighing white and bars, and what was cut off at black, anew
 constexpr int kPolish = 20;           // steps of a round
-constexpr double kPoorFit = 0.1;      // of the strongest weight: rms of what is left
+constexpr double kQuarterOfNormal = 0.31864;  // of |x|, in standard deviations
+constexpr double kOverestimated = 0.4;        // chi2 of a degree of freedom
+constexpr double kPoorFit = 0.1;              // of the strongest weight: rms of what is left
 
 bool is_finite(const Footprint& mode) {
   return std::isfinite(mode.weight + mode.x_px + mode.y_px + mode.xx_px2 + mode.xy_px2 + mode.yy_px2);
@@ -41,8 +44,10 @@ MixtureSolver::MixtureSolver(const FrameStack& stack, const MixtureLayout& layou
 
 void MixtureSolver::solve_row(int y, Matte& matte) {
   std::vector<double> read_sd;
-  if (!surroundings_.noise_known() && layout_.wave_noise.known()) {
-    noise_ = {.read_sd = layout_.wave_noise.of_row(stack_, y), .gain = 0.0};
+  if (!surroundings_.noise_known()) {
+    noise_ = {
+        .read_sd = layout_.wave_noise.known() ? layout_.wave_noise.of_row(stack_, y) : noise_of_pairs(y),
+        .gain = 0.0};
     read_sd.assign(static_cast<size_t>(stack_.width_px), noise_.read_sd);
   }
   const SettledRow row = surroundings_.settle_row(y, read_sd, matte);
@@ -58,6 +63,25 @@ void MixtureSolver::solve_row(int y, Matte& matte) {
       solve_channel(x, y, channel, matte);
     }
   }
+}
+
+double MixtureSolver::noise_of_pairs(int y) const {
+  std::vector<double> off;
+  for (const StageLayout::Pair& pair : layout_.stage.pairs) {
+    for (int x = 0; x < stack_.width_px; ++x) {
+      for (const int channel : stack_.channels(x, y)) {
+        const size_t index = stack_.sample_index(x, y, channel);
+        const double object = merge(stack_, pair.object, index, noise_).radiance,
+                     empty = merge(stack_, pair.empty, index, noise_).radiance;
+        // What the camera cut off at black has less noise.
+        if (object > 0.0 && empty > 0.0) off.push_back(std::abs(object - empty));
+      }
+    }
+  }
+  if (off.empty()) return surroundings_.noise().read_sd;
+  const auto quarter = off.begin() + std::ssize(off) / 4;
+  std::ranges::nth_element(off, quarter);
+  return std::max(*quarter / (kQuarterOfNormal * std::numbers::sqrt2), kLeastNoise);
 }
 
 void MixtureSolver::load(size_t m, int x, int y, int channel) {
@@ -111,6 +135,10 @@ void MixtureSolver::reweigh(size_t m, const Footprints& modes, double floor) {
   }
 }
 
+double MixtureSolver::noise_left(const MixtureFit& fit) const {
+  return fit.chi2 / std::max(static_cast<double>(samples_.size()) - 1.0 - 6.0 * fit.modes.size(), 1.0);
+}
+
 MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours) {
   MixtureSearch& search = searches_[m];
   // Edges of bars would tell a footprint's shape too exactly.
@@ -146,7 +174,16 @@ void MixtureSolver::solve_channel(int x, int y, int channel, Matte& matte) {
     std::vector<Footprints> neighbours;
     for (int other = 0; other < kChannels; ++other)
       neighbours.push_back(last_[m][static_cast<size_t>(other)]);
-    const MixtureFit fit = solve(m, neighbours);
+    MixtureFit fit = solve(m, neighbours);
+    // In a row that is all object, differences from the empty stage are no noise. What a fit leaves is more
+    // than that.
+    while (!surroundings_.noise_known() && !layout_.wave_noise.known() && noise_left(fit) < kOverestimated &&
+           variance_.minCoeff() > 2.0 * kLeastNoise * kLeastNoise) {
+      variance_ *= noise_left(fit);
+      samples_.y = seen_;
+      samples_.weight = variance_.cwiseInverse();
+      fit = solve(m, neighbours);
+    }
     foreground += fit.floor / static_cast<double>(layout_.monitors.size());
     double strongest = 0.0;
     for (int k = 0; k < fit.modes.size(); ++k) {
@@ -157,9 +194,7 @@ void MixtureSolver::solve_channel(int x, int y, int channel, Matte& matte) {
       }
       strongest = std::max(strongest, fit.modes[k].weight);
       // What is left beyond noise makes everything less certain.
-      const double excess = std::sqrt(std::max(
-          fit.chi2 / std::max(static_cast<double>(samples_.size()) - 1.0 - 6.0 * fit.modes.size(), 1.0),
-          1.0));
+      const double excess = std::sqrt(std::max(noise_left(fit), 1.0));
       found.push_back(mode_of(fit.modes[k], excess * fit.weight_sd[i], excess * fit.centre_sd_px[i],
                               layout_.monitors[m].texture));
     }

@@ -28,6 +28,11 @@ class MixtureSolver {
   void solve_row(int y, Matte& matte);
 
  private:
+  // Standard deviation of a row's samples, if neither the camera's noise is known nor bars have complements:
+  // what the quarter of them that differ least do between the stage with and without the object.
+  double noise_of_pairs(int y) const;
+  // chi2 of a degree of freedom.
+  double noise_left(const MixtureFit& fit) const;
   void load(size_t monitor, int x, int y, int channel);
   // Replaces what the camera cut off at black by what is expected there, and weighs white and bars by how
   // much they may be off.

@@ -22,7 +22,7 @@ struct Options {
   std::vector<std::string> scenes{"A_crystal",    "B_bimodal",     "C_brushed",
                                   "D_foreground", "E_twomonitors", "G_misregistered"};
   std::vector<std::string> only, variants;
-  bool report_only = false;
+  bool report_only = false, print_only = false;
   bool some_scenes = false;
 };
 
@@ -73,7 +73,7 @@ absl::Status measure_all(const Options& options, const std::filesystem::path& ke
         put(std::move(figures), all);
       }
     }
-    GW_RETURN_IF_ERROR(write_figures(kept, all));
+    if (!options.print_only) GW_RETURN_IF_ERROR(write_figures(kept, all));
   }
   return absl::OkStatus();
 }
@@ -86,6 +86,7 @@ absl::Status run(const Options& options) {
     GW_ASSIGN_OR_RETURN(all, read_figures(kept));
   }
   if (!options.report_only) GW_RETURN_IF_ERROR(measure_all(options, kept, all));
+  if (options.print_only) return absl::OkStatus();
   return write_report(options.directory, options.docs, options.composites, all);
 }
 
@@ -106,6 +107,7 @@ int main(int argc, char** argv) {
   app.add_option("--variant", options.variants,
                  "Variants of these, such as '50 images'; figures of the others are kept");
   app.add_flag("--report", options.report_only, "Measure nothing; only rewrite tables, charts and pictures");
+  app.add_flag("--print", options.print_only, "Only print the figures; leaves the pages as they are");
   app.add_option("--docs", options.docs, "Folder with comparison.md")->capture_default_str();
   app.add_option("--composites", options.composites, "Folder for every composite, 16-bit linear PNG")
       ->capture_default_str();
