@@ -377,6 +377,26 @@ absl::StatusOr<std::vector<ShownPattern>> shown_by(const v1::Plan& plan, const v
   return patterns;
 }
 
+std::vector<ShownPattern> coarse_stage(const MonitorExtent& extent) {
+  return stage_of(extent, {});
+}
+
+ExpectedErrors expected_of_waves(const MonitorExtent& extent, const std::vector<DesignedWave>& waves,
+                                 const CameraNoise& noise, const FootprintPrior& prior,
+                                 const WaveNoiseScale& noise_scale) {
+  std::vector<ShownPattern> patterns = coarse_stage(extent);
+  std::vector<double> scale(patterns.size(), 1.0);
+  for (const DesignedWave& wave : waves) {
+    patterns.push_back(wave_of(wave, 0.0));
+    patterns.push_back(wave_of(wave, 0.5 * std::numbers::pi));
+    scale.resize(patterns.size(), noise_scale ? noise_scale(wave) : 1.0);
+  }
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  if (!std::ranges::all_of(scale, [](double own) { return std::isfinite(own); }))
+    return {kNone, kNone, kNone, kNone};
+  return expected_errors(PatternAnswers(std::move(patterns), extent), noise, prior, scale);
+}
+
 double best_shortest_px(const MonitorExtent& extent, const std::vector<double>& phi_deg, int count,
                         double finest_px, const CameraNoise& noise, const FootprintPrior& prior,
                         const WaveNoiseScale& noise_scale) {
@@ -386,16 +406,7 @@ double best_shortest_px(const MonitorExtent& extent, const std::vector<double>& 
     const std::vector<DesignedWave> waves = wave_ladder(extent, phi_deg, count, shortest_px);
     // A longer step could end in a wrong period.
     if (ratio_of(waves) > kMostRatio) continue;
-    std::vector<ShownPattern> patterns = stage_of(extent, {});
-    std::vector<double> scale(patterns.size(), 1.0);
-    for (const DesignedWave& wave : waves) {
-      patterns.push_back(wave_of(wave, 0.0));
-      patterns.push_back(wave_of(wave, 0.5 * std::numbers::pi));
-      scale.resize(patterns.size(), noise_scale ? noise_scale(wave) : 1.0);
-    }
-    if (!std::ranges::all_of(scale, [](double own) { return std::isfinite(own); })) continue;
-    const ExpectedErrors expected =
-        expected_errors(PatternAnswers(std::move(patterns), extent), noise, prior, scale);
+    const ExpectedErrors expected = expected_of_waves(extent, waves, noise, prior, noise_scale);
     if (expected.composite >= least) continue;
     least = expected.composite;
     best_px = shortest_px;

@@ -94,6 +94,14 @@ absl::StatusOr<DesignedPlan> design_plan(const DesignWish& wish, const RigLimits
 // A wave's noise over the camera's; infinite for one that cannot be shown.
 using WaveNoiseScale = std::function<double(const DesignedWave&)>;
 
+// White and coarse bars.
+std::vector<ShownPattern> coarse_stage(const MonitorExtent& extent);
+
+// Of waves in two phases each, beside black and the coarse stage; infinite if one cannot be shown.
+ExpectedErrors expected_of_waves(const MonitorExtent& extent, const std::vector<DesignedWave>& waves,
+                                 const CameraNoise& noise, const FootprintPrior& prior,
+                                 const WaveNoiseScale& noise_scale);
+
 // The shortest period of the best ladder of `count` waves in two phases each, beside black, white and coarse
 // bars: at least `finest_px`. Without `noise_scale` all waves have the camera's noise.
 double best_shortest_px(const MonitorExtent& extent, const std::vector<double>& phi_deg, int count,

@@ -21,6 +21,10 @@
 namespace glasswing {
 namespace {
 
+constexpr double kStep = 1.1;    // of a stripe's sigma
+constexpr double kMargin = 1.5;  // sigmas past the monitor's edge
+constexpr double kFinestSpacing = 0.5;
+constexpr int kMinSteps = 5;           // of a sweep
 constexpr double kUsualNoise = 0.005;  // of a camera that is not calibrated
 constexpr double kFinest = 2.0;        // the shortest period considered, in sigmas of the recorded stripes
 // Bars along the monitor's longer side that determine the silhouette: broad ones detect light from afar,
@@ -32,6 +36,12 @@ constexpr double kBroadBars = 8.0, kNarrowBars = 32.0;
 struct Swept {
   v1::Monitor monitor;
   std::map<double, double> sigma_px;  // narrowest by direction
+};
+
+// The sweeps to synthesize instead.
+struct Choice {
+  std::vector<double> phi_deg;
+  double sigma_px = 0.0, step_px = 0.0;
 };
 
 std::vector<Swept> swept_monitors(const v1::CaptureManifest& recorded) {
@@ -64,6 +74,73 @@ std::vector<double> usual_directions(const std::map<double, double>& recorded) {
     if (nearest) chosen.push_back(*nearest);
   }
   return chosen;
+}
+
+// Stripe positions k step_px, out to the margin.
+struct Travel {
+  double first = 0.0, last = 0.0;  // k
+  int count() const { return static_cast<int>(last - first) + 1; }
+};
+
+Travel travel_of(const v1::Monitor& monitor, double phi_deg, double sigma_px, double step_px) {
+  const double phi_rad = phi_deg * std::numbers::pi / 180.0;
+  const double across = monitor.width_px() * std::cos(phi_rad),
+               down = monitor.height_px() * std::sin(phi_rad);
+  const double low = std::min(across, 0.0) + std::min(down, 0.0) - kMargin * sigma_px;
+  const double high = std::max(across, 0.0) + std::max(down, 0.0) + kMargin * sigma_px;
+  constexpr double kSlack = 1e-9;
+  return {.first = std::ceil(low / step_px - kSlack), .last = std::floor(high / step_px + kSlack)};
+}
+
+int count_of(const Swept& swept, const Choice& choice) {
+  int count = 0;
+  for (const double phi_deg : choice.phi_deg)
+    count += travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px).count();
+  return count;
+}
+
+// The choice with the smallest sigma of at least `min_px` for a step of `step` sigmas.
+Choice narrowest(const Swept& swept, std::vector<double> phi_deg, double step, double min_px, int images) {
+  const auto with = [&](double sigma_px) {
+    return Choice{.phi_deg = phi_deg, .sigma_px = sigma_px, .step_px = step * sigma_px};
+  };
+  double low = min_px, high = min_px;
+  if (count_of(swept, with(low)) <= images) return with(low);
+  while (count_of(swept, with(high)) > images) high *= 2.0;
+  while (high - low > 1e-3 * low) {
+    const double middle = 0.5 * (low + high);
+    (count_of(swept, with(middle)) > images ? low : high) = middle;
+  }
+  return with(high);
+}
+
+absl::StatusOr<Choice> choose(const Swept& swept, int images) {
+  const std::vector<double> all = usual_directions(swept.sigma_px);
+  double min_px = 0.0;
+  for (const double phi_deg : all) min_px = std::max(min_px, swept.sigma_px.at(phi_deg));
+  const std::vector<double> three(all.begin(), all.begin() + std::min<std::ptrdiff_t>(3, std::ssize(all)));
+  const auto too_few = [&] {
+    return absl::FailedPreconditionError(fmt::format(
+        "so few images leave {} for the sweeps of monitor \"{}\"; they must leave at least {} for each of 3 "
+        "directions",
+        std::max(images, 0), swept.monitor.name(), kMinSteps));
+  };
+  if (images < 3 * kMinSteps) return too_few();
+  Choice choice = narrowest(swept, three, kStep, min_px, images);
+  for (const double phi_deg : choice.phi_deg) {
+    if (travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px).count() < kMinSteps)
+      return too_few();
+  }
+  const Choice with_all{.phi_deg = all, .sigma_px = min_px, .step_px = kStep * min_px};
+  if (choice.sigma_px > min_px || count_of(swept, with_all) > images) return choice;
+  choice = with_all;
+  for (double step = kStep; step > kFinestSpacing; step -= 0.01) {
+    Choice finer = choice;
+    finer.step_px = step * min_px;
+    if (count_of(swept, finer) > images) break;
+    choice = finer;
+  }
+  return choice;
 }
 
 // The recorded widths nearest to the wanted ones, on one monitor.
@@ -113,27 +190,93 @@ v1::Stimulus wave_on(const v1::Monitor& monitor, const DesignedWave& designed, d
   return wave;
 }
 
-absl::Status add_waves(const Swept& swept, int images, const CameraNoise& noise, bool shown, StripeSums& sums,
-                       double exposure_ms, SynthesizedCapture& capture) {
-  const std::vector<double> phi_deg = usual_directions(swept.sigma_px);
-  const MonitorExtent extent{.width_px = static_cast<double>(swept.monitor.width_px()),
-                             .height_px = static_cast<double>(swept.monitor.height_px())};
-  if (images < kMinPatterns || phi_deg.size() < 3) {
-    return absl::FailedPreconditionError(fmt::format(
-        "so few images leave {} for monitor \"{}\", which was swept in {} directions; they must leave "
-        "at least {}, in 3",
-        std::max(images, 0), swept.monitor.name(), phi_deg.size(), kMinPatterns));
+v1::Stimulus stripe_on(const v1::Monitor& monitor, const Choice& choice, double phi_deg, double r_px) {
+  v1::Stimulus stripe;
+  stripe.set_kind("gauss_stripe");
+  stripe.set_panel(monitor.name());
+  stripe.set_phi_deg(phi_deg);
+  stripe.set_r_px(r_px);
+  stripe.set_sigma_px(choice.sigma_px);
+  stripe.set_peak(1.0);
+  return stripe;
+}
+
+absl::Status add_sweeps(const Swept& swept, const Choice& choice, StripeSums& sums, double exposure_ms,
+                        SynthesizedCapture& capture) {
+  for (const double phi_deg : choice.phi_deg) {
+    const Travel travel = travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px);
+    for (double k = travel.first; k <= travel.last; k += 1.0) {
+      v1::Frame frame;
+      frame.set_file(fmt::format("stripe {:g} deg {:g} px", phi_deg, k * choice.step_px));
+      frame.set_object(true);
+      frame.set_exposure_ms(exposure_ms);
+      *frame.mutable_stimulus() = stripe_on(swept.monitor, choice, phi_deg, k * choice.step_px);
+      GW_ASSIGN_OR_RETURN(std::vector<Part> parts, sums.parts(frame.stimulus(), phi_deg));
+      capture.add(frame, std::move(parts));
+    }
   }
+  return absl::OkStatus();
+}
+
+MonitorExtent extent_of(const v1::Monitor& monitor) {
+  return {.width_px = static_cast<double>(monitor.width_px()),
+          .height_px = static_cast<double>(monitor.height_px())};
+}
+
+// Of a recorded capture. `shown`: sums have the noise of one image.
+struct Noise {
+  CameraNoise camera;
+  bool shown = false;
+  double scale_of(const absl::StatusOr<std::vector<Part>>& parts) const {
+    return !parts.ok() ? INFINITY : shown ? 1.0 : noise_of(*parts);
+  }
+};
+
+// The best waves for so many images; none if so few do not suffice.
+std::vector<DesignedWave> choose_waves(const Swept& swept, int images, const Noise& noise, StripeSums& sums,
+                                       ExpectedErrors& expected) {
+  const std::vector<double> phi_deg = usual_directions(swept.sigma_px);
+  if (images < kMinPatterns || phi_deg.size() < 3) return {};
+  const MonitorExtent extent = extent_of(swept.monitor);
+  const FootprintPrior prior = usual_prior(extent, FootprintPrior{}.modes);
   double recorded_px = 0.0;
   for (const auto& [phi, sigma_px] : swept.sigma_px) recorded_px = std::max(recorded_px, sigma_px);
   const auto noise_scale = [&](const DesignedWave& wave) {
-    const absl::StatusOr<std::vector<Part>> parts =
-        sums.parts(wave_on(swept.monitor, wave, 0.0), wave.phi_deg);
-    return !parts.ok() ? INFINITY : shown ? 1.0 : std::max(noise_of(*parts), 1.0);
+    return noise.scale_of(sums.parts(wave_on(swept.monitor, wave, 0.0), wave.phi_deg));
   };
-  const double shortest_px = best_shortest_px(extent, phi_deg, images / 2, kFinest * recorded_px, noise,
-                                              usual_prior(extent, FootprintPrior{}.modes), noise_scale);
-  for (const DesignedWave& designed : wave_ladder(extent, phi_deg, images / 2, shortest_px)) {
+  const double shortest_px =
+      best_shortest_px(extent, phi_deg, images / 2, kFinest * recorded_px, noise.camera, prior, noise_scale);
+  std::vector<DesignedWave> waves = wave_ladder(extent, phi_deg, images / 2, shortest_px);
+  expected = expected_of_waves(extent, waves, noise.camera, prior, noise_scale);
+  return waves;
+}
+
+ExpectedErrors expected_of_stripes(const Swept& swept, const Choice& choice, const Noise& noise,
+                                   StripeSums& sums) {
+  const MonitorExtent extent = extent_of(swept.monitor);
+  std::vector<ShownPattern> patterns = coarse_stage(extent);
+  std::vector<double> scale(patterns.size(), 1.0);
+  for (const double phi_deg : choice.phi_deg) {
+    const double phi_rad = phi_deg * std::numbers::pi / 180.0;
+    const Travel travel = travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px);
+    // Those in the middle stand for all.
+    const double middle = std::round(0.5 * (travel.first + travel.last)) * choice.step_px;
+    const double own = noise.scale_of(sums.parts(stripe_on(swept.monitor, choice, phi_deg, middle), phi_deg));
+    for (double k = travel.first; k <= travel.last; k += 1.0) {
+      ShownPattern& stripe = patterns.emplace_back();
+      stripe.kind = ShownPattern::Kind::kStripe;
+      stripe.axis = {.cos_phi = std::cos(phi_rad), .sin_phi = std::sin(phi_rad), .sigma_px = choice.sigma_px};
+      stripe.r_px = k * choice.step_px;
+      scale.push_back(own);
+    }
+  }
+  return expected_errors(PatternAnswers(std::move(patterns), extent), noise.camera,
+                         usual_prior(extent, FootprintPrior{}.modes), scale);
+}
+
+absl::Status add_waves(const Swept& swept, const std::vector<DesignedWave>& waves, StripeSums& sums,
+                       double exposure_ms, SynthesizedCapture& capture) {
+  for (const DesignedWave& designed : waves) {
     for (const double phase_deg : {0.0, 90.0}) {
       v1::Frame frame;
       frame.set_file(
@@ -146,6 +289,20 @@ absl::Status add_waves(const Swept& swept, int images, const CameraNoise& noise,
     }
   }
   return absl::OkStatus();
+}
+
+// Whichever is expected to leave less error: waves or stripes.
+absl::Status add_patterns(const Swept& swept, int images, const Noise& noise, StripeSums& sums,
+                          double exposure_ms, SynthesizedCapture& capture) {
+  ExpectedErrors of_waves;
+  const std::vector<DesignedWave> waves = choose_waves(swept, images, noise, sums, of_waves);
+  const absl::StatusOr<Choice> stripes = choose(swept, images);
+  if (waves.empty() ||
+      (stripes.ok() && expected_of_stripes(swept, *stripes, noise, sums).composite <= of_waves.composite)) {
+    GW_RETURN_IF_ERROR(stripes.status());
+    return add_sweeps(swept, *stripes, sums, exposure_ms, capture);
+  }
+  return add_waves(swept, waves, sums, exposure_ms, capture);
 }
 
 }  // namespace
@@ -174,11 +331,11 @@ absl::StatusOr<SynthesizedCapture> fewer_images(const v1::CaptureManifest& recor
   const auto stage = std::ranges::count_if(capture.manifest.frames(), usable);
   const int each = (images - static_cast<int>(stage)) / static_cast<int>(monitors.size());
   const SampleNoise own = sample_noise(recorded.camera(), kUsualNoise);
-  CameraNoise noise{.read_sd = own.read_sd, .full_well = {}};
-  if (own.gain > 0.0) noise.full_well = 1.0 / own.gain;
+  Noise noise{.camera = {.read_sd = own.read_sd, .full_well = {}}, .shown = shown};
+  if (own.gain > 0.0) noise.camera.full_well = 1.0 / own.gain;
   StripeSums sums(recorded);
   for (const Swept& swept : monitors) {
-    GW_RETURN_IF_ERROR(add_waves(swept, each, noise, shown, sums, exposures.times_ms().front(), capture));
+    GW_RETURN_IF_ERROR(add_patterns(swept, each, noise, sums, exposures.times_ms().front(), capture));
   }
   return capture;
 }

@@ -1,9 +1,9 @@
-// A good matte from few images: sinusoids from coarse to fine in all directions that were swept, two phases
-// of each.
+// A good matte from few images: sinusoids from coarse to fine, two phases of each, or wide stripes 1.1 sigma
+// apart, in the directions that were swept; whichever core/design expects to leave less error.
 //
-// They light half of the monitor and change most where a footprint's place does, so each image tells more
-// about it than a stripe that passes by. The shortest period is the one that core/design expects to leave the
-// least error. (docs/methods-limits.md compares.)
+// Sinusoids light half of the monitor and change most where a footprint's place does, so each image tells
+// more about it than a stripe that passes by. Summed from recorded stripes, though, they have the noise of
+// all of these and of black, many times over, and wide stripes tell more. (docs/methods-limits.md compares.)
 #pragma once
 
 #include <absl/status/statusor.h>
