@@ -103,7 +103,8 @@ void MixtureSolver::load(size_t m, int x, int y, int channel) {
     samples_.peak[i] = i < count ? monitor.peaks[at][static_cast<size_t>(channel)] : 0.0;
     if (merged.saturated) {
       variance_[i] = INFINITY;
-      saturated_ = true;
+      // White tells no more than that the weight is 1.
+      saturated_ = saturated_ || i == count || monitor.patterns[at].kind != ShownPattern::Kind::kArea;
     }
     clipped_ = clipped_ || merged.radiance <= 0.0;
   }
@@ -156,7 +157,10 @@ MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours
     const MixtureFit next = fit_mixture(samples_, fit.modes, true, kPolish, search.workspace());
     const bool settled = round > 0 && std::abs(next.chi2 - fit.chi2) < 0.01 * next.chi2;
     fit = next;
-    if (settled) break;
+    if (!settled) continue;
+    // Along flat valleys, where several modes share light, steps go on that change nothing that is seen.
+    fit.converged = true;
+    break;
   }
   return fit;
 }
