@@ -37,6 +37,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
       "Examples:\n  glasswing plan make --for-rig -o vase.txtpb\n  glasswing plan check vase.txtpb\n  "
       "glasswing plan estimate vase.txtpb");
   add_plan_make_command(plan, client);
+  add_plan_design_command(plan, client);
   add_plan_check_command(plan, client);
   add_plan_estimate_command(plan, client);
   add_capture_command(app, client);

@@ -18,6 +18,7 @@ void add_delete_command(CLI::App& app, Client& client);
 void add_annotate_commands(CLI::App& app, Client& client);  // note, tag
 void add_plan_check_command(CLI::App& plan, Client& client);
 void add_plan_make_command(CLI::App& plan, Client& client);
+void add_plan_design_command(CLI::App& plan, Client& client);
 void add_plan_estimate_command(CLI::App& plan, Client& client);
 void add_capture_command(CLI::App& app, Client& client);
 void add_replicate_command(CLI::App& app, Client& client);

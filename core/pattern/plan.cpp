@@ -131,8 +131,8 @@ absl::Status check_fringes(const v1::Fringes& fringes, const Location& location)
     if (!within(fringes.period_px(i), 2.0, 100000.0))
       return location.bad(fringes, "period_px", i, fringes.period_px(i), "in [2, 100000]");
   }
-  if (fringes.has_phases() && !within(fringes.phases(), 3, 32))
-    return location.bad(fringes, "phases", 0, fringes.phases(), "3 to 32");
+  if (fringes.has_phases() && !within(fringes.phases(), 2, 32))
+    return location.bad(fringes, "phases", 0, fringes.phases(), "2 to 32");
   return absl::OkStatus();
 }
 
@@ -294,7 +294,8 @@ void add_fringes(const v1::Fringes& fringes, const v1::Monitor& monitor, std::ve
       v1::Stimulus wave = stimulus_on(monitor.name(), StimulusKind::kSinusoid);
       wave.set_phi_deg(fringes.orientation_deg());
       wave.set_period_px(period_px);
-      wave.set_phase_deg(360.0 * k / phases);
+      // Two opposite phases would tell a wave's cosine and nothing of its sine.
+      wave.set_phase_deg(phases == 2 ? 90.0 * k : 360.0 * k / phases);
       wave.set_peak(1.0);
       for (int i = 0; i < 3; ++i) wave.add_colour(1.0);
       out.push_back(std::move(wave));
@@ -372,7 +373,9 @@ std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& mo
   }
   if (plan.has_square_waves()) add_square_waves(plan.square_waves(), monitor, out);
   if (plan.has_ramp()) add_ramp(object ? ramp_frames_of(plan.ramp()) : empty_ramp_frames_of(plan.ramp()));
-  for (const v1::Fringes& fringes : plan.fringes()) add_fringes(fringes, monitor, out);
+  for (const v1::Fringes& fringes : plan.fringes()) {
+    if (object || !fringes.object_only()) add_fringes(fringes, monitor, out);
+  }
   if (object) {
     for (const v1::Sweep& sweep : plan.sweeps()) add_sweep(sweep, monitor, out);
   }

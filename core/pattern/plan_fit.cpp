@@ -163,7 +163,8 @@ double narrowest_sigma(const v1::Plan& plan) {
 
 void add_level_misfits(const v1::Plan& plan, const std::vector<v1::Monitor>& monitors,
                        std::vector<std::string>& out) {
-  if (!plan.has_square_waves() || plan.has_calibration()) return;
+  // Sinusoids tell the place.
+  if (!plan.has_square_waves() || plan.has_calibration() || !plan.fringes().empty()) return;
   const int levels = plan.square_waves().levels();
   for (const v1::Monitor& monitor : monitors) {
     const double longer_px = longer_side(monitor), sigma_px = narrowest_sigma(plan);
@@ -183,7 +184,8 @@ void add_level_misfits(const v1::Plan& plan, const std::vector<v1::Monitor>& mon
 void add_orientation_misfits(const v1::Plan& plan, std::vector<std::string>& out) {
   constexpr size_t kMinOrientations = 3;
   if (plan.method() != "gaussian" || plan.has_calibration() || plan.sweeps().empty()) return;
-  std::set<double> orientations;  // a stripe turned by 180 degrees is the same stripe
+  if (!plan.fringes().empty()) return;  // any mixture in three directions is solved
+  std::set<double> orientations;        // a stripe turned by 180 degrees is the same stripe
   for (const v1::Sweep& sweep : plan.sweeps())
     orientations.insert(std::round(1e3 * std::fmod(sweep.orientation_deg() + 360.0, 180.0)));
   if (orientations.size() >= kMinOrientations) return;
@@ -215,6 +217,10 @@ void add_camera_misfits(const v1::Plan& plan, const RigLimits& rig, std::vector<
 }
 
 }  // namespace
+
+absl::Status fit_to_camera(const RigLimits& rig, v1::Plan& plan) {
+  return fit_camera(PlanQuality::kGood, rig, plan);
+}
 
 int images_of(const v1::Plan& plan, const RigLimits& rig) {
   v1::Plan once = plan;
@@ -267,25 +273,35 @@ int patch_rows_for(const RigLimits& rig) {
   return 2 * static_cast<int>(std::ceil(0.5 * rows));
 }
 
-std::string plan_text(const v1::Plan& plan, const RigLimits& rig) {
+std::string plan_text(const v1::Plan& plan, const RigLimits& rig, std::string_view command) {
   std::vector<std::string> sizes;
   for (const v1::Monitor& monitor : rig.monitors)
     sizes.push_back(fmt::format("{} {}x{}", monitor.name(), monitor.width_px(), monitor.height_px()));
-  std::string text = fmt::format(
-      "# Made by `glasswing plan make` for {}{}: {} images with the object{}.\n\nmethod: \"{}\"\n",
-      fmt::join(sizes, ", "), rig.camera ? " and the rig's camera" : "", images_of(plan, rig),
-      plan.exposure_ms_size() > 1 ? ", at each exposure" : "", plan.method());
+  std::string text =
+      fmt::format("# Made by `{}` for {}{}: {} images with the object{}.\n\nmethod: \"{}\"\n", command,
+                  fmt::join(sizes, ", "), rig.camera ? " and the rig's camera" : "", images_of(plan, rig),
+                  plan.exposure_ms_size() > 1 ? ", at each exposure" : "", plan.method());
   for (const v1::PlanMonitor& monitor : plan.monitors())
     text += fmt::format("monitors {{ name: \"{}\" width_px: {} height_px: {} }}\n", monitor.name(),
                         monitor.width_px(), monitor.height_px());
-  text += "\n# Stripes: narrower ones show finer detail and take more steps.\n";
+  if (!plan.sweeps().empty()) text += "\n# Stripes: narrower ones show finer detail and take more steps.\n";
   for (const v1::Sweep& sweep : plan.sweeps()) {
     text += fmt::format(
         "sweeps {{ orientation_deg: {:<3} sigma_px: {} step_px: {}{} }}\n", sweep.orientation_deg(),
         sweep.sigma_px(), sweep.step_px(),
         sweep.has_margin_sigmas() ? fmt::format(" margin_sigmas: {}", sweep.margin_sigmas()) : "");
   }
-  text += "\n# Black, white, and bars down to a fraction of a stripe, with and without the object.\n";
+  if (!plan.fringes().empty())
+    text += "\n# Sinusoids: long periods tell the place roughly, short ones exactly.\n";
+  for (const v1::Fringes& fringes : plan.fringes()) {
+    text += fmt::format("fringes {{ orientation_deg: {:<3} period_px: [{}]{}{} }}\n",
+                        fringes.orientation_deg(), fmt::join(fringes.period_px(), ", "),
+                        fringes.has_phases() ? fmt::format(" phases: {}", fringes.phases()) : "",
+                        fringes.object_only() ? " object_only: true" : "");
+  }
+  text += plan.sweeps().empty()
+              ? "\n# Black, white, and bars, with and without the object: they separate it from the stage.\n"
+              : "\n# Black, white, and bars down to a fraction of a stripe, with and without the object.\n";
   for (const v1::Solid& solid : plan.solids())
     text +=
         fmt::format("solids {{ colour: [{}, {}, {}] }}\n", solid.colour(0), solid.colour(1), solid.colour(2));

@@ -33,6 +33,9 @@ struct PlanWish {
 // is too slow.
 absl::StatusOr<v1::Plan> make_plan(const PlanWish& wish, const RigLimits& rig);
 
+// Sets the plan's exposure and hold_refreshes. INVALID_ARGUMENT: the camera is too slow.
+absl::Status fit_to_camera(const RigLimits& rig, v1::Plan& plan);
+
 // Steps with the object at one exposure. `plan` passes check_plan(), and `rig` has its monitors.
 int images_of(const v1::Plan& plan, const RigLimits& rig);
 
@@ -45,7 +48,9 @@ std::vector<std::string> misfits(const v1::Plan& plan, const RigLimits& rig);
 // Even.
 int patch_rows_for(const RigLimits& rig);
 
-// The plan as a file, with comments. They advise an id patch if a monitor has none.
-std::string plan_text(const v1::Plan& plan, const RigLimits& rig);
+// The plan as a file, with comments. They advise an id patch if a monitor has none. `command`: the one that
+// made it.
+std::string plan_text(const v1::Plan& plan, const RigLimits& rig,
+                      std::string_view command = "glasswing plan make");
 
 }  // namespace glasswing

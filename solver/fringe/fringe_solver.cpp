@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "solver/fringe/wave_answer.h"
+#include "core/footprint/wave_answer.h"
 
 namespace glasswing {
 namespace {

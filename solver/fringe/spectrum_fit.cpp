@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "solver/fringe/wave_answer.h"
+#include "core/footprint/wave_answer.h"
 
 namespace glasswing {
 namespace {

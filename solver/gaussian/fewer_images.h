@@ -1,10 +1,9 @@
-// The same matte from fewer images: wide stripes, 1.1 sigma apart, in three directions.
+// A good matte from few images: sinusoids from coarse to fine, two phases of each, or wide stripes 1.1 sigma
+// apart, in the directions that were swept; whichever core/design expects to leave less error.
 //
-// The response of any footprint to a stripe is a Gaussian at least as wide as the stripe, and a Gaussian
-// sampled every 1.1 sigma is determined between its samples as well: finer steps would add only
-//   2 exp(-2 pi^2 / 1.1^2) = 2e-7
-// of it. Three directions are the minimum that determines Sigma. So detail is lost to noise only, and the
-// joint fit must know that noise. (docs/methods.md compares.)
+// Sinusoids light half of the monitor and change most where a footprint's place does, so each image tells
+// more about it than a stripe that passes by. Summed from recorded stripes, though, they have the noise of
+// all of these and of black, many times over, and wide stripes tell more. (docs/methods-limits.md compares.)
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,10 +16,14 @@ inline constexpr int kMinImages = 40;
 inline constexpr int kMaxImages = 20000;
 
 // At most `images` patterns in total, with and without the object, over all swept monitors: black, white,
-// bars of one width with their complements, and the narrowest stripes that leave room for three sweeps; once
-// stripes are as narrow as the recorded ones, a fourth direction and finer steps. A capture with no more
-// patterns stays as recorded. Of several exposures the first is used. FAILED_PRECONDITION: too few images, or
-// others cannot be synthesized from the recorded stripes.
-absl::StatusOr<SynthesizedCapture> fewer_images(const v1::CaptureManifest& recorded, int images);
+// bars of two widths with complements of the narrow ones, and sinusoids. A capture with no more patterns
+// stays as recorded. Of several exposures the first is used. `shown`: sinusoids get the noise of one image,
+// as if the monitor had shown them; otherwise that of the recorded stripes that they sum, which short periods
+// make large. FAILED_PRECONDITION: too few images, or others cannot be synthesized from the recorded stripes.
+absl::StatusOr<SynthesizedCapture> fewer_images(const v1::CaptureManifest& recorded, int images,
+                                                bool shown = false);
+
+// The standard deviation of a sum over that of each summand.
+double noise_of(const std::vector<Part>& parts);
 
 }  // namespace glasswing

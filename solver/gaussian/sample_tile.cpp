@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "solver/gaussian/clipped_noise.h"
 #include "solver/gaussian/sample_kernel.h"
+#include "solver/method/clipped_noise.h"
 #include "solver/method/exposure_merge.h"
 
 namespace glasswing {

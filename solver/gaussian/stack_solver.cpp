@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "solver/gaussian/clipped_noise.h"
+#include "solver/method/clipped_noise.h"
 #include "solver/method/exposure_merge.h"
 
 namespace glasswing {

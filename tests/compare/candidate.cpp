@@ -116,7 +116,7 @@ std::vector<Candidate> candidates() {
                    fmt::format("{} images", images),
                    "gaussian",
                    {},
-                   [=](const RenderedScene& scene) { return fewer_images(scene.manifest(), images); }});
+                   [=](const RenderedScene& scene) { return fewer_images(scene.manifest(), images, true); }});
   }
   all.push_back({"gaussian, unoriented", "all sweeps", "gaussian", {{"oriented", "0"}}, everything});
   all.push_back({"gaussian", "all sweeps", "gaussian", {}, everything});

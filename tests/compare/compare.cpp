@@ -21,13 +21,16 @@ struct Options {
   std::filesystem::path directory, docs = "docs", composites = "build/compare";
   std::vector<std::string> scenes{"A_crystal",    "B_bimodal",     "C_brushed",
                                   "D_foreground", "E_twomonitors", "G_misregistered"};
-  std::vector<std::string> only;
-  bool report_only = false;
+  std::vector<std::string> only, variants;
+  bool report_only = false, print_only = false;
   bool some_scenes = false;
 };
 
-bool wanted(const Options& options, const std::string& family) {
-  return options.only.empty() || std::ranges::find(options.only, family) != options.only.end();
+bool wanted(const Options& options, const Candidate& candidate) {
+  const auto named = [](const std::vector<std::string>& names, const std::string& name) {
+    return names.empty() || std::ranges::find(names, name) != names.end();
+  };
+  return named(options.only, candidate.family) && named(options.variants, candidate.variant);
 }
 
 // Replaces earlier measurements of the same.
@@ -51,7 +54,7 @@ absl::Status measure_all(const Options& options, const std::filesystem::path& ke
     const RenderedScene scene(options.directory / name);
     put(measure_bare(scene), all);
     for (const Candidate& candidate : competing) {
-      if (!wanted(options, candidate.family)) continue;
+      if (!wanted(options, candidate)) continue;
       const absl::StatusOr<SynthesizedCapture> capture = candidate.capture(scene);
       if (absl::IsFailedPrecondition(capture.status())) {
         fmt::print("{}, {} of {}: {}\n", candidate.family, candidate.variant, scene.name(),
@@ -70,7 +73,7 @@ absl::Status measure_all(const Options& options, const std::filesystem::path& ke
         put(std::move(figures), all);
       }
     }
-    GW_RETURN_IF_ERROR(write_figures(kept, all));
+    if (!options.print_only) GW_RETURN_IF_ERROR(write_figures(kept, all));
   }
   return absl::OkStatus();
 }
@@ -78,11 +81,12 @@ absl::Status measure_all(const Options& options, const std::filesystem::path& ke
 absl::Status run(const Options& options) {
   const std::filesystem::path kept = options.docs / "comparison.csv";
   std::vector<Figures> all;
-  const bool partly = options.some_scenes || !options.only.empty();
+  const bool partly = options.some_scenes || !options.only.empty() || !options.variants.empty();
   if (options.report_only || (partly && std::filesystem::exists(kept))) {
     GW_ASSIGN_OR_RETURN(all, read_figures(kept));
   }
   if (!options.report_only) GW_RETURN_IF_ERROR(measure_all(options, kept, all));
+  if (options.print_only) return absl::OkStatus();
   return write_report(options.directory, options.docs, options.composites, all);
 }
 
@@ -100,7 +104,10 @@ int main(int argc, char** argv) {
           ->delimiter(',');
   app.add_option("--only", options.only,
                  "Methods to measure, as named in the table; figures of the others are kept");
+  app.add_option("--variant", options.variants,
+                 "Variants of these, such as '50 images'; figures of the others are kept");
   app.add_flag("--report", options.report_only, "Measure nothing; only rewrite tables, charts and pictures");
+  app.add_flag("--print", options.print_only, "Only print the figures; leaves the pages as they are");
   app.add_option("--docs", options.docs, "Folder with comparison.md")->capture_default_str();
   app.add_option("--composites", options.composites, "Folder for every composite, 16-bit linear PNG")
       ->capture_default_str();

@@ -43,7 +43,7 @@ TEST(Plan, ComplaintsNameFileLineValueAndWhatIsAccepted) {
            {"method: \"fringe\"\nfringes { period_px: 1 }",
             "p.txtpb:2: period_px is 1; it must be in [2, 100000]"},
            {"method: \"fringe\"\nfringes { phases: 4 }", "period_px is left out"},
-           {"method: \"fringe\"\nfringes {\n  period_px: 64\n  phases: 2\n}", "p.txtpb:4: phases is 2"},
+           {"method: \"fringe\"\nfringes {\n  period_px: 64\n  phases: 1\n}", "p.txtpb:4: phases is 1"},
            {"method: \"ramp\"\nsolids { colour: [0, 0, 0] }",
             "ramp is left out; it must be given with method"},
            {"method: \"ramp\"\nramp { frames: 0 }", "p.txtpb:2: frames is 0; it must be 1 to 18000"},

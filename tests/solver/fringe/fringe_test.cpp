@@ -5,12 +5,12 @@
 #include <numbers>
 #include <random>
 
+#include "core/footprint/faddeeva.h"
+#include "core/footprint/wave_answer.h"
 #include "core/matte/compositor.h"
-#include "solver/fringe/faddeeva.h"
 #include "solver/fringe/fringe_layout.h"
 #include "solver/fringe/fringe_unwrap.h"
 #include "solver/fringe/spectrum_fit.h"
-#include "solver/fringe/wave_answer.h"
 #include "solver/methods.h"
 #include "solver/worker/parallel_solve.h"
 #include "tests/solver/stack_of.h"

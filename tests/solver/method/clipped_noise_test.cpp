@@ -1,4 +1,4 @@
-#include "solver/gaussian/clipped_noise.h"
+#include "solver/method/clipped_noise.h"
 
 #include <gtest/gtest.h>
 

@@ -1,21 +1,22 @@
-#include "solver/fringe/wave_answer.h"
+#include "core/footprint/wave_answer.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "core/footprint/cut_footprint.h"
+#include "core/footprint/faddeeva.h"
 #include "core/footprint/gauss_legendre.h"
-#include "solver/fringe/faddeeva.h"
 
 namespace glasswing {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr double kPi = std::numbers::pi;
-constexpr double kMinVariance_px2 = 0.01;  // narrower footprints are points to an edge
+
+constexpr double kLeastVariance_px2 = 0.01;  // narrower footprints are points to an edge
 constexpr double kMaxCorrelation = 0.999;
-constexpr double kFar = 6.0;  // standard deviations
+constexpr double kWaveReach = 6.0;  // standard deviations
+constexpr double kNoLight = 7.0;    // the same: less than 1e-10 of a footprint's density
 
 const GaussLegendre<20> kQuadrature;
 
@@ -25,9 +26,9 @@ struct NormalLine {
 
   double density(double t) const {
     const double z = (t - mean) / sd;
-    return std::exp(-0.5 * z * z) / (sd * std::sqrt(2.0 * kPi));
+    return std::exp(-0.5 * z * z) / (sd * std::sqrt(2.0 * std::numbers::pi));
   }
-  bool cut() const { return mean < kFar * sd || size_px - mean < kFar * sd; }
+  bool cut() const { return mean < kWaveReach * sd || size_px - mean < kWaveReach * sd; }
   // int density exp(i omega t) dt over the monitor.
   Complex waved(double omega) const {
     const double v = omega * sd * std::numbers::sqrt2 / 2.0;
@@ -52,10 +53,10 @@ class WavedRectangle {
       : wx_(wx),
         wy_(wy),
         x_{.mean = mode.x_px,
-           .sd = std::sqrt(std::max(mode.xx_px2, kMinVariance_px2)),
+           .sd = std::sqrt(std::max(mode.xx_px2, kLeastVariance_px2)),
            .size_px = extent.width_px},
         y_{.mean = mode.y_px,
-           .sd = std::sqrt(std::max(mode.yy_px2, kMinVariance_px2)),
+           .sd = std::sqrt(std::max(mode.yy_px2, kLeastVariance_px2)),
            .size_px = extent.height_px},
         xy_(std::clamp(mode.xy_px2, -kMaxCorrelation * x_.sd * y_.sd, kMaxCorrelation * x_.sd * y_.sd)) {}
 
@@ -96,6 +97,9 @@ class WavedRectangle {
     const double xx = x_.sd * x_.sd, yy = y_.sd * y_.sd;
     for (size_t i = 0; i < 2; ++i) {
       const double at_x = i == 0 ? 0.0 : x_.size_px, at_y = i == 0 ? 0.0 : y_.size_px;
+      // No light lies along an edge far away.
+      const bool near_x = std::abs(at_x - x_.mean) < kNoLight * x_.sd,
+                 near_y = std::abs(at_y - y_.mean) < kNoLight * y_.sd;
       const NormalLine along_y{.mean = y_.mean + xy / xx * (at_x - x_.mean),
                                .sd = std::sqrt(yy - xy * xy / xx),
                                .size_px = y_.size_px};
@@ -103,9 +107,9 @@ class WavedRectangle {
                                .sd = std::sqrt(xx - xy * xy / yy),
                                .size_px = x_.size_px};
       const Complex here_x = x_.density(at_x) * std::exp(Complex(0.0, wx_ * at_x));
-      edges.x[i] = here_x * along_y.waved(wy_);
-      edges.y[i] = y_.density(at_y) * std::exp(Complex(0.0, wy_ * at_y)) * along_x.waved(wx_);
-      for (size_t j = 0; j < 2; ++j) {
+      if (near_x) edges.x[i] = here_x * along_y.waved(wy_);
+      if (near_y) edges.y[i] = y_.density(at_y) * std::exp(Complex(0.0, wy_ * at_y)) * along_x.waved(wx_);
+      for (size_t j = 0; near_x && j < 2; ++j) {
         const double corner_y = j == 0 ? 0.0 : y_.size_px;
         edges.corner[i][j] = here_x * along_y.density(corner_y) * std::exp(Complex(0.0, wy_ * corner_y));
       }
@@ -165,11 +169,11 @@ WaveAnswer sum_of_pixels(const Footprint& mode, double wx, double wy, const Moni
 }  // namespace
 
 double sinc(double t) {
-  return t == 0.0 ? 1.0 : std::sin(kPi * t) / (kPi * t);
+  return t == 0.0 ? 1.0 : std::sin(std::numbers::pi * t) / (std::numbers::pi * t);
 }
 
 WaveAnswer answer_of(const Footprint& mode, double fx, double fy, const MonitorExtent& extent) {
-  const double wx = 2.0 * kPi * fx, wy = 2.0 * kPi * fy, flat = sinc(fx) * sinc(fy);
+  const double wx = 2.0 * std::numbers::pi * fx, wy = 2.0 * std::numbers::pi * fy, flat = sinc(fx) * sinc(fy);
   if (!near_edge(mode, extent)) {
     const double turned = wx * wx * mode.xx_px2 + 2.0 * wx * wy * mode.xy_px2 + wy * wy * mode.yy_px2;
     const Complex unit = flat * std::exp(Complex(-0.5 * turned, wx * mode.x_px + wy * mode.y_px)),

@@ -1,4 +1,4 @@
-#include "solver/fringe/faddeeva.h"
+#include "core/footprint/faddeeva.h"
 
 #include <array>
 #include <cmath>

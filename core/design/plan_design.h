@@ -1,0 +1,111 @@
+// Plans for a number of images and a camera's noise: the patterns are chosen by how well they will tell a
+// footprint.
+//
+// Of a set of patterns and one pixel's footprints theta = (F; R, c, Sigma of each), a sample i has the
+// variance v_i = read^2 + light_i / full well, and Fisher's information is
+//
+//   I = sum_i J_i J_i' / v_i + P        J_i: derivatives by theta, pattern_answer.h
+//
+// P, the inverse of the prior's spread, keeps I regular. I^-1 bounds the covariance of any unbiased estimate;
+// a least-squares fit reaches it. Patterns are compared by the error that it leaves in composites,
+//
+//   trace(I^-1 M),   M = sum_f power(f) Re(conj(h_f) h_f')        h_f: derivatives of the footprints'
+//                                                                  spectrum at f
+//
+// for a background whose power falls with 1/f^2, as photographs' does, in the geometric mean over a prior of
+// footprints: one to `modes` places anywhere on the monitor, sigmas even in their logarithm, any orientation.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/design/wave_ladder.h"
+#include "core/footprint/pattern_answer.h"
+#include "core/pattern/plan_fit.h"
+
+namespace glasswing {
+
+struct CameraNoise {
+  double read_sd = 0.005;           // of full scale
+  std::optional<double> full_well;  // electrons at full scale; empty: no photon noise
+  double variance(double light) const { return read_sd * read_sd + (full_well ? light / *full_well : 0.0); }
+};
+
+struct FootprintPrior {
+  int modes = 2;                       // most places of a pixel, 1 to 4
+  double low_px = 0.3, high_px = 4.0;  // sigmas on the monitor
+};
+
+// The prior where nothing is known of the object: sigmas of 0.3 to 4 px before a monitor of 128 px, and in
+// proportion to the root of its longer side, as plan_fit.h chooses stripes; none below `blur_px`.
+FootprintPrior usual_prior(const MonitorExtent& extent, int modes, double blur_px = 0.0);
+
+// Standard deviations of one channel, medians over the prior.
+struct ExpectedErrors {
+  double centre_px = 0.0;  // along an axis
+  double width_px = 0.0;   // of sqrt((xx + yy) / 2)
+  double weight = 0.0;
+  double composite = 0.0;  // rms of full scale, before backgrounds of contrast 0.25
+};
+
+// Footprints of the prior, always the same ones.
+std::vector<Footprints> footprints_of(const FootprintPrior& prior, const MonitorExtent& extent);
+
+// Of one pixel's footprints before these patterns and black, in (R, cx, cy, xx, xy, yy) of each.
+// `noise_scale`: by pattern, its noise over the camera's; may be empty.
+Eigen::MatrixXd expected_covariance(const PatternAnswers& patterns, const Footprints& modes,
+                                    const CameraNoise& noise, const FootprintPrior& prior,
+                                    std::span<const double> noise_scale = {});
+
+ExpectedErrors expected_errors(const PatternAnswers& patterns, const CameraNoise& noise,
+                               const FootprintPrior& prior, std::span<const double> noise_scale = {});
+
+// What a plan shows with the object on one monitor, black left out.
+absl::StatusOr<std::vector<ShownPattern>> shown_by(const v1::Plan& plan, const v1::Monitor& monitor);
+
+struct DesignWish {
+  int images = 100;  // with and without the object, on all monitors, at each exposure
+  CameraNoise noise;
+  int modes = 2;                             // most places of a pixel
+  std::optional<FootprintPrior> prior = {};  // of as many modes; empty: the usual one
+};
+
+struct DesignedPlan {
+  v1::Plan plan;
+  std::string chosen;  // for people
+  FootprintPrior prior;
+  ExpectedErrors expected;
+  // The best of the other kind, if so few images suffice for it.
+  std::string other;
+  std::optional<ExpectedErrors> other_expected;
+};
+
+inline constexpr int kMinDesignImages = 28;  // a monitor
+
+// A plan of method gaussian. INVALID_ARGUMENT: no monitor, too few images, or the camera is too slow.
+absl::StatusOr<DesignedPlan> design_plan(const DesignWish& wish, const RigLimits& rig);
+
+// A wave's noise over the camera's; infinite for one that cannot be shown.
+using WaveNoiseScale = std::function<double(const DesignedWave&)>;
+
+// White and coarse bars.
+std::vector<ShownPattern> coarse_stage(const MonitorExtent& extent);
+
+// Of waves in two phases each, beside black and the coarse stage; infinite if one cannot be shown.
+ExpectedErrors expected_of_waves(const MonitorExtent& extent, const std::vector<DesignedWave>& waves,
+                                 const CameraNoise& noise, const FootprintPrior& prior,
+                                 const WaveNoiseScale& noise_scale);
+
+// The shortest period of the best ladder of `count` waves in two phases each, beside black, white and coarse
+// bars: at least `finest_px`. Without `noise_scale` all waves have the camera's noise.
+double best_shortest_px(const MonitorExtent& extent, const std::vector<double>& phi_deg, int count,
+                        double finest_px, const CameraNoise& noise, const FootprintPrior& prior,
+                        const WaveNoiseScale& noise_scale);
+
+}  // namespace glasswing

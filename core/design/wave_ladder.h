@@ -1,0 +1,22 @@
+// Sinusoids that tell a place from coarse to fine.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/footprint/footprint.h"
+
+namespace glasswing {
+
+struct DesignedWave {
+  double phi_deg = 0.0, period_px = 0.0;
+};
+
+// `count` waves in these directions, of periods in geometric order from one longer than the monitor to
+// `shortest_px`. The directions along the monitor's sides, which have to tell the place alone, get three
+// waves for every two of a slanted one, whose longest is a third as long. In order of direction, then of
+// period.
+std::vector<DesignedWave> wave_ladder(const MonitorExtent& extent, std::span<const double> phi_deg, int count,
+                                      double shortest_px);
+
+}  // namespace glasswing

@@ -1,0 +1,52 @@
+// Fits the footprints of one pixel's channel to all samples of a mixture of patterns, by one likelihood:
+//
+//   chi2 = sum_i w_i (y_i - F - sum_m y_m(pattern i))^2 + sum_m max(R_m - 1, 0)^2 / 0.02^2
+//
+// with y_m of pattern_answer.h and w_i the inverse of a sample's variance. Black is a sample like any other.
+// The minimum over F is taken at every step. No object sends more light than it gets, so weights above 1
+// cost.
+#pragma once
+
+#include <Eigen/Dense>
+#include <array>
+#include <vector>
+
+#include "core/footprint/cone_step.h"
+#include "core/footprint/pattern_answer.h"
+
+namespace glasswing {
+
+// The samples of one channel on one monitor, by pattern; the last is black, to which no footprint answers.
+struct MixtureSamples {
+  const PatternAnswers* answers = nullptr;
+  Eigen::VectorXd y, weight;
+  Eigen::VectorXd peak;  // of the pattern, in this channel
+
+  Eigen::Index size() const { return y.size(); }
+};
+
+struct MixtureFit {
+  Footprints modes;
+  double chi2 = 0.0;
+  double floor = 0.0;  // F
+  bool converged = false;
+  // Standard errors from the inverse of the normal matrix; infinite where that is singular.
+  std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
+};
+
+// Scratch memory of one thread.
+struct MixtureWorkspace {
+  Eigen::MatrixXd columns;   // peak * answers, kColumns a mode
+  Eigen::MatrixXd slopes;    // times the root of the weight
+  Eigen::VectorXd residual;  // y - F - model
+};
+
+// Sets residual, and returns chi2 (without the bound's part) and F.
+double residual_of(const MixtureSamples& samples, const Footprints& modes, bool through_pixels,
+                   MixtureWorkspace& workspace, double* floor);
+
+// Levenberg-Marquardt from `start`; Sigma stays positive semi-definite (cone_step.h).
+MixtureFit fit_mixture(const MixtureSamples& samples, const Footprints& start, bool through_pixels,
+                       int max_steps, MixtureWorkspace& workspace);
+
+}  // namespace glasswing

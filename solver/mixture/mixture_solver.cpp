@@ -1,0 +1,221 @@
+#include "solver/mixture/mixture_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "solver/method/clipped_noise.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kLeastNoise = 1e-4;  // the shape of pixels and footprints leaves as much
+constexpr int kRounds = 3;            // of weighing white and bars, and what was cut off at black, anew
+constexpr int kPolish = 20;           // steps of a round
+constexpr double kQuarterOfNormal = 0.31864;  // of |x|, in standard deviations
+constexpr double kOverestimated = 0.4;        // chi2 of a degree of freedom
+constexpr double kPoorFit = 0.1;              // of the strongest weight: rms of what is left
+
+bool is_finite(const Footprint& mode) {
+  return std::isfinite(mode.weight + mode.x_px + mode.y_px + mode.xx_px2 + mode.xy_px2 + mode.yy_px2);
+}
+
+}  // namespace
+
+MixtureTables::MixtureTables(const MixtureLayout& layout) {
+  for (const MixtureMonitor& monitor : layout.monitors) {
+    answers.emplace_back(monitor.patterns, monitor.extent);
+    dictionaries.emplace_back(answers.back());
+  }
+}
+
+MixtureSolver::MixtureSolver(const FrameStack& stack, const MixtureLayout& layout,
+                             const MixtureTables& tables, int max_modes, double silhouette_tolerance)
+    : stack_(stack),
+      layout_(layout),
+      tables_(tables),
+      max_modes_(max_modes),
+      surroundings_(stack, layout.stage, silhouette_tolerance),
+      noise_(surroundings_.noise()),
+      last_(layout.monitors.size()) {
+  for (const FootprintDictionary& dictionary : tables.dictionaries)
+    searches_.emplace_back(dictionary, max_modes_);
+}
+
+void MixtureSolver::solve_row(int y, Matte& matte) {
+  std::vector<double> read_sd;
+  if (!surroundings_.noise_known()) {
+    noise_ = {
+        .read_sd = layout_.wave_noise.known() ? layout_.wave_noise.of_row(stack_, y) : noise_of_pairs(y),
+        .gain = 0.0};
+    read_sd.assign(static_cast<size_t>(stack_.width_px), noise_.read_sd);
+  }
+  const SettledRow row = surroundings_.settle_row(y, read_sd, matte);
+  for (auto& channels : last_) channels.fill({});
+  for (int x = 0; x < stack_.width_px; ++x) {
+    const auto i = static_cast<size_t>(x);
+    if (!row.object[i] && !row.open[i]) {
+      for (auto& channels : last_) channels.fill({});
+      continue;
+    }
+    for (const int channel : stack_.channels(x, y)) {
+      std::ranges::fill(matte.modes(x, y, channel), Mode{});
+      solve_channel(x, y, channel, matte);
+    }
+  }
+}
+
+double MixtureSolver::noise_of_pairs(int y) const {
+  std::vector<double> off;
+  for (const StageLayout::Pair& pair : layout_.stage.pairs) {
+    for (int x = 0; x < stack_.width_px; ++x) {
+      for (const int channel : stack_.channels(x, y)) {
+        const size_t index = stack_.sample_index(x, y, channel);
+        const double object = merge(stack_, pair.object, index, noise_).radiance,
+                     empty = merge(stack_, pair.empty, index, noise_).radiance;
+        // What the camera cut off at black has less noise.
+        if (object > 0.0 && empty > 0.0) off.push_back(std::abs(object - empty));
+      }
+    }
+  }
+  if (off.empty()) return surroundings_.noise().read_sd;
+  const auto quarter = off.begin() + std::ssize(off) / 4;
+  std::ranges::nth_element(off, quarter);
+  return std::max(*quarter / (kQuarterOfNormal * std::numbers::sqrt2), kLeastNoise);
+}
+
+void MixtureSolver::load(size_t m, int x, int y, int channel) {
+  const MixtureMonitor& monitor = layout_.monitors[m];
+  const auto count = std::ssize(monitor.shots);
+  const size_t index = stack_.sample_index(x, y, channel);
+  samples_.answers = &tables_.answers[m];
+  for (Eigen::VectorXd* const all : {&samples_.y, &samples_.weight, &samples_.peak, &seen_, &variance_})
+    all->resize(count + 1);
+  saturated_ = clipped_ = false;
+  for (Eigen::Index i = 0; i <= count; ++i) {
+    const auto at = static_cast<size_t>(i);
+    const MergedSample merged =
+        merge(stack_, i < count ? monitor.shots[at] : layout_.stage.black, index, noise_);
+    seen_[i] = merged.radiance;
+    variance_[i] = merged.variance + kLeastNoise * kLeastNoise;
+    if (i < count && !layout_.noise_scale.empty())
+      variance_[i] *= std::pow(layout_.noise_scale[static_cast<size_t>(monitor.shots[at].front().frame)], 2);
+    samples_.peak[i] = i < count ? monitor.peaks[at][static_cast<size_t>(channel)] : 0.0;
+    if (merged.saturated) {
+      variance_[i] = INFINITY;
+      // White tells no more than that the weight is 1.
+      saturated_ = saturated_ || i == count || monitor.patterns[at].kind != ShownPattern::Kind::kArea;
+    }
+    clipped_ = clipped_ || merged.radiance <= 0.0;
+  }
+  samples_.y = seen_;
+  samples_.weight = variance_.cwiseInverse();
+}
+
+void MixtureSolver::reweigh(size_t m, const Footprints& modes, double floor) {
+  const MixtureMonitor& monitor = layout_.monitors[m];
+  MixtureWorkspace& workspace = searches_[m].workspace();
+  double ignored = 0.0;
+  samples_.y = seen_;
+  residual_of(samples_, modes, true, workspace, &ignored);
+  Eigen::VectorXd model = Eigen::VectorXd::Constant(samples_.size(), floor);
+  for (int k = 0; k < modes.size(); ++k) model += workspace.columns.col(PatternAnswers::kColumns * k);
+  for (Eigen::Index i = 0; i < samples_.size(); ++i) {
+    const double sd = std::sqrt(variance_[i]);
+    if (seen_[i] <= 0.0 && std::isfinite(sd)) {
+      const double light = std::max(model[i], 0.0);
+      samples_.y[i] = light + sd * mean_noise_below(light / sd);
+    }
+    if (i + 1 == samples_.size()) continue;
+    const ShownPattern& pattern = monitor.patterns[static_cast<size_t>(i)];
+    if (pattern.kind != ShownPattern::Kind::kArea) continue;
+    double off = (pattern.lit.bars ? kBarsError : kWhiteError) * (model[i] - floor);
+    for (const Footprint& mode : modes)
+      off += samples_.peak[i] * mode.weight * lit_share_error(mode, pattern.lit, monitor.extent);
+    samples_.weight[i] = 1.0 / (variance_[i] + off * off);
+  }
+}
+
+double MixtureSolver::noise_left(const MixtureFit& fit) const {
+  return fit.chi2 / std::max(static_cast<double>(samples_.size()) - 1.0 - 6.0 * fit.modes.size(), 1.0);
+}
+
+MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours) {
+  MixtureSearch& search = searches_[m];
+  // Edges of bars would tell a footprint's shape too exactly.
+  for (Eigen::Index i = 0; i + 1 < samples_.size(); ++i) {
+    const ShownPattern& pattern = layout_.monitors[m].patterns[static_cast<size_t>(i)];
+    if (pattern.kind == ShownPattern::Kind::kArea && pattern.lit.bars) {
+      const double off = 0.05 * samples_.peak[i];
+      samples_.weight[i] = 1.0 / (variance_[i] + off * off);
+    }
+  }
+  MixtureFit fit = search.run(samples_, neighbours);
+  if (fit.modes.empty()) return fit;
+  for (int round = 0; round < kRounds; ++round) {
+    reweigh(m, fit.modes, fit.floor);
+    const MixtureFit next = fit_mixture(samples_, fit.modes, true, kPolish, search.workspace());
+    const bool settled = round > 0 && std::abs(next.chi2 - fit.chi2) < 0.01 * next.chi2;
+    fit = next;
+    if (!settled) continue;
+    // Along flat valleys, where several modes share light, steps go on that change nothing that is seen.
+    fit.converged = true;
+    break;
+  }
+  return fit;
+}
+
+void MixtureSolver::solve_channel(int x, int y, int channel, Matte& matte) {
+  std::uint8_t flags = matte.flags(x, y);
+  const auto c = static_cast<size_t>(channel);
+  std::vector<Mode> found;
+  double foreground = 0.0;
+  bool usable = false;
+  for (size_t m = 0; m < layout_.monitors.size(); ++m) {
+    load(m, x, y, channel);
+    if (saturated_) flags |= kFlagSaturated;
+    usable = usable || (samples_.weight.array() > 0.0).count() > kMinPatterns;
+    std::vector<Footprints> neighbours;
+    for (int other = 0; other < kChannels; ++other)
+      neighbours.push_back(last_[m][static_cast<size_t>(other)]);
+    MixtureFit fit = solve(m, neighbours);
+    // In a row that is all object, differences from the empty stage are no noise. What a fit leaves is more
+    // than that.
+    while (!surroundings_.noise_known() && !layout_.wave_noise.known() && noise_left(fit) < kOverestimated &&
+           variance_.minCoeff() > 2.0 * kLeastNoise * kLeastNoise) {
+      variance_ *= noise_left(fit);
+      samples_.y = seen_;
+      samples_.weight = variance_.cwiseInverse();
+      fit = solve(m, neighbours);
+    }
+    foreground += fit.floor / static_cast<double>(layout_.monitors.size());
+    double strongest = 0.0;
+    for (int k = 0; k < fit.modes.size(); ++k) {
+      const auto i = static_cast<size_t>(k);
+      if (!is_finite(fit.modes[k])) {
+        flags |= kFlagNotConverged;
+        continue;
+      }
+      strongest = std::max(strongest, fit.modes[k].weight);
+      // What is left beyond noise makes everything less certain.
+      const double excess = std::sqrt(std::max(noise_left(fit), 1.0));
+      found.push_back(mode_of(fit.modes[k], excess * fit.weight_sd[i], excess * fit.centre_sd_px[i],
+                              layout_.monitors[m].texture));
+    }
+    if (!fit.modes.empty() && !fit.converged) flags |= kFlagNotConverged;
+    const double information = samples_.weight.sum();
+    const double rms = std::sqrt(fit.chi2 / information),
+                 noise = std::sqrt(static_cast<double>(samples_.size()) / information);
+    if (rms > std::max(4.0 * noise, kPoorFit * strongest)) flags |= kFlagPoorFit;
+    last_[m][c] = fit.modes;
+  }
+  if (!usable) flags |= kFlagNoData;
+  matte.foreground(x, y)[c] = static_cast<float>(foreground);
+  std::ranges::stable_sort(found, std::greater<>(), &Mode::weight);
+  const std::span<Mode> modes = matte.modes(x, y, channel);
+  if (found.size() > modes.size()) flags |= kFlagPoorFit;
+  std::copy_n(found.begin(), std::min(found.size(), modes.size()), modes.begin());
+  matte.flags(x, y) = flags;
+}
+
+}  // namespace glasswing
