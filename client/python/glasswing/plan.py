@@ -77,11 +77,16 @@ class SquareWaves:
 
 @dataclasses.dataclass(frozen=True)
 class Fringes(_Value):
-    """Sinusoids along one direction: each period, 2 to 100000 px, at 3 to 32 ``phases`` (default 4)."""
+    """Sinusoids along one direction: each period, 2 to 100000 px, at 2 to 32 ``phases`` (default 4).
+
+    With 2 phases, a quarter of a period apart, method "gaussian" alone solves them. ``object_only``: not shown without the
+    object; solids and square waves then separate it from the stage.
+    """
 
     orientation_deg: float
     period_px: Sequence[float]
     phases: int | None = None
+    object_only: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

@@ -137,7 +137,7 @@ TEST_F(Completion, CandidatesComeFromTheCommandLineItself) {
 TEST_F(Completion, BashOffersWhatMayFollow) {
   if (!has("bash")) GTEST_SKIP() << "bash is not installed";
   EXPECT_EQ(bash("glasswing exp"), "export");
-  EXPECT_EQ(bash("glasswing plan "), "make check estimate");
+  EXPECT_EQ(bash("glasswing plan "), "make design check estimate");
   EXPECT_EQ(bash("glasswing --server 127.0.0.1:1 comple"), "completion");
   EXPECT_EQ(bash("glasswing capture --se"), "--session --server");
   EXPECT_EQ(bash("glasswing composite vase.exr --form"), "--format");
@@ -164,7 +164,7 @@ TEST_F(Completion, BashOffersTheServersSessions) {
 TEST_F(Completion, FishOffersWhatMayFollow) {
   if (!has("fish")) GTEST_SKIP() << "fish is not installed";
   EXPECT_EQ(fish("glasswing exp"), "export");
-  EXPECT_EQ(fish("glasswing plan "), "check estimate make");
+  EXPECT_EQ(fish("glasswing plan "), "check design estimate make");
   EXPECT_EQ(fish("glasswing --server 127.0.0.1:1 comple"), "completion");
   EXPECT_EQ(fish("glasswing composite --format "), "exr png tif");
   EXPECT_EQ(fish("glasswing show v"), "vase vessel");

@@ -25,7 +25,7 @@ FULL = glasswing.Plan(
     skip_empty_stage=True,
     calibration=glasswing.CalibrationFrames("display", takes=2, grays=9),
     white_every=50,
-    fringes=[glasswing.Fringes(90, period_px=[144, 64], phases=3)],
+    fringes=[glasswing.Fringes(90, period_px=[144, 64], phases=3, object_only=True)],
     camera="studio",
 )
 
