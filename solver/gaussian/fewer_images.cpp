@@ -190,17 +190,6 @@ v1::Stimulus wave_on(const v1::Monitor& monitor, const DesignedWave& designed, d
   return wave;
 }
 
-v1::Stimulus stripe_on(const v1::Monitor& monitor, const Choice& choice, double phi_deg, double r_px) {
-  v1::Stimulus stripe;
-  stripe.set_kind("gauss_stripe");
-  stripe.set_panel(monitor.name());
-  stripe.set_phi_deg(phi_deg);
-  stripe.set_r_px(r_px);
-  stripe.set_sigma_px(choice.sigma_px);
-  stripe.set_peak(1.0);
-  return stripe;
-}
-
 absl::Status add_sweeps(const Swept& swept, const Choice& choice, StripeSums& sums, double exposure_ms,
                         SynthesizedCapture& capture) {
   for (const double phi_deg : choice.phi_deg) {
@@ -210,7 +199,13 @@ absl::Status add_sweeps(const Swept& swept, const Choice& choice, StripeSums& su
       frame.set_file(fmt::format("stripe {:g} deg {:g} px", phi_deg, k * choice.step_px));
       frame.set_object(true);
       frame.set_exposure_ms(exposure_ms);
-      *frame.mutable_stimulus() = stripe_on(swept.monitor, choice, phi_deg, k * choice.step_px);
+      v1::Stimulus& stripe = *frame.mutable_stimulus();
+      stripe.set_kind("gauss_stripe");
+      stripe.set_panel(swept.monitor.name());
+      stripe.set_phi_deg(phi_deg);
+      stripe.set_r_px(k * choice.step_px);
+      stripe.set_sigma_px(choice.sigma_px);
+      stripe.set_peak(1.0);
       GW_ASSIGN_OR_RETURN(std::vector<Part> parts, sums.parts(frame.stimulus(), phi_deg));
       capture.add(frame, std::move(parts));
     }
@@ -223,55 +218,21 @@ MonitorExtent extent_of(const v1::Monitor& monitor) {
           .height_px = static_cast<double>(monitor.height_px())};
 }
 
-// Of a recorded capture. `shown`: sums have the noise of one image.
-struct Noise {
-  CameraNoise camera;
-  bool shown = false;
-  double scale_of(const absl::StatusOr<std::vector<Part>>& parts) const {
-    return !parts.ok() ? INFINITY : shown ? 1.0 : noise_of(*parts);
-  }
-};
-
 // The best waves for so many images; none if so few do not suffice.
-std::vector<DesignedWave> choose_waves(const Swept& swept, int images, const Noise& noise, StripeSums& sums,
-                                       ExpectedErrors& expected) {
+std::vector<DesignedWave> choose_waves(const Swept& swept, int images, const CameraNoise& noise,
+                                       StripeSums& sums) {
   const std::vector<double> phi_deg = usual_directions(swept.sigma_px);
   if (images < kMinPatterns || phi_deg.size() < 3) return {};
   const MonitorExtent extent = extent_of(swept.monitor);
   const FootprintPrior prior = usual_prior(extent, FootprintPrior{}.modes);
   double recorded_px = 0.0;
   for (const auto& [phi, sigma_px] : swept.sigma_px) recorded_px = std::max(recorded_px, sigma_px);
-  const auto noise_scale = [&](const DesignedWave& wave) {
-    return noise.scale_of(sums.parts(wave_on(swept.monitor, wave, 0.0), wave.phi_deg));
+  const auto can_be_summed = [&](const DesignedWave& wave) {
+    return sums.parts(wave_on(swept.monitor, wave, 0.0), wave.phi_deg).ok() ? 1.0 : INFINITY;
   };
   const double shortest_px =
-      best_shortest_px(extent, phi_deg, images / 2, kFinest * recorded_px, noise.camera, prior, noise_scale);
-  std::vector<DesignedWave> waves = wave_ladder(extent, phi_deg, images / 2, shortest_px);
-  expected = expected_of_waves(extent, waves, noise.camera, prior, noise_scale);
-  return waves;
-}
-
-ExpectedErrors expected_of_stripes(const Swept& swept, const Choice& choice, const Noise& noise,
-                                   StripeSums& sums) {
-  const MonitorExtent extent = extent_of(swept.monitor);
-  std::vector<ShownPattern> patterns = coarse_stage(extent);
-  std::vector<double> scale(patterns.size(), 1.0);
-  for (const double phi_deg : choice.phi_deg) {
-    const double phi_rad = phi_deg * std::numbers::pi / 180.0;
-    const Travel travel = travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px);
-    // Those in the middle stand for all.
-    const double middle = std::round(0.5 * (travel.first + travel.last)) * choice.step_px;
-    const double own = noise.scale_of(sums.parts(stripe_on(swept.monitor, choice, phi_deg, middle), phi_deg));
-    for (double k = travel.first; k <= travel.last; k += 1.0) {
-      ShownPattern& stripe = patterns.emplace_back();
-      stripe.kind = ShownPattern::Kind::kStripe;
-      stripe.axis = {.cos_phi = std::cos(phi_rad), .sin_phi = std::sin(phi_rad), .sigma_px = choice.sigma_px};
-      stripe.r_px = k * choice.step_px;
-      scale.push_back(own);
-    }
-  }
-  return expected_errors(PatternAnswers(std::move(patterns), extent), noise.camera,
-                         usual_prior(extent, FootprintPrior{}.modes), scale);
+      best_shortest_px(extent, phi_deg, images / 2, kFinest * recorded_px, noise, prior, can_be_summed);
+  return wave_ladder(extent, phi_deg, images / 2, shortest_px);
 }
 
 absl::Status add_waves(const Swept& swept, const std::vector<DesignedWave>& waves, StripeSums& sums,
@@ -291,29 +252,10 @@ absl::Status add_waves(const Swept& swept, const std::vector<DesignedWave>& wave
   return absl::OkStatus();
 }
 
-// Whichever is expected to leave less error: waves or stripes.
-absl::Status add_patterns(const Swept& swept, int images, const Noise& noise, StripeSums& sums,
-                          double exposure_ms, SynthesizedCapture& capture) {
-  ExpectedErrors of_waves;
-  const std::vector<DesignedWave> waves = choose_waves(swept, images, noise, sums, of_waves);
-  const absl::StatusOr<Choice> stripes = choose(swept, images);
-  if (waves.empty() ||
-      (stripes.ok() && expected_of_stripes(swept, *stripes, noise, sums).composite <= of_waves.composite)) {
-    GW_RETURN_IF_ERROR(stripes.status());
-    return add_sweeps(swept, *stripes, sums, exposure_ms, capture);
-  }
-  return add_waves(swept, waves, sums, exposure_ms, capture);
-}
-
 }  // namespace
 
-double noise_of(const std::vector<Part>& parts) {
-  double squares = 0.0;
-  for (const Part& part : parts) squares += part.weight * part.weight;
-  return std::sqrt(squares);
-}
-
-absl::StatusOr<SynthesizedCapture> fewer_images(const v1::CaptureManifest& recorded, int images, bool shown) {
+absl::StatusOr<SynthesizedCapture> fewer_images(const v1::CaptureManifest& recorded, int images,
+                                                FewerImages kind) {
   GW_ASSIGN_OR_RETURN(const Exposures exposures, Exposures::of(recorded));
   const auto usable = [&](const v1::Frame& frame) {
     return is_pattern(frame) && frame.exposure_ms() == exposures.times_ms().front();
@@ -331,11 +273,19 @@ absl::StatusOr<SynthesizedCapture> fewer_images(const v1::CaptureManifest& recor
   const auto stage = std::ranges::count_if(capture.manifest.frames(), usable);
   const int each = (images - static_cast<int>(stage)) / static_cast<int>(monitors.size());
   const SampleNoise own = sample_noise(recorded.camera(), kUsualNoise);
-  Noise noise{.camera = {.read_sd = own.read_sd, .full_well = {}}, .shown = shown};
-  if (own.gain > 0.0) noise.camera.full_well = 1.0 / own.gain;
+  CameraNoise noise{.read_sd = own.read_sd, .full_well = {}};
+  if (own.gain > 0.0) noise.full_well = 1.0 / own.gain;
   StripeSums sums(recorded);
   for (const Swept& swept : monitors) {
-    GW_RETURN_IF_ERROR(add_patterns(swept, each, noise, sums, exposures.times_ms().front(), capture));
+    const double exposure_ms = exposures.times_ms().front();
+    const std::vector<DesignedWave> waves =
+        kind == FewerImages::kWaves ? choose_waves(swept, each, noise, sums) : std::vector<DesignedWave>();
+    if (!waves.empty()) {
+      GW_RETURN_IF_ERROR(add_waves(swept, waves, sums, exposure_ms, capture));
+      continue;
+    }
+    GW_ASSIGN_OR_RETURN(const Choice choice, choose(swept, each));
+    GW_RETURN_IF_ERROR(add_sweeps(swept, choice, sums, exposure_ms, capture));
   }
   return capture;
 }

@@ -97,26 +97,6 @@ class PreparedGaussian final : public PreparedMethod {
   const std::vector<int> needed_;  // recorded frames to read
 };
 
-// Solves frames that are sums of recorded ones.
-class PreparedSynthesized final : public PreparedMethod {
- public:
-  PreparedSynthesized(SynthesizedCapture capture, std::unique_ptr<PreparedMethod> prepared)
-      : capture_(std::move(capture)),
-        prepared_(std::move(prepared)),
-        needed_(glasswing::frames_of(capture_, prepared_->frames_needed())) {}
-
-  const std::vector<int>& frames_needed() const override { return needed_; }
-
-  absl::StatusOr<Matte> solve(const FrameStack& rows) const override {
-    return prepared_->solve(synthesized_stack(rows, capture_, prepared_->frames_needed()));
-  }
-
- private:
-  const SynthesizedCapture capture_;
-  const std::unique_ptr<PreparedMethod> prepared_;
-  const std::vector<int> needed_;  // recorded frames to read
-};
-
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptions& options) {
@@ -138,17 +118,8 @@ absl::StatusOr<std::unique_ptr<PreparedMethod>> GaussianMethod::prepare(
   }
   const v1::CaptureManifest& shown = capture ? capture->manifest : manifest;
   if (shows_sinusoids(shown)) {
-    std::vector<double> noise_scale;
-    if (capture) {
-      for (const std::vector<Part>& parts : capture->parts) noise_scale.push_back(noise_of(parts));
-    }
-    GW_ASSIGN_OR_RETURN(std::unique_ptr<PreparedMethod> mixture,
-                        prepare_mixture(shown, metadata_of(manifest, "gaussian", options_),
-                                        {.max_modes = modes_,
-                                         .silhouette_tolerance = silhouette_tolerance_,
-                                         .noise_scale = std::move(noise_scale)}));
-    if (!capture) return mixture;
-    return std::make_unique<PreparedSynthesized>(std::move(*capture), std::move(mixture));
+    return prepare_mixture(manifest, metadata_of(manifest, "gaussian", options_),
+                           {.max_modes = modes_, .silhouette_tolerance = silhouette_tolerance_});
   }
   GW_ASSIGN_OR_RETURN(StackLayout layout, lay_out(shown));
   std::set<int> textures;

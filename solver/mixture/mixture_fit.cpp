@@ -9,7 +9,8 @@ namespace {
 
 constexpr double kBoundSd = 0.02;  // by which a weight may be above 1
 constexpr double kMaxDamping = 1e8;
-constexpr double kLittle = 1e-4;  // of chi2: a fit that gains no more has converged
+constexpr double kLeastInformation = 1e-10;  // of a combination of parameters, over that of one alone
+constexpr double kLittle = 1e-4;             // of chi2: a fit that gains no more has converged
 
 struct Normal {
   FootprintMatrix matrix;
@@ -118,9 +119,27 @@ MixtureFit fit_mixture(const MixtureSamples& samples, const Footprints& start, b
   fit.weight_sd.fill(std::numeric_limits<double>::infinity());
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
   if (size == 0) return fit;
-  const Eigen::LLT<FootprintMatrix> solver(at.matrix);
+  // As wide as the monitor's pixels make them: a point that moves within a pixel changes no sample, though
+  // its place is known. Where samples tell nothing of a parameter, a footprint lies on the monitor.
+  Footprints seen = fit.modes;
+  for (Footprint& mode : seen) {
+    mode.xx_px2 += 1.0 / 12.0;
+    mode.yy_px2 += 1.0 / 12.0;
+  }
+  evaluate(samples, seen, false, workspace, next);
+  FootprintMatrix information = next.matrix;
+  const double side_px = std::max(extent.width_px, extent.height_px);
+  for (int m = 0; m < fit.modes.size(); ++m) {
+    for (Eigen::Index p = 0; p < 6; ++p)
+      information(6 * m + p, 6 * m + p) += std::pow(side_px, p == 0 ? 0.0 : p < 3 ? -2.0 : -4.0);
+  }
+  const FootprintVector unit = information.diagonal().cwiseSqrt().cwiseInverse();
+  FootprintMatrix scaled = unit.asDiagonal() * information * unit.asDiagonal();
+  scaled.diagonal().array() += kLeastInformation;
+  const Eigen::LLT<FootprintMatrix> solver(scaled);
   if (solver.info() != Eigen::Success) return fit;
-  const FootprintMatrix covariance = solver.solve(FootprintMatrix::Identity(size, size));
+  const FootprintMatrix covariance =
+      unit.asDiagonal() * solver.solve(FootprintMatrix::Identity(size, size)) * unit.asDiagonal();
   for (int m = 0; m < fit.modes.size(); ++m) {
     const Eigen::Index k = 6 * m;
     const auto i = static_cast<size_t>(m);

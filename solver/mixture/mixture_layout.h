@@ -25,7 +25,6 @@ struct MixtureLayout {
   std::vector<MixtureMonitor> monitors;  // by texture; only those that showed stripes or sinusoids
   StageLayout stage;                     // black is among its frames
   WaveNoise wave_noise;
-  std::vector<double> noise_scale;  // by frame, its noise over the camera's; empty: 1
 };
 
 // FAILED_PRECONDITION says what is missing or does not fit: no black with the object, patterns of a monitor

@@ -13,7 +13,6 @@ namespace glasswing {
 struct MixtureLimits {
   int max_modes = 0;  // of a channel, over all monitors
   double silhouette_tolerance = 0.0;
-  std::vector<double> noise_scale = {};  // by frame, its noise over the camera's; empty: 1
 };
 
 // FAILED_PRECONDITION says what the archive lacks (lay_out_mixture).

@@ -98,8 +98,6 @@ void MixtureSolver::load(size_t m, int x, int y, int channel) {
         merge(stack_, i < count ? monitor.shots[at] : layout_.stage.black, index, noise_);
     seen_[i] = merged.radiance;
     variance_[i] = merged.variance + kLeastNoise * kLeastNoise;
-    if (i < count && !layout_.noise_scale.empty())
-      variance_[i] *= std::pow(layout_.noise_scale[static_cast<size_t>(monitor.shots[at].front().frame)], 2);
     samples_.peak[i] = i < count ? monitor.peaks[at][static_cast<size_t>(channel)] : 0.0;
     if (merged.saturated) {
       variance_[i] = INFINITY;

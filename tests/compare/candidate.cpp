@@ -116,7 +116,14 @@ std::vector<Candidate> candidates() {
                    fmt::format("{} images", images),
                    "gaussian",
                    {},
-                   [=](const RenderedScene& scene) { return fewer_images(scene.manifest(), images, true); }});
+                   [=](const RenderedScene& scene) { return fewer_images(scene.manifest(), images); }});
+    all.push_back({"gaussian, designed waves",
+                   fmt::format("{} images", images),
+                   "gaussian",
+                   {},
+                   [=](const RenderedScene& scene) {
+                     return fewer_images(scene.manifest(), images, FewerImages::kWaves);
+                   }});
   }
   all.push_back({"gaussian, unoriented", "all sweeps", "gaussian", {{"oriented", "0"}}, everything});
   all.push_back({"gaussian", "all sweeps", "gaussian", {}, everything});
