@@ -3,7 +3,8 @@
 // Each pixel has F and a list of footprints, each with a weight a channel. Places, widths and weights are
 // whole numbers:
 //
-//   x, y    in 1/16 px (more before monitors wider than 3,800 px), coarser by a power of two up to 1/16 of the
+//   x, y    in 1/16 px (more before monitors wider than 3,800 px), coarser by a power of two up to 1/16 of
+//   the
 //           smaller width
 //   widths  of the footprint's axes, sixteen steps an octave; the angle between them in 1/256 of half a turn
 //   weight  in 1/512

@@ -65,6 +65,7 @@ float smaller(float a, float b) {
 }  // namespace
 
 void round_to_errors(Matte& matte) {
+  if (matte.metadata.footprint() == kBoxFootprint) return;
   const int channels = matte.is_colourless() ? 1 : kChannels;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {

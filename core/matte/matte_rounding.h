@@ -18,7 +18,7 @@
 
 namespace glasswing {
 
-// Rounds all modes so. The errors themselves keep two digits.
+// Rounds all modes so; boxes, whose edges are sharp, stay. The errors themselves keep two digits.
 void round_to_errors(Matte& matte);
 
 }  // namespace glasswing

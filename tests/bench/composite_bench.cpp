@@ -218,10 +218,9 @@ struct Large {
   std::optional<FastCompositor> fast;  // made by the first that needs it
 };
 Large& large() {
-  static Large made{
-      .file = large_matte(),
-      .background = {waves(Large::kLargeWidth, Large::kLargeHeight, 0)},
-      .fast = std::nullopt};
+  static Large made{.file = large_matte(),
+                    .background = {waves(Large::kLargeWidth, Large::kLargeHeight, 0)},
+                    .fast = std::nullopt};
   return made;
 }
 

@@ -118,6 +118,14 @@ TEST(MatteRounding, AnUnknownErrorIsTheSmallestOfThePixel) {
   EXPECT_EQ(matte.modes(0, 0, 0).back().weight, 0.0f);
 }
 
+TEST(MatteRounding, BoxesStay) {
+  Matte matte = random_matte();
+  matte.metadata.set_footprint(std::string(kBoxFootprint));
+  round_to_errors(matte);
+  EXPECT_EQ(matte.modes(0, 0, 0).front().x_px, random_matte().modes(0, 0, 0).front().x_px);
+  EXPECT_EQ(matte.modes(3, 2, 1).front().xx_px2, random_matte().modes(3, 2, 1).front().xx_px2);
+}
+
 TEST(MatteRounding, WithoutAnyErrorDigitsAreThoseOfAGoodRig) {
   Matte matte(0, 0, 1, 1, 1);
   for (int c = 0; c < kChannels; ++c) matte.modes(0, 0, c).front() = unknown_mode();
