@@ -333,11 +333,9 @@ TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
 TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
   start();
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
-  EXPECT_TRUE(
-      absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", {})).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", {})).status()));
   solve_in_tiles("alpha");
-  EXPECT_TRUE(
-      absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", {})).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", {})).status()));
   const v1::ClaimTileResponse first = solver_->claim(), left_out = solver_->claim(), third = solver_->claim();
   for (const v1::ClaimTileResponse& tile : {first, third})
     ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
