@@ -5,7 +5,6 @@
 #include <fstream>
 #include <iostream>
 
-#include "client/cli/rig_view.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/rig_limits.h"
 #include "core/base/status.h"
@@ -43,16 +42,7 @@ std::string words_of(const ExpectedErrors& expected) {
 absl::Status design(const Client& client, PlanDesignArguments arguments) {
   GW_RETURN_IF_ERROR(read_sigma_range(arguments.sigma_range, arguments.wish));
   if (arguments.full_well > 0.0) arguments.wish.noise.full_well = arguments.full_well;
-  GW_ASSIGN_OR_RETURN(RigLimits rig, read_rig_limits(client, arguments.rig, ""));
-  if (rig.monitors.empty()) {
-    absl::StatusOr<RigView> view = read_rig_view(client, "");
-    if (!view.ok()) {
-      return absl::Status(view.status().code(),
-                          fmt::format("{}; or name the monitors: --monitor back:1920x1080",
-                                      std::string(view.status().message())));
-    }
-    rig.monitors = std::move(view->monitors);
-  }
+  GW_ASSIGN_OR_RETURN(const RigLimits rig, read_plan_limits(client, arguments.rig));
   GW_ASSIGN_OR_RETURN(const DesignedPlan designed, design_plan(arguments.wish, rig));
   std::string text = plan_text(designed.plan, rig, "glasswing plan design");
   const DesignWish& wish = arguments.wish;

@@ -4,7 +4,6 @@
 #include <iostream>
 #include <map>
 
-#include "client/cli/rig_view.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/rig_limits.h"
 #include "core/base/status.h"
@@ -23,16 +22,7 @@ struct PlanMakeArguments {
 };
 
 absl::Status make(const Client& client, const PlanMakeArguments& arguments) {
-  GW_ASSIGN_OR_RETURN(RigLimits rig, read_rig_limits(client, arguments.rig, ""));
-  if (rig.monitors.empty()) {
-    absl::StatusOr<RigView> view = read_rig_view(client, "");
-    if (!view.ok()) {
-      return absl::Status(view.status().code(),
-                          fmt::format("{}; or name the monitors: --monitor back:1920x1080",
-                                      std::string(view.status().message())));
-    }
-    rig.monitors = std::move(view->monitors);
-  }
+  GW_ASSIGN_OR_RETURN(const RigLimits rig, read_plan_limits(client, arguments.rig));
   PlanWish wish{.quality = kQualities.at(arguments.quality), .images = {}};
   if (arguments.images > 0) wish.images = arguments.images;
   GW_ASSIGN_OR_RETURN(const v1::Plan plan, make_plan(wish, rig));

@@ -31,6 +31,20 @@ absl::StatusOr<RigLimits> read_rig_limits(const Client& client, const RigLimitsA
   return limits;
 }
 
+absl::StatusOr<RigLimits> read_plan_limits(const Client& client, const RigLimitsArguments& arguments) {
+  GW_ASSIGN_OR_RETURN(RigLimits rig, read_rig_limits(client, arguments, ""));
+  if (rig.monitors.empty()) {
+    absl::StatusOr<RigView> view = read_rig_view(client, "");
+    if (!view.ok()) {
+      return absl::Status(view.status().code(),
+                          fmt::format("{}; or name the monitors: --monitor back:1920x1080",
+                                      std::string(view.status().message())));
+    }
+    rig.monitors = std::move(view->monitors);
+  }
+  return rig;
+}
+
 void add_rig_limits_options(CLI::App& command, RigLimitsArguments& arguments) {
   command.add_flag("--for-rig", arguments.for_rig, "for the monitors and the camera of the server's rig");
   command.add_option("--monitor", arguments.monitors, "for a monitor of this size, in px; may be repeated")

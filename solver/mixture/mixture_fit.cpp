@@ -116,9 +116,14 @@ MixtureFit fit_mixture(const MixtureSamples& samples, const Footprints& start, b
   for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, 0.0);
   fit.chi2 = at.chi2;
   fit.floor = at.floor;
+  return fit;
+}
+
+void find_errors(const MixtureSamples& samples, MixtureFit& fit, MixtureWorkspace& workspace) {
   fit.weight_sd.fill(std::numeric_limits<double>::infinity());
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
-  if (size == 0) return fit;
+  const Eigen::Index size = 6 * fit.modes.size();
+  if (size == 0) return;
   // As wide as the monitor's pixels make them: a point that moves within a pixel changes no sample, though
   // its place is known. Where samples tell nothing of a parameter, a footprint lies on the monitor.
   Footprints seen = fit.modes;
@@ -126,8 +131,10 @@ MixtureFit fit_mixture(const MixtureSamples& samples, const Footprints& start, b
     mode.xx_px2 += 1.0 / 12.0;
     mode.yy_px2 += 1.0 / 12.0;
   }
-  evaluate(samples, seen, false, workspace, next);
-  FootprintMatrix information = next.matrix;
+  Normal normal;
+  evaluate(samples, seen, false, workspace, normal);
+  FootprintMatrix information = normal.matrix;
+  const MonitorExtent& extent = samples.answers->extent();
   const double side_px = std::max(extent.width_px, extent.height_px);
   for (int m = 0; m < fit.modes.size(); ++m) {
     for (Eigen::Index p = 0; p < 6; ++p)
@@ -137,7 +144,7 @@ MixtureFit fit_mixture(const MixtureSamples& samples, const Footprints& start, b
   FootprintMatrix scaled = unit.asDiagonal() * information * unit.asDiagonal();
   scaled.diagonal().array() += kLeastInformation;
   const Eigen::LLT<FootprintMatrix> solver(scaled);
-  if (solver.info() != Eigen::Success) return fit;
+  if (solver.info() != Eigen::Success) return;
   const FootprintMatrix covariance =
       unit.asDiagonal() * solver.solve(FootprintMatrix::Identity(size, size)) * unit.asDiagonal();
   for (int m = 0; m < fit.modes.size(); ++m) {
@@ -146,7 +153,6 @@ MixtureFit fit_mixture(const MixtureSamples& samples, const Footprints& start, b
     fit.weight_sd[i] = std::sqrt(covariance(k, k));
     fit.centre_sd_px[i] = std::sqrt(0.5 * (covariance(k + 1, k + 1) + covariance(k + 2, k + 2)));
   }
-  return fit;
 }
 
 }  // namespace glasswing

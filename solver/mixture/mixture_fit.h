@@ -30,8 +30,7 @@ struct MixtureFit {
   double chi2 = 0.0;
   double floor = 0.0;  // F
   bool converged = false;
-  // Standard errors from the inverse of the normal matrix; infinite where that is singular.
-  std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
+  std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};  // standard errors, by find_errors()
 };
 
 // Scratch memory of one thread.
@@ -48,5 +47,8 @@ double residual_of(const MixtureSamples& samples, const Footprints& modes, bool 
 // Levenberg-Marquardt from `start`; Sigma stays positive semi-definite (cone_step.h).
 MixtureFit fit_mixture(const MixtureSamples& samples, const Footprints& start, bool through_pixels,
                        int max_steps, MixtureWorkspace& workspace);
+
+// Sets the standard errors, from the inverse of the normal matrix; infinite where that is singular.
+void find_errors(const MixtureSamples& samples, MixtureFit& fit, MixtureWorkspace& workspace);
 
 }  // namespace glasswing

@@ -38,10 +38,7 @@ void sort(MixtureFit& fit) {
     for (int m = i + 1; m < fit.modes.size(); ++m) {
       if (fit.modes[m].weight > fit.modes[strongest].weight) strongest = m;
     }
-    const auto a = static_cast<size_t>(i), b = static_cast<size_t>(strongest);
     std::swap(fit.modes[i], fit.modes[strongest]);
-    std::swap(fit.weight_sd[a], fit.weight_sd[b]);
-    std::swap(fit.centre_sd_px[a], fit.centre_sd_px[b]);
   }
 }
 
@@ -122,8 +119,7 @@ Footprints MixtureSearch::with_best(const MixtureSamples& samples, Footprints mo
   return modes;
 }
 
-void MixtureSearch::add_splits(const MixtureSamples&, const Footprints& modes,
-                               std::vector<Footprints>& starts) {
+void MixtureSearch::add_splits(const Footprints& modes, std::vector<Footprints>& starts) {
   // The two brightest modes, along both axes of Sigma.
   for (int m = 0; m < std::min(modes.size(), 2); ++m) {
     const Footprint& whole = modes[m];
@@ -190,7 +186,7 @@ MixtureFit MixtureSearch::run(const MixtureSamples& samples, std::span<const Foo
       pursued = starts.front();
     }
     for (const Footprints& neighbour : neighbours) starts.push_back(neighbour);
-    add_splits(samples, best.modes, starts);
+    add_splits(best.modes, starts);
     MixtureFit next = best_of(samples, size, starts);
     if (next.modes.empty() || !(light_of(next.modes) > 0.0)) break;
     sort(next);

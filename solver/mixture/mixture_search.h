@@ -55,7 +55,7 @@ class MixtureSearch {
   MixtureFit best_of(const MixtureSamples& samples, int size, std::span<const Footprints> starts);
   // The last fit with the best footprint of its residual; without a last fit, as many of these as wanted.
   Footprints with_best(const MixtureSamples& samples, Footprints modes);
-  void add_splits(const MixtureSamples& samples, const Footprints& modes, std::vector<Footprints>& starts);
+  void add_splits(const Footprints& modes, std::vector<Footprints>& starts);
 
   const FootprintDictionary& dictionary_;
   const int max_modes_;

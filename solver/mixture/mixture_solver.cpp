@@ -160,6 +160,7 @@ MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours
     fit.converged = true;
     break;
   }
+  find_errors(samples_, fit, search.workspace());
   return fit;
 }
 
