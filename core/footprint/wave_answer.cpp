@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "core/footprint/cut_footprint.h"
 #include "core/footprint/faddeeva.h"
@@ -17,6 +18,9 @@ constexpr double kLeastVariance_px2 = 0.01;  // narrower footprints are points t
 constexpr double kMaxCorrelation = 0.999;
 constexpr double kWaveReach = 6.0;  // standard deviations
 constexpr double kNoLight = 7.0;    // the same: less than 1e-10 of a footprint's density
+constexpr double kMaxGrowth = 4.0;  // logarithm of how far the terms of Plackett's identity may exceed I
+// Most of a panel of the quadrature: standard deviations, radians.
+constexpr double kPanelReach = 2.0, kPanelTurn = 16.0;
 
 const GaussLegendre<20> kQuadrature;
 
@@ -130,6 +134,7 @@ class WavedRectangle {
       return y_.waved(wy_ + wx_ * turn) *
              std::exp(Complex(-0.5 * wx_ * wx_ * rest, wx_ * (x_.mean - turn * y_.mean)));
     }
+    if (-wx_ * wy_ * xy_ > kMaxGrowth) return integral_over_lines();
     Complex sum = x_.waved(wx_) * y_.waved(wy_) * std::exp(-wx_ * wy_ * xy_);
     const double most = x_.sd * y_.sd, angle = std::asin(xy_ / most);
     if (angle == 0.0) return sum;
@@ -140,6 +145,42 @@ class WavedRectangle {
                             Complex(0.0, wx_) * (edges.y[1] - edges.y[0]);
       sum += 0.5 * angle * kQuadrature.weight[n] * most * std::cos(theta) *
              std::exp(-wx_ * wy_ * (xy_ - xy)) * slope;
+    }
+    return sum;
+  }
+
+  // I where the wave runs across a slanted footprint: what y sees at each x, by quadrature over x.
+  Complex integral_over_lines() const {
+    const double turn = xy_ / (x_.sd * x_.sd), rest_sd = std::sqrt(y_.sd * y_.sd - xy_ * turn);
+    const double low = std::max(0.0, x_.mean - kNoLight * x_.sd),
+                 high = std::min(x_.size_px, x_.mean + kNoLight * x_.sd);
+    if (low >= high) return 0.0;
+    // Where y's mean passes an edge, what y sees changes within rest_sd.
+    std::vector<double> ends{low, high};
+    for (const double edge_px : {0.0, y_.size_px}) {
+      for (const double off : {-6.0, -2.0, 0.0, 2.0, 6.0}) {
+        const double at = x_.mean + (edge_px - y_.mean + off * rest_sd) / turn;
+        if (at > low && at < high) ends.push_back(at);
+      }
+    }
+    std::ranges::sort(ends);
+    const double most_px = std::min(kPanelReach * x_.sd,
+                                    kPanelTurn / std::max(std::abs(wx_), std::abs(wx_ + wy_ * turn)));
+    Complex sum = 0.0;
+    for (size_t i = 0; i + 1 < ends.size(); ++i) {
+      const double length_px = ends[i + 1] - ends[i];
+      const int panels = std::max(1, static_cast<int>(std::ceil(length_px / most_px)));
+      const double half_px = 0.5 * length_px / panels;
+      for (int panel = 0; panel < panels; ++panel) {
+        const double middle_px = ends[i] + (2 * panel + 1) * half_px;
+        for (size_t n = 0; n < kQuadrature.place.size(); ++n) {
+          const double x_px = middle_px + half_px * kQuadrature.place[n];
+          const NormalLine y{
+              .mean = y_.mean + turn * (x_px - x_.mean), .sd = rest_sd, .size_px = y_.size_px};
+          sum += half_px * kQuadrature.weight[n] * x_.density(x_px) *
+                 std::exp(Complex(0.0, wx_ * x_px)) * y.waved(wy_);
+        }
+      }
     }
     return sum;
   }

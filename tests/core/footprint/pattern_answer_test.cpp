@@ -84,6 +84,39 @@ TEST(PatternAnswers, AreTheLightOfTheMonitorsPixels) {
   }
 }
 
+// Where a short wave runs across a long footprint that edges on both sides cut, sums of large terms would
+// leave nothing but rounding.
+TEST(PatternAnswers, AreTheLightOfSlantedFootprintsBeforeShortWaves) {
+  std::vector<ShownPattern> waves;
+  for (const double period_px : {6.0, 9.0, 20.0}) {
+    for (const double slant : {1.0, -1.0}) {
+      ShownPattern& wave = waves.emplace_back();
+      wave.kind = ShownPattern::Kind::kWave;
+      wave.fx = std::sqrt(0.5) / period_px;
+      wave.fy = slant * wave.fx;
+    }
+  }
+  const PatternAnswers answers(waves, kExtent);
+  for (const double along_px : {8.0, 15.0, 30.0}) {
+    for (const double slant : {0.7, 1.0, -1.2}) {
+      for (const double x : {-3.0, 20.0, 60.0}) {
+        const double c = 1.0 / std::hypot(1.0, slant), s = slant * c, long2 = along_px * along_px, short2 = 0.8;
+        const Footprint mode{.weight = 0.9,
+                             .x_px = x,
+                             .y_px = x > 40.0 ? 44.0 : 5.0,
+                             .xx_px2 = long2 * c * c + short2 * s * s,
+                             .xy_px2 = (long2 - short2) * c * s,
+                             .yy_px2 = long2 * s * s + short2 * c * c};
+        const Eigen::MatrixXd columns = columns_of(answers, mode, true);
+        for (int i = 0; i < answers.size(); ++i) {
+          EXPECT_NEAR(columns(i, 0), by_sum(waves[static_cast<size_t>(i)], mode), 2e-3)
+              << "wave " << i << ", " << along_px << " px long, slant " << slant << ", at " << x;
+        }
+      }
+    }
+  }
+}
+
 TEST(PatternAnswers, HaveTheDerivativesOfDifferences) {
   const PatternAnswers answers(every_kind(), kExtent);
   double Footprint::*const fields[] = {&Footprint::weight, &Footprint::x_px,   &Footprint::y_px,
