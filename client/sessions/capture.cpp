@@ -12,9 +12,11 @@
 #include "client/sessions/commands.h"
 #include "client/sessions/estimate.h"
 #include "client/sessions/photo.h"
+#include "client/sessions/rig_limits.h"
 #include "client/sessions/watch.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/design/plan_design.h"
 #include "core/frame/image_file.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -81,13 +83,61 @@ struct CaptureArguments {
   std::string plan, session, note;
   std::vector<std::string> tags;
   bool solve = false, watch = false, dry_run = false;
+  bool adapt = false;
+  std::string target_error;
+  int at_most = 0;  // 0: as the plan says
 };
+
+// "42dB" or "0.1px".
+absl::Status read_target(const std::string& text, v1::Adapt& adapt) {
+  double value = 0.0;
+  char unit[3] = {}, rest = 0;
+  const int found = std::sscanf(text.c_str(), "%lf%2[a-zA-Z]%c", &value, unit, &rest);
+  adapt.clear_target_db();
+  adapt.clear_target_px();
+  if (found == 2 && std::string_view(unit) == "px") {
+    adapt.set_target_px(value);
+  } else if (found == 2 && (std::string_view(unit) == "dB" || std::string_view(unit) == "db")) {
+    adapt.set_target_db(value);
+  } else {
+    return absl::InvalidArgumentError(fmt::format(
+        "--target-error is \"{}\"; it must be decibels of composites, such as 42dB, or pixels of the "
+        "monitor, such as 0.1px",
+        text));
+  }
+  return absl::OkStatus();
+}
+
+// The first images of a session that adapts, where no plan is given.
+absl::StatusOr<v1::Plan> first_images(const Client& client) {
+  constexpr int kFirstImages = 50;  // a monitor
+  GW_ASSIGN_OR_RETURN(const RigLimits rig, read_plan_limits(client, {.for_rig = true, .monitors = {}}));
+  DesignWish wish{.images = kFirstImages * std::max(static_cast<int>(rig.monitors.size()), 1), .noise = {}};
+  if (rig.camera && rig.camera->camera().read_sd() > 0.0) wish.noise.read_sd = rig.camera->camera().read_sd();
+  GW_ASSIGN_OR_RETURN(DesignedPlan designed, design_plan(wish, rig));
+  return std::move(designed.plan);
+}
+
+absl::StatusOr<v1::Plan> plan_to_capture(const Client& client, const CaptureArguments& arguments) {
+  if (!arguments.adapt && (!arguments.target_error.empty() || arguments.at_most != 0))
+    return absl::InvalidArgumentError("--target-error and --at-most go with --adapt");
+  if (arguments.plan.empty() && !arguments.adapt)
+    return absl::InvalidArgumentError("name a plan, a .txtpb file; without one --adapt makes its own");
+  GW_ASSIGN_OR_RETURN(v1::Plan plan,
+                      arguments.plan.empty() ? first_images(client) : read_plan(arguments.plan));
+  if (!arguments.adapt) return plan;
+  v1::Adapt& adapt = *plan.mutable_adapt();
+  if (!arguments.target_error.empty()) GW_RETURN_IF_ERROR(read_target(arguments.target_error, adapt));
+  if (arguments.at_most != 0) adapt.set_at_most(arguments.at_most);
+  GW_RETURN_IF_ERROR(check_plan(plan));
+  return plan;
+}
 
 absl::Status dry_run(const Client& client, const Peer<v1::SessionService>& server,
                      const CaptureArguments& arguments) {
   v1::EstimateSessionRequest request;
   request.set_name(arguments.session);
-  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
+  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), plan_to_capture(client, arguments));
   GW_ASSIGN_OR_RETURN(const v1::EstimateSessionResponse estimate,
                       call(server, &v1::SessionService::Stub::EstimateSession, request, kLongCallTimeout));
   if (client.json) {
@@ -105,7 +155,7 @@ absl::Status capture(const Client& client, const CaptureArguments& arguments) {
   // Checked before the capture starts; the server checks tags only afterwards.
   for (const std::string& tag : arguments.tags) GW_RETURN_IF_ERROR(check_name("tag", tag));
   v1::CreateSessionRequest request;
-  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
+  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), plan_to_capture(client, arguments));
   GW_RETURN_IF_ERROR(upload_photos(client, server, arguments.plan, *request.mutable_plan()));
   request.set_name(arguments.session);
   request.set_solve(arguments.solve);
@@ -119,8 +169,10 @@ absl::Status capture(const Client& client, const CaptureArguments& arguments) {
                         call(server, &v1::SessionService::Stub::AnnotateSession, annotation));
     session = annotated.session();
   }
-  if (arguments.watch)
-    return follow_to_outcome(client, session.name(), arguments.solve ? Goal::kDone : Goal::kCapturedOrDone);
+  if (arguments.watch) {
+    return follow_to_outcome(client, session.name(),
+                             session.solve_follows() ? Goal::kDone : Goal::kCapturedOrDone);
+  }
   print_session(session, client.json);
   return absl::OkStatus();
 }
@@ -146,10 +198,12 @@ void add_capture_command(CLI::App& app, Client& client) {
       "Examples:\n"
       "  glasswing capture deploy/plans/crystal.txtpb --session vase --watch\n"
       "  glasswing capture deploy/plans/crystal.txtpb --session vase --solve --watch\n"
+      "  glasswing capture --adapt --session vase --watch\n"
+      "  glasswing capture deploy/plans/design-50.txtpb --adapt --target-error 42dB --at-most 150\n"
       "  glasswing capture deploy/plans/crystal.txtpb --dry-run\n"
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<CaptureArguments>();
-  command.add_option("plan", arguments->plan, "the plan, a .txtpb file")->required();
+  command.add_option("plan", arguments->plan, "the plan, a .txtpb file; with --adapt it may be left out");
   command.add_option("--session", arguments->session,
                      "the session's name; the server chooses one if left out");
   command.add_option("--note", arguments->note, "a note to keep with it");
@@ -158,6 +212,16 @@ void add_capture_command(CLI::App& app, Client& client) {
   command.add_flag(
       "--solve", arguments->solve,
       "solve it by the plan's method as soon as it is captured, and drafts of it before (fetch --partial)");
+  command.add_flag("--adapt", arguments->adapt,
+                   "after the plan's images show further ones, chosen by what is still uncertain, until the "
+                   "object is known well enough; then solve it");
+  command.add_option("--target-error", arguments->target_error,
+                     "with --adapt: stop when 95 % of the object's pixels are expected to be as good: 42dB of "
+                     "a composite, or 0.1px on the monitor; default: 40dB");
+  command
+      .add_option("--at-most", arguments->at_most,
+                  fmt::format("with --adapt: stop at so many images; default: {}", kDefaultAtMost))
+      ->check(CLI::Range(30, 20000));
   command.add_flag(
       "--watch", arguments->watch,
       "wait until it is captured, with --solve until it is solved; any other outcome is a failure");

@@ -68,6 +68,8 @@ void print_details(const v1::Session& session) {
           fmt::format("{} of them: {}", session.solved_frames_size(), ranges_text(session.solved_frames())));
   }
   row("warning", session.warning());
+  for (const v1::AdaptedRound& round : session.adapted())
+    row(&round == &session.adapted(0) ? "adapted" : "", describe(round));
   if (session.has_draft()) row("draft", describe(session.draft()) + "; fetch it with --partial");
   if (session.job() != 0) {
     row("solving", fmt::format("{}, {}, {}", session.method(), tiles_text(session),

@@ -29,6 +29,7 @@ class SessionProgress {
     state_ = session.state();
     if (is_under_way(session) && session.waiting().what() != told_) tell(session);
     if (session.draft().image_count() != drafted_) tell_draft(session);
+    if (session.adapted_size() != rounds_told_) tell_rounds(session);
     const bool solving = state_ == v1::SESSION_STATE_SOLVING,
                frames = solving && is_video(session) && !session.matte_ready();
     const int done = frames    ? session.solved_frames_size()
@@ -69,6 +70,15 @@ class SessionProgress {
                              session.name(), session.name());
   }
 
+  // Also on lines of their own.
+  void tell_rounds(const v1::Session& session) {
+    progress_.emplace(state_name(state_));
+    done_ = -1;
+    for (; rounds_told_ < session.adapted_size(); ++rounds_told_)
+      std::cerr << describe(session.adapted(rounds_told_)) << "\n";
+  }
+
+  int rounds_told_ = 0;
   int drafted_ = 0;   // images of the newest draft
   std::string told_;  // what it waits for
   int done_ = -1;

@@ -148,7 +148,7 @@ grpc::Status ArchiveServiceImpl::SealArchive(grpc::ServerContext*, const v1::Sea
                                              v1::SealArchiveResponse*) {
   const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
   if (!archive.ok()) return to_grpc(archive.status());
-  const absl::Status sealed = (*archive)->seal();
+  const absl::Status sealed = (*archive)->seal(request->has_plan() ? &request->plan() : nullptr);
   if (sealed.ok()) store_.end_import(request->session());
   return to_grpc(sealed);
 }

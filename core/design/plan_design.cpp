@@ -6,86 +6,31 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <complex>
 #include <limits>
 #include <numbers>
 #include <random>
 #include <span>
 
 #include "core/base/status.h"
+#include "core/design/information.h"
 #include "core/design/wave_ladder.h"
-#include "core/footprint/wave_answer.h"
 #include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
 
 constexpr int kDraws = 32;             // of the prior
-constexpr double kBlackSd = 0.05;      // of F
 constexpr double kLight = 0.9;         // of all footprints of a pixel
 constexpr double kLeastWeight = 0.15;  // of one of several
-constexpr double kContrast = 0.25;     // rms of a background
 constexpr double kMostRatio = 2.5;     // from one period of a ladder to the next
-constexpr double kFinestPeriod_px = 6.0, kPeriodStep = 1.15;
-constexpr int kRadii = 10, kAngles = 8;  // of the background's spectrum
-constexpr double kFinestDetail = 0.25;   // cycles a pixel, of a background
+constexpr double kPeriodStep = 1.15;
 constexpr double kMargin = 1.5;          // sigmas that stripes start before the monitor's edge
 constexpr std::array<double, 4> kDirections_deg{0.0, 90.0, 45.0, -45.0};
-
-struct Detail {
-  double fx, fy, power;
-};
-
-// Alike on every octave.
-std::vector<Detail> background_of(const MonitorExtent& extent) {
-  std::vector<Detail> all;
-  const double lowest = 1.0 / std::max(extent.width_px, extent.height_px);
-  for (int r = 0; r < kRadii; ++r) {
-    const double f = lowest * std::pow(kFinestDetail / lowest, static_cast<double>(r) / (kRadii - 1));
-    for (int a = 0; a < kAngles; ++a) {
-      const double angle = std::numbers::pi * a / kAngles;
-      all.push_back({f * std::cos(angle), f * std::sin(angle), kContrast * kContrast / (kRadii * kAngles)});
-    }
-  }
-  return all;
-}
-
-// M.
-Eigen::MatrixXd composite_weight(const Footprints& modes, const std::vector<Detail>& background) {
-  const Eigen::Index size = 6 * modes.size();
-  Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(size, size);
-  Eigen::MatrixXd by(size, 2);
-  // As if no edge were near: a background goes on.
-  const MonitorExtent endless{.width_px = 1e9, .height_px = 1e9};
-  for (const Detail& detail : background) {
-    for (int m = 0; m < modes.size(); ++m) {
-      Footprint mode = modes[m];
-      mode.x_px += 0.5e9, mode.y_px += 0.5e9;
-      const WaveAnswer answer = answer_of(mode, detail.fx, detail.fy, endless);
-      for (size_t p = 0; p < 6; ++p) {
-        by(6 * m + static_cast<Eigen::Index>(p), 0) = answer.slope[p].real();
-        by(6 * m + static_cast<Eigen::Index>(p), 1) = answer.slope[p].imag();
-      }
-    }
-    weight += detail.power * by * by.transpose();
-  }
-  return weight;
-}
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + std::ssize(values) / 2;
   std::ranges::nth_element(values, middle);
   return *middle;
-}
-
-ShownPattern wave_of(const DesignedWave& wave, double phase_rad) {
-  const double phi_rad = wave.phi_deg * std::numbers::pi / 180.0;
-  ShownPattern pattern;
-  pattern.kind = ShownPattern::Kind::kWave;
-  pattern.fx = std::cos(phi_rad) / wave.period_px;
-  pattern.fy = std::sin(phi_rad) / wave.period_px;
-  pattern.phase_rad = phase_rad;
-  return pattern;
 }
 
 // Bars of a monitor: of an eighth of its longer side as a power of two, a sixteenth and a 32nd.
@@ -275,45 +220,15 @@ std::vector<Footprints> footprints_of(const FootprintPrior& prior, const Monitor
 Eigen::MatrixXd expected_covariance(const PatternAnswers& patterns, const Footprints& modes,
                                     const CameraNoise& noise, const FootprintPrior& prior,
                                     std::span<const double> noise_scale) {
-  const Eigen::Index n = patterns.size() + 1, size = 6 * modes.size() + 1;
-  Eigen::MatrixXd by = Eigen::MatrixXd::Zero(n, size), columns(n, PatternAnswers::kColumns);
-  Eigen::VectorXd light = Eigen::VectorXd::Zero(n);
-  by.col(0).setOnes();  // F
-  for (int m = 0; m < modes.size(); ++m) {
-    columns.setZero();
-    // The pixels' own covariance is part of the prior's widths.
-    patterns.of(modes[m], false, columns.data(), n);
-    light += columns.col(0);
-    by.middleCols(6 * m + 1, 6) = columns.rightCols(6);
-  }
-  for (Eigen::Index i = 0; i < n; ++i) {
-    double variance = noise.variance(light[i]);
-    if (i < std::ssize(noise_scale)) variance *= std::pow(noise_scale[static_cast<size_t>(i)], 2);
-    // Bars are trusted within limits (lit_area.h).
-    if (i + 1 < n && patterns.patterns()[static_cast<size_t>(i)].lit.bars) {
-      double off = kBarsError * light[i];
-      for (const Footprint& mode : modes)
-        off += mode.weight *
-               lit_share_error(mode, patterns.patterns()[static_cast<size_t>(i)].lit, patterns.extent());
-      variance += off * off;
-    }
-    by.row(i) /= std::sqrt(variance);
-  }
-  Eigen::MatrixXd information = by.transpose() * by;
-  const auto know = [&](Eigen::Index at, double sd) { information(at, at) += 1.0 / (sd * sd); };
-  know(0, kBlackSd);
-  for (Eigen::Index m = 1; m < size; m += 6) {
-    know(m, 1.0);
-    know(m + 1, patterns.extent().width_px / std::sqrt(12.0));
-    know(m + 2, patterns.extent().height_px / std::sqrt(12.0));
-    for (Eigen::Index p = 3; p < 6; ++p) know(m + p, prior.high_px * prior.high_px);
-  }
-  return information.inverse().bottomRightCorner(size - 1, size - 1);
+  const Eigen::MatrixXd by = whitened_slopes(patterns, modes, noise, noise_scale);
+  const Eigen::MatrixXd information =
+      by.transpose() * by + prior_information(modes.size(), patterns.extent(), prior.high_px);
+  return information.inverse().bottomRightCorner(by.cols() - 1, by.cols() - 1);
 }
 
 ExpectedErrors expected_errors(const PatternAnswers& patterns, const CameraNoise& noise,
                                const FootprintPrior& prior, std::span<const double> noise_scale) {
-  const std::vector<Detail> background = background_of(patterns.extent());
+  const Background background(patterns.extent());
   std::vector<double> centre, width, weight;
   double log_composite = 0.0;
   const std::vector<Footprints> all = footprints_of(prior, patterns.extent());
@@ -328,7 +243,7 @@ ExpectedErrors expected_errors(const PatternAnswers& patterns, const CameraNoise
           covariance(at + 3, at + 3) + covariance(at + 5, at + 5) + 2.0 * covariance(at + 3, at + 5);
       width.push_back(std::sqrt(both) / (4.0 * sigma));
     }
-    const double error = (covariance * composite_weight(modes, background)).trace();
+    const double error = (covariance * background.weight(modes)).trace();
     log_composite += 0.5 * std::log(error) / static_cast<double>(all.size());
   }
   return {.centre_px = median(centre),

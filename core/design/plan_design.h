@@ -1,19 +1,9 @@
 // Plans for a number of images and a camera's noise: the patterns are chosen by how well they will tell a
 // footprint.
 //
-// Of a set of patterns and one pixel's footprints theta = (F; R, c, Sigma of each), a sample i has the
-// variance v_i = read^2 + light_i / full well, and Fisher's information is
-//
-//   I = sum_i J_i J_i' / v_i + P        J_i: derivatives by theta, pattern_answer.h
-//
-// P, the inverse of the prior's spread, keeps I regular. I^-1 bounds the covariance of any unbiased estimate;
-// a least-squares fit reaches it. Patterns are compared by the error that it leaves in composites,
-//
-//   trace(I^-1 M),   M = sum_f power(f) Re(conj(h_f) h_f')        h_f: derivatives of the footprints'
-//                                                                  spectrum at f
-//
-// for a background whose power falls with 1/f^2, as photographs' does, in the geometric mean over a prior of
-// footprints: one to `modes` places anywhere on the monitor, sigmas even in their logarithm, any orientation.
+// Patterns are compared by the error that they leave in composites (information.h), in the geometric mean over
+// a prior of footprints: one to `modes` places anywhere on the monitor, sigmas even in their logarithm, any
+// orientation.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -25,17 +15,12 @@
 #include <string>
 #include <vector>
 
+#include "core/design/information.h"
 #include "core/design/wave_ladder.h"
 #include "core/footprint/pattern_answer.h"
 #include "core/pattern/plan_fit.h"
 
 namespace glasswing {
-
-struct CameraNoise {
-  double read_sd = 0.005;           // of full scale
-  std::optional<double> full_well;  // electrons at full scale; empty: no photon noise
-  double variance(double light) const { return read_sd * read_sd + (full_well ? light / *full_well : 0.0); }
-};
 
 struct FootprintPrior {
   int modes = 2;                       // most places of a pixel, 1 to 4

@@ -8,6 +8,8 @@
 
 namespace glasswing {
 
+inline constexpr double kFinestPeriod_px = 6.0;
+
 struct DesignedWave {
   double phi_deg = 0.0, period_px = 0.0;
 };

@@ -1,6 +1,7 @@
 #include "core/frame/archive.h"
 
 #include <fmt/format.h>
+#include <google/protobuf/util/message_differencer.h>
 
 #include <algorithm>
 #include <sstream>
@@ -257,8 +258,24 @@ absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
   return fresh.empty() ? absl::OkStatus() : enter(fresh);
 }
 
-absl::Status Archive::seal() {
+absl::Status Archive::seal(const v1::Plan* plan) {
   const std::lock_guard lock(mutex_);
+  if (plan != nullptr) {
+    v1::Plan before = manifest_.plan(), after = *plan;
+    for (v1::Plan* each : {&before, &after}) {
+      each->clear_rounds();
+      each->clear_retries();  // a resumed session may have more
+    }
+    if (!google::protobuf::util::MessageDifferencer::Equals(before, after)) {
+      return absl::InvalidArgumentError(fmt::format(
+          "the plan is not that of session \"{}\"; only its rounds may differ", manifest_.session()));
+    }
+    v1::CaptureManifest header = manifest_;
+    header.clear_frames();
+    *header.mutable_plan() = *plan;
+    GW_RETURN_IF_ERROR(check_manifest_header(header));
+    *manifest_.mutable_plan() = *plan;
+  }
   GW_RETURN_IF_ERROR(write_file_durably(directory_ / "manifest.json", archive_json(manifest_, true)));
   sealed_ = true;
   fault_point("archive sealed");

@@ -97,8 +97,9 @@ class Archive {
   // different frame has that file name here.
   absl::Status add_copies(const std::vector<CopiedFrame>& frames);
 
-  // Writes manifest.json.
-  absl::Status seal();
+  // Writes manifest.json. With `plan`, which may differ from the header's in its rounds alone:
+  // INVALID_ARGUMENT otherwise.
+  absl::Status seal(const v1::Plan* plan = nullptr);
 
   // A frame's file, verified: its checksum is computed on first use and whenever the file has changed since.
   // DATA_LOSS names a file that is missing, truncated, altered or not of the camera's size. Up to 4096

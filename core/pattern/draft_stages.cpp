@@ -71,6 +71,15 @@ std::map<int, Place> places_of(const std::vector<Step>& steps) {
   return places;
 }
 
+std::vector<DraftStage> after_rounds(const std::vector<Step>& shown) {
+  std::vector<DraftStage> stages;
+  for (size_t i = 0; i < shown.size(); ++i) {
+    if (i + 1 == shown.size() || shown[i + 1].round != shown[i].round)
+      stages.push_back({.step_count = static_cast<int>(i + 1), .sweep_count = 0});
+  }
+  return stages;
+}
+
 }  // namespace
 
 std::vector<Step> coarse_to_fine(std::vector<Step> steps) {
@@ -92,7 +101,8 @@ std::vector<Step> in_order_of_showing(const std::vector<Step>& steps) {
   std::vector<Step> shown;
   for (size_t first = 0, end = 0; first < steps.size(); first = end) {
     const auto same_group = [&](const Step& step) {
-      return step.object == steps[first].object && step.exposure_ms == steps[first].exposure_ms;
+      return step.object == steps[first].object && step.round == steps[first].round &&
+             step.exposure_ms == steps[first].exposure_ms;
     };
     while (end < steps.size() && same_group(steps[end])) ++end;
     for (Step& step : coarse_to_fine({steps.begin() + static_cast<std::ptrdiff_t>(first),
@@ -104,6 +114,7 @@ std::vector<Step> in_order_of_showing(const std::vector<Step>& steps) {
 
 std::vector<DraftStage> draft_stages(const v1::Plan& plan, const std::vector<Step>& shown) {
   if (plan.method() != "gaussian") return {};
+  if (plan.has_adapt()) return after_rounds(shown);
   // Numbered in the plan's order, as coarse_to_fine() numbers them.
   std::vector<Step> planned = shown;
   std::ranges::sort(planned, {}, &Step::number);
@@ -141,8 +152,16 @@ int count_sweeps(const std::vector<Step>& steps) {
 }
 
 std::string describe(const v1::Draft& draft) {
-  return fmt::format("a draft of {} of {} images, {} of {} sweeps", draft.image_count(),
-                     draft.planned_image_count(), draft.sweep_count(), draft.planned_sweep_count());
+  const std::string images =
+      fmt::format("a draft of {} of {} images", draft.image_count(), draft.planned_image_count());
+  if (draft.sweep_count() == 0) return images;
+  return fmt::format("{}, {} of {} sweeps", images, draft.sweep_count(), draft.planned_sweep_count());
+}
+
+std::string describe(const v1::AdaptedRound& round) {
+  return fmt::format("after {} images {:.0f} % of the pixels are known well enough; 95 % to {:.1f} dB, {:.3g} px",
+                     round.image_count(), std::floor(100.0 * round.known_share()), round.error_db(),
+                     round.error_px());
 }
 
 }  // namespace glasswing

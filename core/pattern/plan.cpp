@@ -187,6 +187,31 @@ absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const L
   return absl::OkStatus();
 }
 
+absl::Status check_adapt(const v1::Plan& plan, const Location& location) {
+  for (int i = 0; i < plan.rounds_size(); ++i) {
+    const v1::Round& round = plan.rounds(i);
+    const Location here = location.nested(plan, "rounds", i);
+    for (int k = 0; k < round.fringes_size(); ++k)
+      GW_RETURN_IF_ERROR(check_fringes(round.fringes(k), here.nested(round, "fringes", k)));
+  }
+  if (!plan.has_adapt()) return absl::OkStatus();
+  if (plan.method() != "gaussian") {
+    return location.bad(plan, "adapt", 0, "given",
+                        fmt::format("left out with method \"{}\": only \"gaussian\" adapts", plan.method()));
+  }
+  const v1::Adapt& adapt = plan.adapt();
+  const Location here = location.nested(plan, "adapt", 0);
+  if (adapt.has_target_db() && !within(adapt.target_db(), 10.0, 80.0))
+    return here.bad(adapt, "target_db", 0, adapt.target_db(), "in [10, 80]");
+  if (adapt.has_target_px() && !within(adapt.target_px(), 0.001, 100.0))
+    return here.bad(adapt, "target_px", 0, adapt.target_px(), "in [0.001, 100]");
+  if (adapt.has_target_db() && adapt.has_target_px())
+    return here.bad(adapt, "target_px", 0, adapt.target_px(), "left out where target_db is given");
+  if (adapt.has_at_most() && !within(adapt.at_most(), 30, kMaxSteps))
+    return here.bad(adapt, "at_most", 0, adapt.at_most(), fmt::format("30 to {}", kMaxSteps));
+  return absl::OkStatus();
+}
+
 absl::Status check(const v1::Plan& plan, const Location& location) {
   if (plan.method() != kCalibrationMethod && !check_method(plan.method()).ok()) {
     return location.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()),
@@ -248,6 +273,7 @@ absl::Status check(const v1::Plan& plan, const Location& location) {
     return check_calibration(plan, shows_nothing, location);
   }
   GW_RETURN_IF_ERROR(check_ramp(plan, location));
+  GW_RETURN_IF_ERROR(check_adapt(plan, location));
   if (shows_nothing) {
     return location.bad(plan, "sweeps", 0, "empty, and so is everything else",
                         "at least one sweep, solid, ramp, fringe or photo");
@@ -472,6 +498,19 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
 
   const std::vector<double> exposures_ms = exposures_of(plan);
   std::vector<Step> steps;
+  const auto add_steps = [&](const std::vector<v1::Stimulus>& stimuli, bool object, int round) {
+    for (const double exposure_ms : exposures_ms) {
+      for (const v1::Stimulus& stimulus : stimuli) {
+        if (steps.size() >= kMaxSteps) return false;
+        steps.push_back({.number = static_cast<int>(steps.size()),
+                         .object = object,
+                         .round = round,
+                         .exposure_ms = exposure_ms,
+                         .stimulus = stimulus});
+      }
+    }
+    return true;
+  };
   for (const bool object : {false, true}) {
     if (!object && plan.skip_empty_stage()) continue;
     std::vector<v1::Stimulus> stimuli;
@@ -492,15 +531,15 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
       stimulus.set_reference(true);
       stimuli.push_back(std::move(stimulus));
     }
-    for (const double exposure_ms : exposures_ms) {
-      for (const v1::Stimulus& stimulus : stimuli) {
-        if (steps.size() >= kMaxSteps) return too_many;
-        steps.push_back({.number = static_cast<int>(steps.size()),
-                         .object = object,
-                         .exposure_ms = exposure_ms,
-                         .stimulus = stimulus});
-      }
+    if (!add_steps(stimuli, object, 0)) return too_many;
+  }
+  for (int round = 0; round < plan.rounds_size(); ++round) {
+    std::vector<v1::Stimulus> stimuli;
+    for (const v1::Monitor& monitor : used) {
+      for (const v1::Fringes& fringes : plan.rounds(round).fringes()) add_fringes(fringes, monitor, stimuli);
+      if (stimuli.size() > kMaxSteps) return too_many;
     }
+    if (!add_steps(stimuli, true, round + 1)) return too_many;
   }
   return steps;
 }

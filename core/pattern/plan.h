@@ -24,6 +24,8 @@ inline constexpr std::array<std::string_view, 5> kMethods{"gaussian", "hierarchi
                                                           "ramp"};
 inline constexpr int kDefaultRetries = 10;
 inline constexpr double kDefaultExposureMs = 4.0;
+inline constexpr double kDefaultTargetDb = 40.0;  // of adapting
+inline constexpr int kDefaultAtMost = 200;
 inline constexpr double kMaxStep_sigmas = 1.5;  // of a sweep, in sigmas: wider steps miss detail
 
 // Parses and checks. INVALID_ARGUMENT: "plan.txtpb:12: sigma_px is 0; it must be in (0, 200]".
@@ -37,12 +39,14 @@ absl::Status check_plan(const v1::Plan& plan);
 struct Step {
   int number = 0;       // index in the program
   bool object = false;  // the object is on the stage
+  int round = 0;        // of Plan.rounds, from 1; 0: the plan's own
   double exposure_ms = 0.0;
   v1::Stimulus stimulus;  // on its panel; the other monitors are black
 };
 
 // All steps, those without the object first, then by exposure; each such group starts with the patterns that
-// teach the camera the id patches. The steps of a video come last, in order. `rig` lists all monitors, of
+// teach the camera the id patches. The steps of a video come last, in order; so do those of rounds, of which
+// a further one changes none before. `rig` lists all monitors, of
 // which the plan selects. INVALID_ARGUMENT: check_plan() refuses the plan, a monitor is missing from the rig
 // or has another size, there are more than 20000 steps, or a video does not name one of several monitors.
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig);

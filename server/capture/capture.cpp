@@ -20,11 +20,12 @@ namespace glasswing {
 
 Capture::Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, const ImageFiles& images,
                  v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
-                 std::function<void(const v1::Session&)> report)
+                 std::function<void(const v1::Session&)> report, NextRound next_round)
     : rig_(rig),
       calibrations_(calibrations),
       images_(images),
       object_confirmed_(object_confirmed),
+      next_round_(std::move(next_round)),
       progress_(std::move(session), log, std::move(report)),
       video_(setup_, progress_),
       player_(setup_, progress_) {}
@@ -42,19 +43,45 @@ absl::Status Capture::capture(std::stop_token stop) {
   GW_RETURN_IF_ERROR(send_images());
   const bool video_broke_off = video_.has_run();
   std::optional<bool> object_at = object_confirmed_;
+  for (bool more = true; more;) {
+    GW_ASSIGN_OR_RETURN(const bool captured, capture_pending(object_at, stop));
+    if (!captured) return absl::OkStatus();
+    GW_ASSIGN_OR_RETURN(more, add_round(stop));
+  }
+  if (is_video(progress_.session().plan())) video_.note_lost(video_broke_off);
+  return archive_->seal(progress_.session().plan());
+}
+
+absl::StatusOr<bool> Capture::capture_pending(std::optional<bool>& object_at, std::stop_token stop) {
   for (const Group& group : pending_groups()) {
     if (object_at != group.object) {
       GW_ASSIGN_OR_RETURN(const bool moved, move_object(group.object));
       if (!moved) {
         object_wanted_ = group.object;
-        return absl::OkStatus();
+        return false;
       }
       object_at = group.object;
     }
     GW_RETURN_IF_ERROR(capture_group(group, stop));
   }
-  if (is_video(progress_.session().plan())) video_.note_lost(video_broke_off);
-  return archive_->seal();
+  return true;
+}
+
+absl::StatusOr<bool> Capture::add_round(std::stop_token stop) {
+  if (!progress_.session().plan().has_adapt()) return false;
+  const int rounds = progress_.session().plan().rounds_size();
+  const absl::StatusOr<v1::Session> grown = next_round_(progress_.session(), stop);
+  if (absl::IsFailedPrecondition(grown.status())) {
+    // What was captured can be solved all the same.
+    progress_.warn("no further images were chosen: " + std::string(grown.status().message()));
+    return false;
+  }
+  GW_RETURN_IF_ERROR(grown.status());
+  GW_ASSIGN_OR_RETURN(setup_.steps, expand(grown->plan(), setup_.monitors));
+  progress_.grow(*grown, static_cast<int>(setup_.steps.size()));
+  if (grown->plan().rounds_size() == rounds) return false;
+  GW_RETURN_IF_ERROR(check_room());
+  return true;
 }
 
 CaptureOutcome Capture::outcome_of(const absl::Status& status, bool stopped) const {

@@ -40,13 +40,17 @@ struct CaptureOutcome {
   std::string reason;
 };
 
+// Of a session that adapts, whose steps are all stored: the session with one more round in its plan, stored
+// durably, or with the same plan if there shall be none.
+using NextRound = std::function<absl::StatusOr<v1::Session>(const v1::Session&, std::stop_token)>;
+
 class Capture {
  public:
   // `object_confirmed`: a person has confirmed that the object is on the stage, or off it. `log` records the
   // outcome of each step. `report` is called with the updated session, from the thread that calls run().
   Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, const ImageFiles& images,
           v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
-          std::function<void(const v1::Session&)> report);
+          std::function<void(const v1::Session&)> report, NextRound next_round);
   ~Capture();
 
   CaptureOutcome run(std::stop_token stop);
@@ -59,6 +63,10 @@ class Capture {
   };
 
   absl::Status capture(std::stop_token stop);
+  // Captures all that is pending. False: a person has to move the object.
+  absl::StatusOr<bool> capture_pending(std::optional<bool>& object_at, std::stop_token stop);
+  // False: there are to be no further images.
+  absl::StatusOr<bool> add_round(std::stop_token stop);
   CaptureOutcome outcome_of(const absl::Status& status, bool stopped) const;
   absl::Status find_rig();
   absl::Status open_archive();
@@ -78,6 +86,7 @@ class Capture {
   const CalibrationStore& calibrations_;
   const ImageFiles& images_;
   const std::optional<bool> object_confirmed_;
+  const NextRound next_round_;
 
   CaptureSetup setup_;
   CaptureProgress progress_;

@@ -85,9 +85,10 @@ absl::StatusOr<v1::LearnPatchesResponse> CaptureArchive::learn_patches(
   return response;
 }
 
-absl::Status CaptureArchive::seal() {
+absl::Status CaptureArchive::seal(const v1::Plan& plan) {
   v1::SealArchiveRequest request;
   request.set_session(session_);
+  if (plan.has_adapt()) *request.mutable_plan() = plan;
   v1::SealArchiveResponse response;
   grpc::ClientContext context;
   set_deadline(context, kNodeCall);

@@ -29,7 +29,8 @@ class CaptureArchive {
   // they do not show the id patch. UNIMPLEMENTED: the camera node is of an older build.
   absl::StatusOr<v1::LearnPatchesResponse> learn_patches(const std::vector<v1::Frame>& frames,
                                                          const std::vector<std::string>& accept_unseen);
-  absl::Status seal();
+  // With the plan as it is now, of a session that adapts.
+  absl::Status seal(const v1::Plan& plan);
 
   // The camera node ran out of disk space in one of the calls above.
   bool no_room() const { return no_room_; }

@@ -27,6 +27,13 @@ void CaptureProgress::resume(const v1::CaptureManifest& manifest, int step_count
   session_.set_proven_count(static_cast<int>(proven_.size()));
 }
 
+void CaptureProgress::grow(const v1::Session& session, int step_count) {
+  *session_.mutable_plan() = session.plan();
+  *session_.mutable_adapted() = session.adapted();
+  session_.set_step_count(step_count);
+  report();
+}
+
 void CaptureProgress::begin_group() {
   group_began_ = monotonic_now();
   seconds_before_ = session_.capture_seconds();

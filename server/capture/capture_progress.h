@@ -28,6 +28,9 @@ class CaptureProgress {
   // Restores the counts from the archive's manifest.
   void resume(const v1::CaptureManifest& manifest, int step_count);
 
+  // Takes plan and findings of a session that adapts.
+  void grow(const v1::Session& session, int step_count);
+
   // Time of showing and recording counts only between these two calls.
   void begin_group();
   void end_group() { group_began_.reset(); }

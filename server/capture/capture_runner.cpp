@@ -100,7 +100,7 @@ absl::StatusOr<v1::Session> CaptureRunner::create(const v1::CreateSessionRequest
   GW_RETURN_IF_ERROR(check_new_name(session.name()));
   *session.mutable_plan() = request.plan();
   session.set_method(request.plan().method());
-  session.set_solve_follows(request.solve());
+  session.set_solve_follows(request.solve() || request.plan().has_adapt());
   if (is_video(request.plan())) session.set_frame_count(ramp_frames_of(request.plan().ramp()));
   session.set_step_count(static_cast<int>(checked.steps.size()));
   const v1::Camera& camera = checked.estimate.camera();
@@ -161,11 +161,19 @@ void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> 
     edit.show(session);
     progressed_(session);
   };
+  const auto next_round = [this](const v1::Session& captured,
+                                 std::stop_token until) -> absl::StatusOr<v1::Session> {
+    GW_ASSIGN_OR_RETURN(v1::Session grown, next_round_(captured, std::move(until)));
+    // Before its first step is shown: a later choice must not give another picture the same number.
+    GW_RETURN_IF_ERROR(sessions_.edit().save_progress(grown));
+    return grown;
+  };
   CaptureOutcome outcome;
   nanoseconds lost_at{};
   while (true) {
     const int proven_before = session.proven_count();
-    outcome = Capture(nodes_, calibrations_, images_, session, object_confirmed, steps_, report).run(stop);
+    outcome = Capture(nodes_, calibrations_, images_, session, object_confirmed, steps_, report, next_round)
+                  .run(stop);
     const bool no_room = outcome.kind == Kind::kNoRoom;
     if (outcome.kind != Kind::kNodeLost && !no_room) break;
     const nanoseconds now = monotonic_now();

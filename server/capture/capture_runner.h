@@ -31,10 +31,11 @@ class CaptureRunner {
  public:
   enum class Wish { kNone, kPause, kCancel };
 
+  // `next_round` is asked after each round of a session that adapts (AdaptiveRounds::grow).
   // `progressed` is called under an Edit with each new record of a session that is being captured, and when
   // its capture has ended; `captured` with the name of each whose last step is proven, also under mutex_.
   CaptureRunner(SessionStore& sessions, const NodeRegistry& nodes, RigLock& rig_lock,
-                const CalibrationStore& calibrations, ImageFiles& images,
+                const CalibrationStore& calibrations, ImageFiles& images, NextRound next_round,
                 std::function<void(const v1::Session&)> progressed,
                 std::function<void(const std::string& session)> captured)
       : sessions_(sessions),
@@ -42,6 +43,7 @@ class CaptureRunner {
         rig_lock_(rig_lock),
         calibrations_(calibrations),
         images_(images),
+        next_round_(std::move(next_round)),
         progressed_(std::move(progressed)),
         captured_(std::move(captured)) {}
   ~CaptureRunner();  // pauses a running capture
@@ -79,6 +81,7 @@ class CaptureRunner {
   RigLock& rig_lock_;
   const CalibrationStore& calibrations_;
   ImageFiles& images_;
+  const NextRound next_round_;
   const std::function<void(const v1::Session&)> progressed_;
   const std::function<void(const std::string&)> captured_;
   StepLog steps_;

@@ -63,10 +63,14 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
               options.min_tile_seconds),
       following_solves_(*stores_.sessions, solves_),
       drafts_(*stores_.sessions, mattes_),
+      rounds_(drafts_, mattes_),
       tiles_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
              solves_.progress(), drafts_, options.lease),
       captures_(
           *stores_.sessions, rig_, rig_lock_, *stores_.calibrations, *stores_.images,
+          [this](const v1::Session& session, std::stop_token stop) {
+            return rounds_.grow(session, std::move(stop));
+          },
           [this](const v1::Session& session) { drafts_.note(session); },
           [this](const std::string& session) { following_solves_.look(session); }),
       control_(*stores_.sessions, captures_, solves_),

@@ -22,6 +22,7 @@
 #include "server/rig/rig_lock.h"
 #include "server/services/session_control.h"
 #include "server/sessions/session_store.h"
+#include "server/solve/adaptive_rounds.h"
 #include "server/solve/drafts.h"
 #include "server/solve/following_solves.h"
 #include "server/solve/solve_runner.h"
@@ -92,6 +93,7 @@ class Server {
   SolveRunner solves_;
   FollowingSolves following_solves_;
   Drafts drafts_;
+  AdaptiveRounds rounds_;
   TileDispatcher tiles_;
   CaptureRunner captures_;  // after what it uses: its end pauses a running capture
   SessionControl control_;

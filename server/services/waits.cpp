@@ -96,6 +96,12 @@ std::optional<v1::Waiting> solver_waiting(const v1::GetFleetResponse& fleet) {
                  "where it is installed");
 }
 
+// What a draft of its images tells decides whether it goes on.
+bool awaits_draft(const v1::Session& session) {
+  return session.state() == v1::SESSION_STATE_CAPTURING && session.plan().has_adapt() &&
+         session.step_count() > 0 && session.proven_count() == session.step_count();
+}
+
 bool is_own(const v1::FleetSolve& solve, const v1::Session& session) {
   return solve.session() == session.name() && solve.server().empty();
 }
@@ -151,7 +157,8 @@ std::optional<v1::Waiting> solve_waiting(const v1::Session& session, const Surro
 std::optional<v1::Waiting> waiting_of(const v1::Session& session, const Surroundings& around) {
   switch (session.state()) {
     case v1::SESSION_STATE_CAPTURING:
-      return own_waiting(session);
+      if (auto own = own_waiting(session)) return own;
+      return awaits_draft(session) && around.fleet.ok() ? solver_waiting(*around.fleet) : std::nullopt;
     case v1::SESSION_STATE_PAUSED:
       return rests_in_solve(session) ? std::nullopt : capture_waiting(session, around);
     case v1::SESSION_STATE_SOLVING:
@@ -177,7 +184,7 @@ v1::Session Waits::told(v1::Session session) {
   if (session.state() == v1::SESSION_STATE_PAUSED || session.state() == v1::SESSION_STATE_SOLVING)
     around.nodes = server_.rig().nodes();
   if (session.state() == v1::SESSION_STATE_PAUSED) around.holder = server_.rig_lock().holder();
-  if (session.state() == v1::SESSION_STATE_SOLVING) {
+  if (session.state() == v1::SESSION_STATE_SOLVING || awaits_draft(session)) {
     around.fleet = fleet();
     around.store_away_since = server_.problems().since(kJobStore);
   }

@@ -31,6 +31,7 @@ constexpr int kDraftTiles = 48, kMinDraftRows = 2;
 constexpr std::int64_t kMaxDraftTileBytes = 256 << 20;  // of frames' samples
 constexpr std::chrono::seconds kBreak(5);  // between a capture's reports: it was paused, or a node was away
 constexpr double kFewPixels = 60'000;
+constexpr double kFirstPixels = 2'500, kWaited_s = 4.0;  // of a draft that a capture waits for
 constexpr int kFirstStep = 5;
 constexpr double kPartOfRest = 0.7;  // of the capture
 constexpr double kNearlyAll = 0.95;  // of a stage's steps
@@ -124,6 +125,15 @@ int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds
   return kFirstStep;
 }
 
+int pixel_step_while_waiting(const v1::Camera& camera, int image_count, double unit_seconds) {
+  if (!camera.mosaic().empty()) return 1;
+  const double pixels = static_cast<double>(camera.width_px()) * camera.height_px();
+  const double affordable = unit_seconds > 0.0 ? kWaited_s / (unit_seconds * image_count) : kFirstPixels;
+  int step = 1;
+  while (pixels / (step * step) > std::max(affordable, 0.25 * kFirstPixels)) step += 2;
+  return step;
+}
+
 std::optional<std::vector<int>> reached(const DraftStage& stage, const std::vector<int>& shown,
                                         const v1::CaptureManifest& manifest) {
   std::set<int> stored;
@@ -167,6 +177,7 @@ void Drafts::forget(const std::string& session) {
   const std::lock_guard lock(mutex_);
   if (running_ && running_->session.name() == session) running_.reset();
   made_.erase(session);
+  failed_.erase(session);
 }
 
 std::optional<v1::Draft> Drafts::of(const v1::Session& session) {
@@ -176,6 +187,13 @@ std::optional<v1::Draft> Drafts::of(const v1::Session& session) {
   if (!session.matte_ready()) return made->second;
   made_.erase(made);
   return std::nullopt;
+}
+
+absl::Status Drafts::failure(const std::string& session, int image_count) {
+  const std::lock_guard lock(mutex_);
+  const auto failed = failed_.find(session);
+  if (failed == failed_.end() || failed->second.image_count != image_count) return absl::OkStatus();
+  return failed->second.status;
 }
 
 void Drafts::run(std::stop_token stop) {
@@ -191,12 +209,17 @@ void Drafts::run(std::stop_token stop) {
 }
 
 absl::StatusOr<Drafts::Plan*> Drafts::plan_of(const v1::Session& session) {
-  if (const auto known = plans_.find(session.name()); known != plans_.end()) return &known->second;
+  const auto known = plans_.find(session.name());
+  if (known != plans_.end() && known->second.rounds == session.plan().rounds_size()) return &known->second;
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
   GW_ASSIGN_OR_RETURN(const std::vector<Step> steps,
-                      expand(manifest.plan(), {manifest.monitors().begin(), manifest.monitors().end()}));
+                      expand(session.plan(), {manifest.monitors().begin(), manifest.monitors().end()}));
   const std::vector<Step> shown = in_order_of_showing(steps);
-  Plan plan{.steps = {}, .stages = draft_stages(manifest.plan(), shown), .sweep_count = count_sweeps(steps)};
+  Plan plan = known == plans_.end() ? Plan{} : std::move(known->second);
+  plan.rounds = session.plan().rounds_size();
+  plan.steps.clear();
+  plan.stages = draft_stages(session.plan(), shown);
+  plan.sweep_count = session.plan().has_adapt() ? 0 : count_sweeps(steps);
   for (const Step& step : shown) plan.steps.push_back(step.number);
   plans_.clear();  // a server captures one session at a time
   return &plans_.emplace(session.name(), std::move(plan)).first->second;
@@ -245,11 +268,14 @@ void Drafts::begin(const v1::Session& session, const DraftStage& stage, std::vec
   const std::chrono::duration<double> took = plan.looked - plan.since;
   const double seconds_left = took.count() * (session.step_count() - session.proven_count()) /
                               std::max(session.proven_count() - plan.since_proven, 1);
-  const int pixel_step = pixel_step_of(manifest.camera(), draft.image_count(), unit_seconds_, seconds_left);
+  const bool waited_for = session.plan().has_adapt();
+  const int pixel_step =
+      waited_for ? pixel_step_while_waiting(manifest.camera(), draft.image_count(), unit_seconds_)
+                 : pixel_step_of(manifest.camera(), draft.image_count(), unit_seconds_, seconds_left);
   plan.begun = stage.step_count;
   // Between few pixels more sweeps make no better draft.
-  if (plan.pixel_step > 1 && pixel_step >= plan.pixel_step) return;
-  if (plan.pixel_step == 1 && pixel_step > 1) return;
+  if (!waited_for && plan.pixel_step > 1 && pixel_step >= plan.pixel_step) return;
+  if (!waited_for && plan.pixel_step == 1 && pixel_step > 1) return;
   plan.pixel_step = pixel_step;
   // Solvers know jobs by their number, across restarts of the server.
   last_job_ = std::min(
@@ -337,8 +363,11 @@ absl::Status Drafts::complete(const v1::CompleteTileRequest& header, const std::
     unit_seconds_ = took.count() / (solved * done->draft.image_count());
   }
   const absl::Status finished = finish(*done);
-  if (!finished.ok())
+  if (!finished.ok()) {
     spdlog::warn("no draft session={} error=\"{}\"", session.name(), std::string(finished.message()));
+    const std::lock_guard lock(mutex_);
+    failed_[session.name()] = {.image_count = done->draft.image_count(), .status = finished};
+  }
   to_look_at_.add(session.name());
   return absl::OkStatus();
 }
@@ -378,6 +407,8 @@ void Drafts::fail(const v1::FailTileRequest& request) {
   if (goes_on && !request.permanent()) return;
   spdlog::warn("no draft session={} images={} error=\"{}\"", draft->session.name(),
                draft->draft.image_count(), request.error());
+  failed_[draft->session.name()] = {.image_count = draft->draft.image_count(),
+                                    .status = absl::FailedPreconditionError(request.error())};
   to_look_at_.add(draft->session.name());
   running_.reset();
 }

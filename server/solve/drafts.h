@@ -78,6 +78,10 @@ class Drafts {
   void forget(const std::string& session);
   // Of a session without a finished matte: what its newest draft is made of.
   std::optional<v1::Draft> of(const v1::Session& session);
+  // Looks at a session that is being captured, as note() does.
+  void look_at(const std::string& session) { to_look_at_.add(session); }
+  // Why the draft of so many images failed; OK: it has not.
+  absl::Status failure(const std::string& session, int image_count);
 
   // As those of TileDispatcher.
   static bool is_draft(const v1::TileLease& lease) { return lease.job() < 0; }
@@ -99,6 +103,7 @@ class Drafts {
   };
   // What can be drafted of a session.
   struct Plan {
+    int rounds = 0;          // of the plan by then
     std::vector<int> steps;  // in the order of showing
     std::vector<DraftStage> stages;
     int sweep_count = 0;
@@ -126,6 +131,11 @@ class Drafts {
   std::mutex mutex_;
   std::optional<Running> running_;         // guarded by mutex_
   std::map<std::string, v1::Draft> made_;  // newest, by session; guarded by mutex_
+  struct Failure {
+    int image_count = 0;
+    absl::Status status;
+  };
+  std::map<std::string, Failure> failed_;  // newest, by session; guarded by mutex_
   std::int64_t last_job_ = 0;              // guarded by mutex_
   // That the last draft took for a solved pixel of an image; 0: there was none. Guarded by mutex_.
   double unit_seconds_ = 0.0;
@@ -138,6 +148,9 @@ class Drafts {
 // `unit_seconds`: that the last draft took for a pixel of an image; 0: there was none, and the first draft
 // shall come soon.
 int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds, double seconds_left);
+
+// The same for a draft that a capture waits for: the smallest odd number with which it takes a few seconds.
+int pixel_step_while_waiting(const v1::Camera& camera, int image_count, double unit_seconds);
 
 // The steps of the first `stage.step_count` of `shown` that are stored, rising, if the stage is reached: all
 // of them, or nearly all and the showing has gone on. (A step without proof is shown again only after all

@@ -90,6 +90,28 @@ class Fringes(_Value):
 
 
 @dataclasses.dataclass(frozen=True)
+class Adapt:
+    """Rounds of further images are chosen until 95 % of the object's pixels are known well enough.
+
+    ``target_db``: the error that noise leaves in a composite, in decibels below full scale, 10 to 80, default 40.
+    ``target_px``: instead of it, the standard error of a place on the monitor, 0.001 to 100. ``at_most``: images, those
+    without the object included, 30 to 20000, default 200.
+    """
+
+    target_db: float | None = None
+    target_px: float | None = None
+    at_most: int | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Round(_Value):
+    """Patterns that were chosen for what was uncertain then; ``why`` is for people. Shown with the object only."""
+
+    fringes: Sequence[Fringes] = ()
+    why: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
 class Ramp:
     """The colour ramp of method "ramp": ``frames`` (1 to 18000) of the object, after ``empty_frames`` (1 to 1000)."""
 
@@ -152,6 +174,8 @@ class Plan(_Value):
     white_every: int | None = None
     fringes: Sequence[Fringes] = ()
     camera: str = ""
+    adapt: Adapt | None = None
+    rounds: Sequence[Round] = ()
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Plan:

@@ -1,0 +1,183 @@
+#include "core/design/next_round.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace glasswing {
+namespace {
+
+constexpr int kDirections = 8;
+constexpr double kNextPeriod = 1.25;
+constexpr double kAgain = 1.03;  // to the period of a wave that is chosen once more
+constexpr double kLeftOver = 1.0 / 30.0;
+constexpr double kMostUnknown = 0.3;  // of a weight
+constexpr double kMaxTurn = 0.8;  // radians of a wave: a place that is less certain may be taken for another
+
+// What is known of a pixel, and how much an error matters.
+struct Known {
+  Eigen::MatrixXd covariance;  // C
+  Eigen::MatrixXd weight;      // M, with zeros for F
+  Eigen::Index place = 1;      // of the strongest footprint's cx less 1
+
+  double composite() const { return std::sqrt((covariance * weight).trace()); }
+  double centre_px() const {
+    return std::sqrt(0.5 * (covariance(place + 1, place + 1) + covariance(place + 2, place + 2)));
+  }
+  double of(RoundTarget::Kind kind) const {
+    return kind == RoundTarget::Kind::kCentre ? centre_px() : composite();
+  }
+  // Whether the strongest footprint's place is known to a part of the wave's period.
+  bool suits(const DesignedWave& wave) const {
+    const double phi_rad = wave.phi_deg * std::numbers::pi / 180.0;
+    const Eigen::Vector2d along(std::cos(phi_rad), std::sin(phi_rad));
+    const double variance = along.dot(covariance.block<2, 2>(place + 1, place + 1) * along);
+    return 2.0 * std::numbers::pi / wave.period_px * std::sqrt(variance) < kMaxTurn;
+  }
+};
+
+Known known_of(const PatternAnswers& shown, const KnownPixel& pixel, const CameraNoise& noise,
+               const Background& background) {
+  // As wide as the monitor's pixels make them.
+  Footprints modes = pixel.modes;
+  for (Footprint& mode : modes) mode.xx_px2 += 1.0 / 12.0, mode.yy_px2 += 1.0 / 12.0;
+  const Eigen::MatrixXd by = whitened_slopes(shown, modes, noise);
+  const double side_px = std::max(shown.extent().width_px, shown.extent().height_px);
+  Known known;
+  known.covariance = (by.transpose() * by / (pixel.excess * pixel.excess) +
+                      prior_information(modes.size(), shown.extent(), side_px))
+                         .inverse();
+  known.weight = Eigen::MatrixXd::Zero(by.cols(), by.cols());
+  known.weight.bottomRightCorner(by.cols() - 1, by.cols() - 1) = background.weight_on_monitor(modes);
+  return known;
+}
+
+std::vector<DesignedWave> all_waves(const MonitorExtent& extent) {
+  std::vector<DesignedWave> waves;
+  for (int d = 0; d < kDirections; ++d) {
+    const double longest_px = std::max(extent.width_px, extent.height_px);
+    for (double period_px = kFinestPeriod_px; period_px < longest_px; period_px *= kNextPeriod)
+      waves.push_back({.phi_deg = 180.0 * d / kDirections, .period_px = std::round(100.0 * period_px) / 100.0});
+  }
+  return waves;
+}
+
+PatternAnswers answers_of(const std::vector<DesignedWave>& waves, const MonitorExtent& extent) {
+  std::vector<ShownPattern> patterns;
+  for (const DesignedWave& wave : waves) {
+    for (const double phase_rad : {0.0, 0.5 * std::numbers::pi}) patterns.push_back(wave_of(wave, phase_rad));
+  }
+  return {std::move(patterns), extent};
+}
+
+// Of both phases of a wave: B, and (1 + B C B')^-1 B C.
+struct Update {
+  Eigen::MatrixXd by_covariance, gain;
+  Update(const Eigen::MatrixXd& covariance, const Eigen::Ref<const Eigen::MatrixXd>& by)
+      : by_covariance(by * covariance) {
+    const Eigen::Matrix2d inner = Eigen::Matrix2d::Identity() + by_covariance * by.transpose();
+    gain = inner.inverse() * by_covariance;
+  }
+  // What it takes off the error's square.
+  double lowers(const Known& known, RoundTarget::Kind kind) const {
+    if (kind == RoundTarget::Kind::kComposite)
+      return ((by_covariance * known.weight).array() * gain.array()).sum();
+    return 0.5 * (by_covariance.middleCols(known.place + 1, 2).array() *
+                  gain.middleCols(known.place + 1, 2).array())
+                     .sum();
+  }
+};
+
+}  // namespace
+
+void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, const CameraNoise& noise) {
+  const Background background(shown.extent());
+  std::vector<double> found;
+  std::vector<KnownPixel*> unknown;
+  for (KnownPixel& pixel : pixels) {
+    int best = -1;
+    for (int m = 0; m < pixel.modes.size(); ++m) {
+      const auto i = static_cast<size_t>(m);
+      const double sd = pixel.centre_sd_px[i];
+      // Modes that share their light are known together only.
+      if (pixel.weight_sd[i] > kMostUnknown * pixel.modes[m].weight) continue;
+      if (sd > 0.0 && (best < 0 || sd < pixel.centre_sd_px[static_cast<size_t>(best)])) best = m;
+    }
+    if (best < 0) {
+      unknown.push_back(&pixel);
+      continue;
+    }
+    pixel.excess = 1.0;
+    Known known = known_of(shown, pixel, noise, background);
+    known.place = 6 * best + 1;
+    pixel.excess = pixel.centre_sd_px[static_cast<size_t>(best)] / known.centre_px();
+    found.push_back(pixel.excess);
+  }
+  if (found.empty()) return;
+  const auto middle = found.begin() + std::ssize(found) / 2;
+  std::ranges::nth_element(found, middle);
+  for (KnownPixel* pixel : unknown) pixel->excess = *middle;
+}
+
+std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
+                                  const CameraNoise& noise) {
+  const Background background(shown.extent());
+  std::vector<PixelError> errors;
+  for (const KnownPixel& pixel : pixels) {
+    const Known known = known_of(shown, pixel, noise, background);
+    errors.push_back({.composite = known.composite(), .centre_px = known.centre_px()});
+  }
+  return errors;
+}
+
+std::vector<DesignedWave> choose_waves(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
+                                       const CameraNoise& noise, const RoundTarget& target, int least,
+                                       int most) {
+  std::vector<DesignedWave> waves = all_waves(shown.extent()), chosen;
+  const PatternAnswers answers = answers_of(waves, shown.extent());
+  const Background background(shown.extent());
+  std::vector<Known> known;
+  std::vector<Eigen::MatrixXd> slopes;  // by pixel: two rows a wave
+  for (const KnownPixel& pixel : pixels) {
+    known.push_back(known_of(shown, pixel, noise, background));
+    slopes.push_back(whitened_slopes(answers, pixel.modes, noise) / pixel.excess);
+  }
+  const double enough = target.error * target.error;
+  const auto done = [&] {
+    const auto missing = std::ranges::count_if(
+        known, [&](const Known& pixel) { return pixel.of(target.kind) > target.error; });
+    return static_cast<double>(missing) <= kLeftOver * static_cast<double>(known.size());
+  };
+  while (std::ssize(chosen) < most && (std::ssize(chosen) < least || !done())) {
+    std::vector<double> before;
+    for (const Known& pixel : known) before.push_back(std::pow(pixel.of(target.kind), 2));
+    size_t best = 0;
+    double lowest = std::numeric_limits<double>::infinity();
+    for (size_t w = 0; w < waves.size(); ++w) {
+      double sum = 0.0;
+      for (size_t p = 0; p < known.size(); ++p) {
+        const Known& pixel = known[p];
+        if (!pixel.suits(waves[w])) {
+          sum += std::log(before[p] + enough);
+          continue;
+        }
+        const Update update(pixel.covariance, slopes[p].middleRows(2 * static_cast<Eigen::Index>(w), 2));
+        const double left = before[p] - update.lowers(pixel, target.kind);
+        sum += std::log(std::max(left, 0.0) + enough);
+      }
+      if (sum < lowest) lowest = sum, best = w;
+    }
+    for (size_t p = 0; p < known.size(); ++p) {
+      if (!known[p].suits(waves[best])) continue;
+      const Update update(known[p].covariance, slopes[p].middleRows(2 * static_cast<Eigen::Index>(best), 2));
+      known[p].covariance -= update.by_covariance.transpose() * update.gain;
+    }
+    chosen.push_back(waves[best]);
+    waves[best].period_px = std::round(100.0 * kAgain * waves[best].period_px) / 100.0;
+  }
+  return chosen;
+}
+
+}  // namespace glasswing

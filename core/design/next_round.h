@@ -1,0 +1,57 @@
+// The next round of a capture that adapts: how well each pixel is known by now, and the waves that tell most of
+// those that are not known well enough.
+//
+// A pixel's covariance is I^-1 (information.h) for the footprints that a solve found and a noise of `excess`
+// times the camera's: as much larger as the solve's own standard error of its best known place is, by noise
+// beyond the camera's and by what its model leaves unexplained. Each wave, in two phases, is the one that lowers
+//
+//   sum over pixels of log(error^2 + target^2)
+//
+// most, given all before it: with B its two rows of derivatives, I^-1 becomes C - C B'(1 + B C B')^-1 B C. A
+// wave tells nothing of a pixel whose place is not known to an eighth of its period by then.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "core/design/information.h"
+
+namespace glasswing {
+
+// One channel of a pixel, on one monitor.
+struct KnownPixel {
+  Footprints modes;                                   // the strongest first
+  // As solved; 0: unknown.
+  std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
+  double excess = 1.0;                                // by find_excess()
+};
+
+struct RoundTarget {
+  enum class Kind { kComposite, kCentre };
+  Kind kind = Kind::kComposite;
+  double error = 0.01;  // rms of full scale; px
+};
+
+// Standard errors.
+struct PixelError {
+  double composite = 0.0;  // of full scale
+  double centre_px = 0.0;  // of the strongest footprint
+  double of(RoundTarget::Kind kind) const { return kind == RoundTarget::Kind::kCentre ? centre_px : composite; }
+};
+
+// Sets `excess` of pixels that were solved from these patterns; where no place is known by itself, to the
+// median of the others.
+void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, const CameraNoise& noise);
+
+// In the pixels' order; each has modes.
+std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
+                                  const CameraNoise& noise);
+
+// At least `least` waves and at most `most`, but no more than bring all but a thirtieth of the pixels to the
+// target. Each has modes.
+std::vector<DesignedWave> choose_waves(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
+                                       const CameraNoise& noise, const RoundTarget& target, int least,
+                                       int most);
+
+}  // namespace glasswing
