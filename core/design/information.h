@@ -49,8 +49,8 @@ class Background {
   std::vector<Detail> details_;
 };
 
-// J_i / sqrt(v_i), a row a pattern, then black. `noise_scale`: by pattern, its noise over the camera's; may be
-// empty.
+// J_i / sqrt(v_i), a row a pattern, then black. `noise_scale`: by pattern, its noise over the camera's; may
+// be empty.
 Eigen::MatrixXd whitened_slopes(const PatternAnswers& patterns, const Footprints& modes,
                                 const CameraNoise& noise, std::span<const double> noise_scale = {});
 

@@ -59,7 +59,8 @@ std::vector<DesignedWave> all_waves(const MonitorExtent& extent) {
   for (int d = 0; d < kDirections; ++d) {
     const double longest_px = std::max(extent.width_px, extent.height_px);
     for (double period_px = kFinestPeriod_px; period_px < longest_px; period_px *= kNextPeriod)
-      waves.push_back({.phi_deg = 180.0 * d / kDirections, .period_px = std::round(100.0 * period_px) / 100.0});
+      waves.push_back(
+          {.phi_deg = 180.0 * d / kDirections, .period_px = std::round(100.0 * period_px) / 100.0});
   }
   return waves;
 }

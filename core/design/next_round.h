@@ -1,9 +1,10 @@
-// The next round of a capture that adapts: how well each pixel is known by now, and the waves that tell most of
-// those that are not known well enough.
+// The next round of a capture that adapts: how well each pixel is known by now, and the waves that tell most
+// of those that are not known well enough.
 //
 // A pixel's covariance is I^-1 (information.h) for the footprints that a solve found and a noise of `excess`
 // times the camera's: as much larger as the solve's own standard error of its best known place is, by noise
-// beyond the camera's and by what its model leaves unexplained. Each wave, in two phases, is the one that lowers
+// beyond the camera's and by what its model leaves unexplained. Each wave, in two phases, is the one that
+// lowers
 //
 //   sum over pixels of log(error^2 + target^2)
 //
@@ -21,10 +22,10 @@ namespace glasswing {
 
 // One channel of a pixel, on one monitor.
 struct KnownPixel {
-  Footprints modes;                                   // the strongest first
+  Footprints modes;  // the strongest first
   // As solved; 0: unknown.
   std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
-  double excess = 1.0;                                // by find_excess()
+  double excess = 1.0;  // by find_excess()
 };
 
 struct RoundTarget {
@@ -37,7 +38,9 @@ struct RoundTarget {
 struct PixelError {
   double composite = 0.0;  // of full scale
   double centre_px = 0.0;  // of the strongest footprint
-  double of(RoundTarget::Kind kind) const { return kind == RoundTarget::Kind::kCentre ? centre_px : composite; }
+  double of(RoundTarget::Kind kind) const {
+    return kind == RoundTarget::Kind::kCentre ? centre_px : composite;
+  }
 };
 
 // Sets `excess` of pixels that were solved from these patterns; where no place is known by itself, to the

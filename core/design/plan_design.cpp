@@ -24,7 +24,7 @@ constexpr double kLight = 0.9;         // of all footprints of a pixel
 constexpr double kLeastWeight = 0.15;  // of one of several
 constexpr double kMostRatio = 2.5;     // from one period of a ladder to the next
 constexpr double kPeriodStep = 1.15;
-constexpr double kMargin = 1.5;          // sigmas that stripes start before the monitor's edge
+constexpr double kMargin = 1.5;  // sigmas that stripes start before the monitor's edge
 constexpr std::array<double, 4> kDirections_deg{0.0, 90.0, 45.0, -45.0};
 
 double median(std::vector<double> values) {

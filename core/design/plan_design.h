@@ -1,9 +1,9 @@
 // Plans for a number of images and a camera's noise: the patterns are chosen by how well they will tell a
 // footprint.
 //
-// Patterns are compared by the error that they leave in composites (information.h), in the geometric mean over
-// a prior of footprints: one to `modes` places anywhere on the monitor, sigmas even in their logarithm, any
-// orientation.
+// Patterns are compared by the error that they leave in composites (information.h), in the geometric mean
+// over a prior of footprints: one to `modes` places anywhere on the monitor, sigmas even in their logarithm,
+// any orientation.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -164,8 +164,8 @@ class WavedRectangle {
       }
     }
     std::ranges::sort(ends);
-    const double most_px = std::min(kPanelReach * x_.sd,
-                                    kPanelTurn / std::max(std::abs(wx_), std::abs(wx_ + wy_ * turn)));
+    const double most_px =
+        std::min(kPanelReach * x_.sd, kPanelTurn / std::max(std::abs(wx_), std::abs(wx_ + wy_ * turn)));
     Complex sum = 0.0;
     for (size_t i = 0; i + 1 < ends.size(); ++i) {
       const double length_px = ends[i + 1] - ends[i];
@@ -175,10 +175,9 @@ class WavedRectangle {
         const double middle_px = ends[i] + (2 * panel + 1) * half_px;
         for (size_t n = 0; n < kQuadrature.place.size(); ++n) {
           const double x_px = middle_px + half_px * kQuadrature.place[n];
-          const NormalLine y{
-              .mean = y_.mean + turn * (x_px - x_.mean), .sd = rest_sd, .size_px = y_.size_px};
-          sum += half_px * kQuadrature.weight[n] * x_.density(x_px) *
-                 std::exp(Complex(0.0, wx_ * x_px)) * y.waved(wy_);
+          const NormalLine y{.mean = y_.mean + turn * (x_px - x_.mean), .sd = rest_sd, .size_px = y_.size_px};
+          sum += half_px * kQuadrature.weight[n] * x_.density(x_px) * std::exp(Complex(0.0, wx_ * x_px)) *
+                 y.waved(wy_);
         }
       }
     }

@@ -274,6 +274,8 @@ absl::Status Archive::seal(const v1::Plan* plan) {
     header.clear_frames();
     *header.mutable_plan() = *plan;
     GW_RETURN_IF_ERROR(check_manifest_header(header));
+    // First, since an archive that is opened reads its header from there.
+    GW_RETURN_IF_ERROR(write_file_durably(directory_ / "header.json", archive_json(header, true)));
     *manifest_.mutable_plan() = *plan;
   }
   GW_RETURN_IF_ERROR(write_file_durably(directory_ / "manifest.json", archive_json(manifest_, true)));

@@ -159,9 +159,9 @@ std::string describe(const v1::Draft& draft) {
 }
 
 std::string describe(const v1::AdaptedRound& round) {
-  return fmt::format("after {} images {:.0f} % of the pixels are known well enough; 95 % to {:.1f} dB, {:.3g} px",
-                     round.image_count(), std::floor(100.0 * round.known_share()), round.error_db(),
-                     round.error_px());
+  return fmt::format(
+      "after {} images {:.0f} % of the pixels are known well enough; 95 % to {:.1f} dB, {:.3g} px",
+      round.image_count(), std::floor(100.0 * round.known_share()), round.error_db(), round.error_px());
 }
 
 }  // namespace glasswing

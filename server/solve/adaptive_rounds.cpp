@@ -23,11 +23,11 @@ namespace glasswing {
 namespace {
 
 constexpr std::chrono::milliseconds kPoll(50);
-constexpr int kLooked = 20'000;  // pixels of the draft, of which the object's are taken
-constexpr int kJudged = 500;     // of the object's
-constexpr size_t kDesigned = 64;  // of those that are not known well enough
-constexpr double kShare = 0.95;  // of the object's pixels
-constexpr int kLeastWaves = 6;   // of a round
+constexpr int kLooked = 20'000;        // pixels of the draft, of which the object's are taken
+constexpr int kJudged = 500;           // of the object's
+constexpr size_t kDesigned = 64;       // of those that are not known well enough
+constexpr double kShare = 0.95;        // of the object's pixels
+constexpr int kLeastWaves = 6;         // of a round
 constexpr double kUsualNoise = 0.005;  // of a camera that is not calibrated: a solve's errors tell the rest
 
 // What a solve knows of one pixel's strongest channel, by texture.
@@ -69,8 +69,7 @@ absl::StatusOr<std::vector<JudgedPixel>> read_pixels(const std::filesystem::path
   GW_ASSIGN_OR_RETURN(const PositionedFile file, PositionedFile::open(path));
   GW_ASSIGN_OR_RETURN(const PackedMatteReader reader, PackedMatteReader::open(file));
   const int width = reader.outline().width_px, height = reader.outline().height_px;
-  const int step =
-      std::max(1, static_cast<int>(std::sqrt(static_cast<double>(width) * height / kLooked)));
+  const int step = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(width) * height / kLooked)));
   std::vector<JudgedPixel> pixels;
   GW_RETURN_IF_ERROR(reader.for_rows(
       step / 2, (height - step / 2 + step - 1) / step,
@@ -78,7 +77,8 @@ absl::StatusOr<std::vector<JudgedPixel>> read_pixels(const std::filesystem::path
         for (int y = 0; y < rows.height_px(); ++y) {
           for (int x = step / 2; x < width; x += step) {
             JudgedPixel pixel = judged_pixel(rows, x, y, monitors);
-            const bool seen = std::ranges::any_of(pixel, [](const KnownPixel& on) { return !on.modes.empty(); });
+            const bool seen =
+                std::ranges::any_of(pixel, [](const KnownPixel& on) { return !on.modes.empty(); });
             if (rows.coverage(x, y) > 0.0f && seen) pixels.push_back(std::move(pixel));
           }
         }
@@ -113,8 +113,8 @@ int images_of(const std::vector<Step>& steps) {
 
 // What this share of all is not above.
 double quantile(std::vector<double> values, double share) {
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(
-                                       share * static_cast<double>(values.size() - 1) + 0.5);
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
   std::ranges::nth_element(values, at);
   return *at;
 }
@@ -157,7 +157,8 @@ absl::StatusOr<v1::Session> AdaptiveRounds::grow(v1::Session session, std::stop_
   GW_ASSIGN_OR_RETURN(std::vector<JudgedPixel> pixels,
                       read_pixels(mattes_.draft(session.name()), monitors.size()));
   if (pixels.empty())
-    return absl::FailedPreconditionError("the draft shows no object, so that nothing tells what to show next");
+    return absl::FailedPreconditionError(
+        "the draft shows no object, so that nothing tells what to show next");
   GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(session.plan(), monitors));
   const v1::Adapt& adapt = session.plan().adapt();
   const RoundTarget target = target_of(adapt);
@@ -223,22 +224,23 @@ absl::StatusOr<v1::Session> AdaptiveRounds::grow(v1::Session session, std::stop_
     for (size_t i = 0; i < kDesigned; ++i) some.push_back(uncertain[i * uncertain.size() / kDesigned]);
     uncertain = std::move(some);
   }
-  const int used = session.plan().monitors().empty() ? static_cast<int>(monitors.size())
-                                                     : session.plan().monitors_size();
+  const int used =
+      session.plan().monitors().empty() ? static_cast<int>(monitors.size()) : session.plan().monitors_size();
   const int exposures = std::max(session.plan().exposure_ms_size(), 1);
   const int each = 2 * used * exposures;  // images of a wave
   // Twice the images tell 3 dB more; further ahead a draft's errors say little.
   const int most = std::min(at_most - images, std::max(images, 2 * kLeastWaves * used * exposures)) / each;
   if (most <= 0) return session;
-  const std::vector<DesignedWave> waves = choose_waves(shown[monitor], uncertain, noise, target,
-                                                       std::min(kLeastWaves, most), most);
+  const std::vector<DesignedWave> waves =
+      choose_waves(shown[monitor], uncertain, noise, target, std::min(kLeastWaves, most), most);
   const std::string asked = target.kind == RoundTarget::Kind::kCentre
                                 ? fmt::format("{:g} px", target.error)
                                 : fmt::format("{:g} dB", -20.0 * std::log10(target.error));
   *session.mutable_plan()->add_rounds() = round_of(
-      waves, fmt::format("{:.0f} % of the object's pixels were known to {} after {} images, {:.0f} % are asked "
-                         "for; 95 % to {:.1f} dB and {:.3f} px",
-                         100.0 * known, asked, images, 100.0 * kShare, found.error_db(), found.error_px()));
+      waves,
+      fmt::format("{:.0f} % of the object's pixels were known to {} after {} images, {:.0f} % are asked "
+                  "for; 95 % to {:.1f} dB and {:.3f} px",
+                  100.0 * known, asked, images, 100.0 * kShare, found.error_db(), found.error_px()));
   return session;
 }
 

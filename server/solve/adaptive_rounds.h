@@ -1,5 +1,5 @@
-// Further images for captures that adapt (Plan.adapt): after each round judges a draft of all images so far, and
-// chooses what to show next.
+// Further images for captures that adapt (Plan.adapt): after each round judges a draft of all images so far,
+// and chooses what to show next.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -100,7 +100,8 @@ TEST(PatternAnswers, AreTheLightOfSlantedFootprintsBeforeShortWaves) {
   for (const double along_px : {8.0, 15.0, 30.0}) {
     for (const double slant : {0.7, 1.0, -1.2}) {
       for (const double x : {-3.0, 20.0, 60.0}) {
-        const double c = 1.0 / std::hypot(1.0, slant), s = slant * c, long2 = along_px * along_px, short2 = 0.8;
+        const double c = 1.0 / std::hypot(1.0, slant), s = slant * c, long2 = along_px * along_px,
+                     short2 = 0.8;
         const Footprint mode{.weight = 0.9,
                              .x_px = x,
                              .y_px = x > 40.0 ? 44.0 : 5.0,

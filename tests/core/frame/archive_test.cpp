@@ -233,6 +233,23 @@ TEST_F(ArchiveTest, ASealedArchiveReadsAsAnyManifest) {
             archive->manifest().SerializeAsString());
 }
 
+TEST_F(ArchiveTest, IsSealedWithTheRoundsThatWereAdded) {
+  header_.mutable_plan()->set_method("gaussian");
+  header_.mutable_plan()->mutable_adapt();
+  const auto archive = Archive::create(directory_, header_).value();
+  ASSERT_TRUE(archive->add({frame(0)}).ok());
+  v1::Plan grown = header_.plan();
+  grown.add_rounds()->set_why("edges");
+  grown.set_retries(20);
+  v1::Plan other = grown;
+  other.set_white_every(50);
+  EXPECT_TRUE(absl::IsInvalidArgument(archive->seal(&other)));
+  EXPECT_FALSE(fs::exists(directory_ / "manifest.json"));
+  ASSERT_TRUE(archive->seal(&grown).ok());
+  EXPECT_EQ(read_any_manifest(directory_).value().plan().rounds(0).why(), "edges");
+  EXPECT_EQ(Archive::open(directory_).value()->manifest().plan().rounds_size(), 1);
+}
+
 // A file of the right size but of another shape, so its rows would be wrong.
 TEST_F(ArchiveTest, AFrameOfAnotherShapeIsDamaged) {
   v1::Frame record;

@@ -155,6 +155,22 @@ TEST(DraftStages, AMonitorIsPartOfADraftOnceItWasSweptInThreeDirections) {
   EXPECT_TRUE(with_both);
 }
 
+TEST(DraftStages, OfAPlanThatAdaptsEachRoundEndsOne) {
+  v1::Plan plan = plan_of(kCrystal);
+  plan.mutable_adapt();
+  const std::vector<v1::Monitor> rig{monitor("back", 128, 96)};
+  const size_t own = steps_of(plan, rig).size();
+  for (const double period_px : {9.0, 7.0}) {
+    v1::Fringes& fringes = *plan.add_rounds()->add_fringes();
+    fringes.add_period_px(period_px);
+    fringes.set_phases(2);
+  }
+  const std::vector<DraftStage> stages = draft_stages(plan, in_order_of_showing(steps_of(plan, rig)));
+  ASSERT_EQ(stages.size(), 3u);
+  for (size_t i = 0; i < stages.size(); ++i)
+    EXPECT_EQ(static_cast<size_t>(stages[i].step_count), own + 2 * i);
+}
+
 TEST(DraftStages, OtherMethodsHaveNone) {
   v1::Plan plan = plan_of(kCrystal);
   const std::vector<Step> shown = in_order_of_showing(steps_of(plan, {monitor("back", 128, 96)}));

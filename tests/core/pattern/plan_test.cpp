@@ -58,6 +58,16 @@ TEST(Plan, ComplaintsNameFileLineValueAndWhatIsAccepted) {
            {"method: \"gaussian\"\nramp { frames: 9 }", "p.txtpb:2: frames is 9; it must be left out"},
            {"method: \"hierarchical\"\nsquare_waves { levels: 4 first_level: 5 }",
             "p.txtpb:2: first_level is 5; it must be 1 to 4"},
+           {"method: \"fringe\"\nfringes { period_px: 64 }\nadapt {}",
+            "p.txtpb:3: adapt is given; it must be left out with method \"fringe\""},
+           {"method: \"gaussian\"\nfringes { period_px: 64 }\nadapt {\n  target_db: 90\n}",
+            "p.txtpb:4: target_db is 90; it must be in [10, 80]"},
+           {"method: \"gaussian\"\nfringes { period_px: 64 }\nadapt { target_db: 40 target_px: 1 }",
+            "p.txtpb:3: target_px is 1; it must be left out where target_db is given"},
+           {"method: \"gaussian\"\nfringes { period_px: 64 }\nadapt { at_most: 20 }",
+            "p.txtpb:3: at_most is 20; it must be 30 to 20000"},
+           {"method: \"gaussian\"\nfringes { period_px: 64 }\nrounds {\n  fringes { period_px: 1 }\n}",
+            "p.txtpb:4: period_px is 1; it must be in [2, 100000]"},
        }) {
     const absl::Status status = parse_plan(each.text, "p.txtpb").status();
     EXPECT_TRUE(absl::IsInvalidArgument(status));
@@ -93,6 +103,41 @@ TEST(Plan, FringesShowEveryPeriodAtEqualPhases) {
     EXPECT_EQ(stimuli[i].phi_deg(), 90.0);
     EXPECT_EQ(stimuli[i].period_px(), i < 3 ? 128.0 : 16.0);
     EXPECT_EQ(stimuli[i].phase_deg(), 120.0 * static_cast<double>(i % 3));
+  }
+}
+
+// A frame's step number must mean the same picture whatever is chosen later.
+TEST(Plan, ARoundComesLastAndChangesNoStepBefore) {
+  v1::Plan plan = parse_plan(R"(
+    method: "gaussian"
+    fringes { period_px: [64, 16] object_only: true }
+    solids { colour: [0, 0, 0] }
+    photos { file: "a.png" }
+    exposure_ms: [1, 4]
+    adapt {})",
+                             "p.txtpb")
+                      .value();
+  const std::vector<v1::Monitor> rig{monitor("back", 128, 96), monitor("left", 128, 96)};
+  std::vector<Step> before = expand(plan, rig).value();
+  for (const double period_px : {9.0, 7.0}) {
+    v1::Fringes& fringes = *plan.add_rounds()->add_fringes();
+    fringes.add_period_px(period_px);
+    fringes.set_phases(2);
+    const std::vector<Step> after = expand(plan, rig).value();
+    // Two phases on two monitors at two exposures.
+    ASSERT_EQ(after.size(), before.size() + 8);
+    for (size_t i = 0; i < after.size(); ++i) {
+      EXPECT_EQ(after[i].number, static_cast<int>(i));
+      if (i < before.size()) {
+        EXPECT_EQ(after[i].stimulus.SerializeAsString(), before[i].stimulus.SerializeAsString());
+        EXPECT_EQ(after[i].exposure_ms, before[i].exposure_ms);
+        continue;
+      }
+      EXPECT_EQ(after[i].round, plan.rounds_size());
+      EXPECT_TRUE(after[i].object);
+      EXPECT_EQ(after[i].stimulus.period_px(), period_px);
+    }
+    before = after;
   }
 }
 

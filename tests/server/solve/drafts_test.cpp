@@ -90,6 +90,23 @@ TEST(Drafts, AreOfEveryPixelIfThatIsDoneInTime) {
   EXPECT_EQ(pixel_step_of(camera, 400, 0.0, 1.0), 1);
 }
 
+TEST(Drafts, ThatACaptureWaitsForTakeAFewSeconds) {
+  v1::Camera camera;
+  camera.set_width_px(640);
+  camera.set_height_px(480);
+  for (const double unit_seconds : {0.0, 1e-7, 1e-5, 1e-3}) {
+    const int step = pixel_step_while_waiting(camera, 50, unit_seconds);
+    EXPECT_EQ(step % 2, 1);
+    const double solved = 640.0 * 480.0 / (step * step);
+    // However slow solvers are, some pixels are judged.
+    EXPECT_GE(solved, 400.0) << unit_seconds;
+    EXPECT_LE(solved, std::max(2500.0, 4.0 / (50 * unit_seconds)));
+  }
+  EXPECT_EQ(pixel_step_while_waiting(camera, 50, 1e-8), 1);
+  camera.set_mosaic("RGGB");
+  EXPECT_EQ(pixel_step_while_waiting(camera, 50, 1.0), 1);
+}
+
 TEST(Drafts, AStageIsReachedWithAllItsSteps) {
   const DraftStage stage{.step_count = 3, .sweep_count = 1};
   const std::vector<int> shown = {5, 1, 3, 2, 4};
