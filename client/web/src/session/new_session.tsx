@@ -91,6 +91,7 @@ export function NewSession() {
   const [note, setNote] = useState("");
   const [tags, setTags] = useState("");
   const [solve, setSolve] = useState(true);
+  const [adapts, setAdapts] = useState(false);
   const [photos, setPhotos] = useState<File[]>([]);
   const requestId = useRef(crypto.randomUUID()); // the same for every attempt, so that a lost answer creates no second session
   const { plan, estimate, error } = usePlan(text, name);
@@ -100,6 +101,7 @@ export function NewSession() {
   useEffect(() => void (ready && planText(ready).then(setText)), [ready]);
   if (!mayOperate.value) return <p>Only operators can start sessions; you are logged in as a viewer.</p>;
 
+  const mayAdapt = plan?.method === "gaussian";
   const missing = plan ? missingPhotos(plan, photos) : [];
   const open = async (file: File | undefined): Promise<void> => {
     if (!file) return;
@@ -113,7 +115,7 @@ export function NewSession() {
       const { session } = await call<CreateSessionResponseJson>("SessionService/CreateSession", {
         requestId: requestId.current,
         name,
-        plan: full,
+        plan: adapts && mayAdapt ? { ...full, adapt: full.adapt ?? {} } : full,
         solve: solve && !plan?.calibration,
       });
       const addTags = tags.split(/\s+/).filter(Boolean);
@@ -228,6 +230,12 @@ export function NewSession() {
             <label>
               <input type="checkbox" checked={solve} onChange={(event) => setSolve(event.currentTarget.checked)} />
               Solve it as soon as it is captured
+            </label>
+          )}
+          {mayAdapt && (
+            <label>
+              <input type="checkbox" checked={adapts} onChange={(event) => setAdapts(event.currentTarget.checked)} />
+              Show further images until the object is known
             </label>
           )}
           <button class="primary" disabled={start.busy || !estimate || missing.length > 0}>

@@ -63,6 +63,7 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
   const pixels = Number(session.objectPixelCount ?? 0),
     flagged = Number(session.flaggedPixelCount ?? 0),
     unsolved = Number(session.unsolvedPixelCount ?? 0);
+  const judged = session.adapted?.at(-1);
   const facts: (Fact | false | undefined)[] = [
     {
       name: "Proven",
@@ -85,7 +86,14 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
     session.draft && {
       name: "Draft",
       text: `${(session.draft.imageCount ?? 0).toLocaleString("en")} of ${(session.draft.plannedImageCount ?? 0).toLocaleString("en")} images`,
-      more: `${session.draft.sweepCount ?? 0} of ${session.draft.plannedSweepCount ?? 0} sweeps`,
+      ...(session.draft.sweepCount && {
+        more: `${session.draft.sweepCount} of ${session.draft.plannedSweepCount ?? 0} sweeps`,
+      }),
+    },
+    judged && {
+      name: "Known well enough",
+      text: `${Math.floor(100 * Number(judged.knownShare ?? 0))} % of the object`,
+      more: `after ${(judged.imageCount ?? 0).toLocaleString("en")} images; 95 % to ${Number(judged.errorDb ?? 0).toFixed(1)} dB`,
     },
     pixels > 0 && {
       name: "Object",
