@@ -7,6 +7,7 @@
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/rig/calibrate_geometry.h"
 #include "client/rig/calibrate_light.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
@@ -163,7 +164,8 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
       "  glasswing calibrate all -o curves      everything, in the right order; about two minutes\n"
       "  glasswing calibrate camera             after a change of gain, aperture or lens\n"
       "  glasswing calibrate display            after a change of a monitor's settings, and every few weeks\n"
-      "  glasswing calibrate list               the present calibrations");
+      "  glasswing calibrate list               the present calibrations\n"
+      "  glasswing calibrate geometry a b c ... lens and poses, for glasswing rays");
 
   CLI::App& all =
       *calibrate.add_subcommand("all", "Calibrate timing, camera and monitors, one after the other.");
@@ -194,6 +196,7 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
   add_list_command(calibrate, client);
   add_forget_command(calibrate, client);
   add_sync_command(calibrate, client);
+  add_geometry_command(calibrate, client);
 }
 
 }  // namespace glasswing

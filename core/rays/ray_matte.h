@@ -13,8 +13,8 @@
 #include <span>
 #include <vector>
 
+#include "core/geometry/rig_geometry.h"
 #include "core/matte/matte.h"
-#include "core/rays/rig_geometry.h"
 #include "glasswing/v1/rays.pb.h"
 
 namespace glasswing {

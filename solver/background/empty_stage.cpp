@@ -407,6 +407,35 @@ BackgroundPoint BackgroundMap::point_on(const SmoothStage& map, const EmptyPixel
   return point;
 }
 
+BackgroundPoint BackgroundMap::point_near(const SmoothStage& map, const EmptyPixel& pixel, double x_px,
+                                          double y_px) const {
+  BackgroundPoint point = point_on(map, pixel, x_px, y_px);
+  if (!point.seen) return point;
+  constexpr double kMapInformation = 1.0 / (0.25 * 0.25);  // 1/px^2: of the map, where bars tell nothing
+  const StagePoint on_map = map.map.at(x_px, y_px);
+  StagePoint place = on_map;
+  for (int round = 0; round < 2; ++round) {
+    const std::array<std::vector<Miss>, 2> all = misses(pixel, place);
+    for (size_t axis = 0; axis < 2; ++axis) {
+      double& centre_px = axis == 0 ? place.x_px : place.y_px;
+      double information = kMapInformation;
+      double pull = kMapInformation * ((axis == 0 ? on_map.x_px : on_map.y_px) - centre_px);
+      for (size_t level = 0; level < all[axis].size(); ++level) {
+        const Miss& miss = all[axis][level];
+        const double usual = map.wave_sd[axis][level];
+        const double variance =
+            miss.sd * miss.sd + usual * usual + BarDecoder::kShapeSd * BarDecoder::kShapeSd;
+        information += miss.by_centre * miss.by_centre / variance;
+        pull += miss.by_centre * miss.value / variance;
+      }
+      centre_px += pull / information;
+      point.axis[axis].centre_px = centre_px;
+      point.axis[axis].centre_sd_px = 1.0 / std::sqrt(information);
+    }
+  }
+  return point;
+}
+
 bool BackgroundMap::refutes(const BackgroundPoint& on_map) const {
   return on_map.degrees > 0 && on_map.chi_square > refuted_threshold_;
 }

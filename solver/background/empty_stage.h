@@ -103,6 +103,9 @@ class BackgroundMap {
 
   // The same with centre and width as on the map at (x_px, y_px) of the picture.
   BackgroundPoint point_on(const SmoothStage& map, const EmptyPixel& pixel, double x_px, double y_px) const;
+  // The same, moved to where the pixel's own bars see it, with the footprint's width on the map; centre_sd_px
+  // is that of the place by itself. Unlike the map it has no errors that neighbours share.
+  BackgroundPoint point_near(const SmoothStage& map, const EmptyPixel& pixel, double x_px, double y_px) const;
   // Whether the pixel's own bars refute that place.
   bool refutes(const BackgroundPoint& on_map) const;
 

@@ -42,10 +42,12 @@ int texture_of(const v1::CaptureManifest& manifest, const std::string& panel) {
 StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures) {
   StageLayout layout;
   std::map<std::string, StageLayout::Pair> pairs;  // by serialised stimulus
+  bool object = false, empty = false;
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     if (!is_pattern(frame)) continue;
     const ExposedFrame exposed = exposures.exposed(manifest, i);
+    (frame.object() ? object : empty) = true;
     StageLayout::Pair& pair = pairs[frame.stimulus().SerializeAsString()];
     (frame.object() ? pair.object : pair.empty).push_back(exposed);
     if (frame.object() && kind_of(frame.stimulus()) == StimulusKind::kSolid &&
@@ -55,6 +57,7 @@ StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& 
   for (auto& [stimulus, pair] : pairs) {
     if (!pair.object.empty() && !pair.empty.empty()) layout.pairs.push_back(std::move(pair));
   }
+  layout.bare = empty && !object;
   layout.patches = patches_of(manifest);
   layout.monitors = lay_out_empty_stage(manifest);
   layout.camera = manifest.camera();
@@ -63,6 +66,7 @@ StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& 
 
 bool changed_by_object(const FrameStack& stack, const StageLayout& layout, const SilhouetteTest& test,
                        const SampleNoise& noise, int x, int y) {
+  if (layout.bare) return false;
   std::vector<SilhouetteTest::Pair> pairs;
   pairs.reserve(layout.pairs.size() * kChannels);
   for (const StageLayout::Pair& pair : layout.pairs) {

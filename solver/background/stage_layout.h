@@ -17,6 +17,8 @@ struct StageLayout {
     Shot object, empty;
   };
   std::vector<Pair> pairs;
+  // No frame shows an object: every pixel shows the stage, and tells where it looks by itself.
+  bool bare = false;
   Shot black;  // with the object; empty if not recorded
   // Groups of frames that differ in nothing but an id patch.
   std::vector<std::vector<int>> patches;

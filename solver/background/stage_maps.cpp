@@ -387,7 +387,7 @@ absl::StatusOr<StageMaps> measure_stage_maps(const v1::CaptureManifest& manifest
     if (finder.has_evidence()) finders.push_back(std::move(finder));
   }
   // Without pairs every pixel passes for the object's.
-  if (finders.empty() || layout.pairs.empty()) return maps;
+  if (finders.empty() || (layout.pairs.empty() && !layout.bare)) return maps;
   const std::vector<int> needed(seen.begin(), seen.end());
   const SilhouetteTest silhouette(kTolerance);
   const SampleNoise noise = sample_noise(manifest.camera(), kUsualNoise);

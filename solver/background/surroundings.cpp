@@ -58,8 +58,10 @@ const SmoothStage* Surroundings::map_of(size_t monitor) const {
 
 BackgroundPoint Surroundings::point_on_map(size_t monitor, int x, int y) {
   gather(stack_, layout_.monitors[monitor], x, y, empty_pixel_);
-  return background_[monitor].point_on(*map_of(monitor), empty_pixel_, x * stack_.column_step + 0.5,
-                                       stack_.first_row + y + 0.5);
+  const double x_px = x * stack_.column_step + 0.5, y_px = stack_.first_row + y + 0.5;
+  const BackgroundMap& background = background_[monitor];
+  return layout_.bare ? background.point_near(*map_of(monitor), empty_pixel_, x_px, y_px)
+                      : background.point_on(*map_of(monitor), empty_pixel_, x_px, y_px);
 }
 
 // One pixel alone may be refuted by chance, or because it sees an edge of bars through a footprint of unusual
@@ -123,8 +125,11 @@ bool Surroundings::map_background(int x, int y, Matte& matte) {
     sure = sure && !point.ambiguous;
     for (const int c : stack_.channels(x, y)) {
       size_t& place = slot[static_cast<size_t>(c)];
-      if (place < matte.modes(x, y, c).size())
-        matte.modes(x, y, c)[place++] = point.mode(c, layout_.monitors[m].texture);
+      if (place == matte.modes(x, y, c).size()) continue;
+      Mode& mode = matte.modes(x, y, c)[place++] = point.mode(c, layout_.monitors[m].texture);
+      if (layout_.bare)
+        mode.centre_sd_px = static_cast<float>(
+            std::hypot(point.axis[0].centre_sd_px, point.axis[1].centre_sd_px) / std::sqrt(2.0));
     }
   }
   return sure;

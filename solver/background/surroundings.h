@@ -38,8 +38,9 @@ class Surroundings {
   float black(int y, int lane) const;
 
   // The pixel's view without the object, by texture. Nothing is `seen` if the empty stage was not recorded.
-  // It lies on the smooth map of the stage (FrameStack::stage_maps) where there is one, unless the bars of
-  // this pixel and of most of its neighbours along the row refute that.
+  // It lies on the smooth map of the stage (FrameStack::stage_maps) where there is one, of a bare stage near
+  // it where its own bars see it, unless the bars of this pixel and of most of its neighbours along the row
+  // refute that.
   std::span<const BackgroundPoint> background(int x, int y);
 
   bool noise_known() const { return noise_known_; }

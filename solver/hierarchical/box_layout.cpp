@@ -114,6 +114,10 @@ void warn(const BoxMonitor& monitor, const std::string& name, std::vector<std::s
   }
 }
 
+bool shows_bars(const EmptyMonitor& monitor) {
+  return !monitor.bars[0].empty() && !monitor.bars[1].empty();
+}
+
 }  // namespace
 
 absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest) {
@@ -155,7 +159,8 @@ absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest) {
     warn(monitor, manifest.monitors(texture).name(), layout.warnings);
     layout.monitors.push_back(std::move(monitor));
   }
-  if (layout.monitors.empty()) {
+  const bool stage_alone = layout.stage.bare && std::ranges::any_of(layout.stage.monitors, &shows_bars);
+  if (layout.monitors.empty() && !stage_alone) {
     return absl::FailedPreconditionError("the archive has no square waves (kind square, with the object)");
   }
   if (layout.monitors.size() > kMaxModes) {

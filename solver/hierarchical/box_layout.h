@@ -31,10 +31,11 @@ struct BoxMonitor {
 
 struct BoxLayout {
   StageLayout stage;
-  std::vector<BoxMonitor> monitors;   // those that showed waves, by texture
+  std::vector<BoxMonitor> monitors;   // those that showed waves, by texture; none of a bare stage
   std::vector<std::string> warnings;  // for users: positions that the waves cannot distinguish
 };
 
+// An archive of the empty stage alone has its matte too: where each pixel looks (docs/rays.md).
 // FAILED_PRECONDITION says what is missing or invalid: waves along one axis only, F and R not separable
 // (no complements, neither black and a solid nor four waves along either axis), invalid numbers.
 absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest);

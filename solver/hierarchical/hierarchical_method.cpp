@@ -21,6 +21,7 @@ class PreparedBoxes final : public PreparedMethod {
   const std::vector<int>& frames_needed() const override { return needed_; }
 
   absl::StatusOr<Matte> solve(const FrameStack& rows) const override {
+    if (layout_.stage.bare) return stage_alone(rows);
     const int boxes = static_cast<int>(layout_.monitors.size());
     Matte matte = blank_matte(rows, metadata_, modes_needed(boxes, straight_));
     BoxSolver solver(rows, layout_, straight_, silhouette_tolerance_);
@@ -29,6 +30,14 @@ class PreparedBoxes final : public PreparedMethod {
   }
 
  private:
+  Matte stage_alone(const FrameStack& rows) const {
+    const auto modes = static_cast<int>(std::min<size_t>(layout_.stage.monitors.size(), kMaxModes));
+    Matte matte = blank_matte(rows, metadata_, modes);
+    Surroundings surroundings(rows, layout_.stage, silhouette_tolerance_);
+    for (int y = 0; y < rows.row_count; ++y) surroundings.settle_row(y, {}, matte);
+    return matte;
+  }
+
   const v1::MatteMetadata metadata_;
   const BoxLayout layout_;
   // A pixel may also show what lies straight behind; needs frames of the empty stage.

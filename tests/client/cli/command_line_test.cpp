@@ -158,6 +158,8 @@ TEST_F(Completion, BashOffersTheServersSessions) {
   EXPECT_EQ(bash("glasswing " + server + "show "), "vase vessel");
   EXPECT_EQ(bash("glasswing show --server=" + host_->address() + " ves"), "vessel");
   EXPECT_EQ(bash("glasswing " + server + "calibrate camera --session va"), "vase");
+  EXPECT_EQ(bash("glasswing " + server + "calibrate geometry vase ve"), "vessel");
+  EXPECT_EQ(bash("glasswing calibrate geo"), "geometry");
   EXPECT_EQ(bash("glasswing --server 127.0.0.1:1 show "), "");  // silently
 }
 

@@ -318,6 +318,25 @@ TEST(Hierarchical, BracketsAreMergedAndSaturationIsSaid) {
   EXPECT_NE(matte.flags(3, 3) & kFlagSaturated, 0);
 }
 
+// What bars narrower than a pixel tell is a hundredth of a pixel on a smooth map; the bars here are known to
+// a tenth.
+TEST(Hierarchical, TheEmptyStageAloneHasItsMatte) {
+  SimulatedStack stack({});
+  stack.remove([](const v1::Frame& frame) { return frame.object(); });
+  const Matte matte = stack.solve().value();
+  for (int y = 1; y + 1 < kHeight; ++y) {
+    for (int x = 1; x + 1 < kWidth; ++x) {
+      const Mode expected = truth(x, y, false);
+      const Mode& mode = matte.modes(x, y, 1)[0];
+      EXPECT_EQ(matte.coverage(x, y), 0.0f);
+      EXPECT_NEAR(mode.x_px, expected.x_px, 0.1) << x << " " << y;
+      EXPECT_NEAR(mode.y_px, expected.y_px, 0.1) << x << " " << y;
+      EXPECT_NEAR(mode.weight, expected.weight, 0.01) << x << " " << y;
+      EXPECT_NEAR(matte.foreground(x, y)[1], kRoom, 5.0 * kNoise);
+    }
+  }
+}
+
 TEST(Hierarchical, SaysWhatIsMissing) {
   const auto refused = [](const Capture& capture, const std::function<bool(const v1::Frame&)>& unwanted,
                           const std::string& words) {

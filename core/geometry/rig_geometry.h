@@ -5,10 +5,12 @@
 #include <absl/status/statusor.h>
 
 #include <Eigen/Core>
+#include <array>
 #include <filesystem>
 #include <string>
 #include <string_view>
 
+#include "core/geometry/lens.h"
 #include "glasswing/v1/rays.pb.h"
 
 namespace glasswing {
@@ -25,13 +27,13 @@ absl::StatusOr<const v1::MonitorPose*> find_pose(const v1::RigGeometry& geometry
 
 class CameraLens {
  public:
-  explicit CameraLens(const v1::CameraGeometry& camera) : camera_(camera) {}
+  explicit CameraLens(const v1::CameraGeometry& camera);
   // Of u = (X/Z, Y/Z), and its inverse to about 1e-12; continuous px.
   Eigen::Vector2d pixel_of(const Eigen::Vector2d& u) const;
   Eigen::Vector2d slope_of(const Eigen::Vector2d& pixel) const;
 
  private:
-  v1::CameraGeometry camera_;
+  std::array<double, kLensNumbers> numbers_;
 };
 
 // The plane of a monitor's pixels.

@@ -1,4 +1,4 @@
-#include "core/rays/rig_geometry.h"
+#include "core/geometry/rig_geometry.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -104,25 +104,25 @@ absl::StatusOr<const v1::MonitorPose*> find_pose(const v1::RigGeometry& geometry
                                          name, monitor, fmt::join(names, ", ")));
 }
 
+CameraLens::CameraLens(const v1::CameraGeometry& camera)
+    : numbers_{camera.fx_px(), camera.fy_px(), camera.cx_px(), camera.cy_px(), camera.k1(),
+               camera.k2(),    camera.p1(),    camera.p2(),    camera.k3()} {}
+
 Eigen::Vector2d CameraLens::pixel_of(const Eigen::Vector2d& u) const {
-  const double r2 = u.squaredNorm(), xy = u.x() * u.y();
-  const double radial = 1.0 + r2 * (camera_.k1() + r2 * (camera_.k2() + r2 * camera_.k3()));
-  const double p1 = camera_.p1(), p2 = camera_.p2();
-  const Eigen::Vector2d d(u.x() * radial + 2.0 * p1 * xy + p2 * (r2 + 2.0 * u.x() * u.x()),
-                          u.y() * radial + p1 * (r2 + 2.0 * u.y() * u.y()) + 2.0 * p2 * xy);
-  return {camera_.fx_px() * d.x() + camera_.cx_px(), camera_.fy_px() * d.y() + camera_.cy_px()};
+  Eigen::Vector2d pixel;
+  lens_pixel(numbers_.data(), u.x(), u.y(), pixel.data());
+  return pixel;
 }
 
 Eigen::Vector2d CameraLens::slope_of(const Eigen::Vector2d& pixel) const {
   constexpr int kMaxSteps = 50;
   constexpr double kEnd = 1e-13;
-  const Eigen::Vector2d d((pixel.x() - camera_.cx_px()) / camera_.fx_px(),
-                          (pixel.y() - camera_.cy_px()) / camera_.fy_px());
+  const Eigen::Vector2d d((pixel.x() - numbers_[kCx]) / numbers_[kFx],
+                          (pixel.y() - numbers_[kCy]) / numbers_[kFy]);
   Eigen::Vector2d u = d;
   for (int step = 0; step < kMaxSteps; ++step) {
     const Eigen::Vector2d back = pixel_of(u);
-    const Eigen::Vector2d off((pixel.x() - back.x()) / camera_.fx_px(),
-                              (pixel.y() - back.y()) / camera_.fy_px());
+    const Eigen::Vector2d off((pixel.x() - back.x()) / numbers_[kFx], (pixel.y() - back.y()) / numbers_[kFy]);
     u += off;
     if (off.norm() < kEnd) break;
   }
