@@ -1,6 +1,7 @@
 #include "client/commands.h"
 
 #include "client/cli/commands.h"
+#include "client/edit/commands.h"
 #include "client/exchange/commands.h"
 #include "client/live/commands.h"
 #include "client/pictures/commands.h"
@@ -49,6 +50,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_solve_command(app, client);
   add_fetch_command(app, client);
   add_composite_command(app, client);
+  add_matte_command(app, client);
   add_rays_command(app, client);
   add_stmap_command(app, client);
   add_view_command(app, client);

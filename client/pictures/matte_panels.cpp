@@ -314,10 +314,11 @@ struct FlagColour {
   const char* name;
   Code colour;
 };
-constexpr std::array<FlagColour, 5> kFlagColours{{{kFlagNoData, "not solved", {40, 40, 40}},
+constexpr std::array<FlagColour, 6> kFlagColours{{{kFlagNoData, "not solved", {40, 40, 40}},
                                                   {kFlagSaturated, "saturated", {214, 64, 52}},
                                                   {kFlagNotConverged, "did not converge", {240, 170, 40}},
                                                   {kFlagPoorFit, "poor fit", {86, 124, 200}},
+                                                  {kFlagFilled, "filled", {170, 110, 190}},
                                                   {kFlagNone, "good", {150, 205, 160}}}};
 
 MattePanel flags_of(const Matte& matte) {

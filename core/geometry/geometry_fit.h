@@ -7,8 +7,8 @@
 // 2. Bundle adjustment (reprojection_fit.h), first with Huber's loss. Then points beyond five standard
 //    deviations are left out, and each view counts by its own scatter; one whose points have no standard
 //    errors lies on a smooth map, and counts as fifteen points.
-// 3. Standard errors from the normal matrix. Neighbours may err alike: variances are multiplied by that of the
-//    sums over a twelfth of the picture, relative to what independent points would have.
+// 3. Standard errors from the normal matrix. Neighbours may err alike: variances are multiplied by the
+//    variance of sums over a twelfth of the picture, relative to that of independent points.
 #pragma once
 
 #include <absl/status/statusor.h>

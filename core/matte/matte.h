@@ -49,6 +49,7 @@ enum PixelFlag : std::uint8_t {
   kFlagSaturated = 2,     // frames were clipped at the light it saw
   kFlagPoorFit = 4,       // the residual exceeds the noise
   kFlagNoData = 8,        // not solved
+  kFlagFilled = 16,       // made of its neighbours (core/edit/fill.h)
 };
 
 // A matte, or a tile of one: pixels [x0, x0 + width) x [y0, y0 + height) of the camera's picture.

@@ -34,6 +34,8 @@ class PixelFlag(enum.IntFlag):
     """The residual exceeds the noise."""
     NO_DATA = 8
     """Not solved."""
+    FILLED = 16
+    """Made of its neighbours by "glasswing matte fill"."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,0 +1,57 @@
+#include "client/edit/edited_matte.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "client/pictures/picture.h"
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/matte/matte_file.h"
+#include "core/matte/matte_rounding.h"
+
+namespace glasswing {
+
+void add_edit_options(CLI::App& command, EditArguments& arguments) {
+  command.add_option("matte", arguments.matte, "a matte from glasswing fetch, or of an earlier edit")
+      ->required();
+  command.add_option("-o,--output", arguments.output, "the matte to write (.exr)")->required();
+}
+
+absl::Status check_edit_output(const std::string& output) {
+  if (std::filesystem::path(output).extension() != ".exr")
+    return absl::InvalidArgumentError(fmt::format("the output is {}; its name must end in .exr", output));
+  return check_output(output);
+}
+
+absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments) {
+  GW_RETURN_IF_ERROR(check_edit_output(arguments.output));
+  return read_matte(arguments.matte);
+}
+
+absl::Status write_edited(const Client& client, const std::string& output, Matte matte,
+                          const std::string& edit, Digits digits, const std::string& words,
+                          const nlohmann::ordered_json& figures) {
+  if (digits == Digits::kNew) round_to_errors(matte);
+  matte.metadata.add_edits(edit);
+  GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
+  GW_RETURN_IF_ERROR(write_file_durably(output, bytes));
+  if (client.json) {
+    nlohmann::ordered_json written = {
+        {"file", output}, {"width_px", matte.width_px()}, {"height_px", matte.height_px()}};
+    written.update(figures);
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: {}x{}{}\n", output, matte.width_px(), matte.height_px(), words);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status write_edited(const Client& client, const std::string& output, Matte matte,
+                          const std::string& edit, Digits digits) {
+  return write_edited(client, output, std::move(matte), edit, digits, "", nlohmann::ordered_json::object());
+}
+
+}  // namespace glasswing

@@ -1,0 +1,37 @@
+// What the verbs of "glasswing matte" share: a matte is read, edited, and written with a note of the edit.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "client/cli/client.h"
+#include "core/matte/matte.h"
+
+namespace glasswing {
+
+struct EditArguments {
+  std::string matte, output;
+};
+void add_edit_options(CLI::App& command, EditArguments& arguments);
+
+// Reads the matte of an edit; a failure to come is seen before. INVALID_ARGUMENT: the output's name does not
+// end in .exr. NOT_FOUND: its directory does not exist. Errors name the file.
+absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments);
+absl::Status check_edit_output(const std::string& output);
+
+// Whether an edit makes digits that errors hide, which are dropped (core/matte/matte_rounding.h).
+enum class Digits { kAsTheyAre, kNew };
+
+// Writes the matte, with `edit` added to what was done to it ("crop 640x480+10+20"), and reports it: "OUT:
+// 640x480" and `words` after it, or as JSON with the members of `figures`.
+absl::Status write_edited(const Client& client, const std::string& output, Matte matte,
+                          const std::string& edit, Digits digits, const std::string& words,
+                          const nlohmann::ordered_json& figures);
+absl::Status write_edited(const Client& client, const std::string& output, Matte matte,
+                          const std::string& edit, Digits digits = Digits::kAsTheyAre);
+
+}  // namespace glasswing
