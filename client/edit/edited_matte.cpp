@@ -14,10 +14,14 @@
 
 namespace glasswing {
 
-void add_edit_options(CLI::App& command, EditArguments& arguments) {
+CLI::App& add_edit_command(CLI::App& matte, const std::string& name, const std::string& description,
+                           const std::string& footer, EditArguments& arguments) {
+  CLI::App& command = *matte.add_subcommand(name, description);
+  command.footer(footer);
   command.add_option("matte", arguments.matte, "a matte from glasswing fetch, or of an earlier edit")
       ->required();
   command.add_option("-o,--output", arguments.output, "the matte to write (.exr)")->required();
+  return command;
 }
 
 absl::Status check_edit_output(const std::string& output) {

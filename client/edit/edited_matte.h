@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <CLI/CLI.hpp>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
@@ -16,7 +17,21 @@ namespace glasswing {
 struct EditArguments {
   std::string matte, output;
 };
-void add_edit_options(CLI::App& command, EditArguments& arguments);
+
+// Declares a verb with its matte and output, which `run` is called for.
+CLI::App& add_edit_command(CLI::App& matte, const std::string& name, const std::string& description,
+                           const std::string& footer, EditArguments& arguments);
+template <typename Arguments>
+CLI::App& add_edit_command(CLI::App& matte, Client& client, const std::string& name,
+                           const std::string& description, const std::string& footer,
+                           const std::shared_ptr<Arguments>& arguments,
+                           absl::Status (*run)(const Client&, const Arguments&)) {
+  CLI::App& command = add_edit_command(matte, name, description, footer, *arguments);
+  command.callback([&client, arguments, run] {
+    client.run = [&client, arguments, run] { return run(client, *arguments); };
+  });
+  return command;
+}
 
 // Reads the matte of an edit; a failure to come is seen before. INVALID_ARGUMENT: the output's name does not
 // end in .exr. NOT_FOUND: its directory does not exist. Errors name the file.

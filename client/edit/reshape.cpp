@@ -55,27 +55,14 @@ absl::Status flip(const Client& client, const ReshapeArguments& arguments) {
   return write_edited(client, arguments.output, flipped(matte, arguments.to == "y"), "flip " + arguments.to);
 }
 
-// Declares what the three have alike.
-CLI::App& add(CLI::App& matte, Client& client, const std::string& name, const std::string& description,
-              const std::string& examples, const std::shared_ptr<ReshapeArguments>& arguments,
-              absl::Status (*run)(const Client&, const ReshapeArguments&)) {
-  CLI::App& command = *matte.add_subcommand(name, description);
-  command.footer(examples);
-  add_edit_options(command, *arguments);
-  command.callback([&client, arguments, run] {
-    client.run = [&client, arguments, run] { return run(client, *arguments); };
-  });
-  return command;
-}
-
 }  // namespace
 
 void add_matte_crop_command(CLI::App& matte, Client& client) {
   auto arguments = std::make_shared<ReshapeArguments>();
-  add(matte, client, "crop", "Write a region of a matte.",
-      "Examples:\n"
-      "  glasswing matte crop vase.exr 640x480+100+50 -o part.exr",
-      arguments, crop)
+  add_edit_command(matte, client, "crop", "Write a region of a matte.",
+                   "Examples:\n"
+                   "  glasswing matte crop vase.exr 640x480+100+50 -o part.exr",
+                   arguments, crop)
       .add_option("region", arguments->to,
                   "WIDTHxHEIGHT+X+Y: px of the camera's picture, from its top left corner")
       ->required();
@@ -83,15 +70,14 @@ void add_matte_crop_command(CLI::App& matte, Client& client) {
 
 void add_matte_resize_command(CLI::App& matte, Client& client) {
   auto arguments = std::make_shared<ReshapeArguments>();
-  CLI::App& command =
-      add(matte, client, "resize", "Resize a matte by area, as a picture.",
-          "A pixel keeps the modes of all pixels that it joins; where they are more than --modes, those are "
-          "merged "
-          "whose\nlight is most alike. Errors of its composites are not known any more, those of its modes "
-          "are.\n\n"
-          "Examples:\n"
-          "  glasswing matte resize vase.exr 960x540 -o half.exr",
-          arguments, resize);
+  CLI::App& command = add_edit_command(
+      matte, client, "resize", "Resize a matte by area, as a picture.",
+      "A pixel keeps the modes of all pixels that it joins; where they are more than --modes, those are "
+      "merged whose light is most alike. Errors of its composites are not known any more, those of its "
+      "modes are.\n\n"
+      "Examples:\n"
+      "  glasswing matte resize vase.exr 960x540 -o half.exr",
+      arguments, resize);
   command.add_option("size", arguments->to, "WIDTHxHEIGHT of the result, px")->required();
   command.add_option("--modes", arguments->max_modes, "modes of a pixel's channel at most")
       ->check(CLI::Range(1, kMaxModes))
@@ -100,11 +86,12 @@ void add_matte_resize_command(CLI::App& matte, Client& client) {
 
 void add_matte_flip_command(CLI::App& matte, Client& client) {
   auto arguments = std::make_shared<ReshapeArguments>();
-  add(matte, client, "flip", "Exchange left and right of the camera's picture, or top and bottom.",
-      "The monitors stay as they are.\n\n"
-      "Examples:\n"
-      "  glasswing matte flip vase.exr x -o mirrored.exr",
-      arguments, flip)
+  add_edit_command(matte, client, "flip",
+                   "Exchange left and right of the camera's picture, or top and bottom.",
+                   "The monitors stay as they are.\n\n"
+                   "Examples:\n"
+                   "  glasswing matte flip vase.exr x -o mirrored.exr",
+                   arguments, flip)
       .add_option("axis", arguments->to, "x: left and right are exchanged, y: top and bottom")
       ->required()
       ->check(CLI::IsMember({"x", "y"}));

@@ -11,6 +11,7 @@
 #include "client/cli/progress.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/picture.h"
+#include "core/base/median.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
@@ -30,12 +31,6 @@ const Mode* background_of(const Matte& matte, int x, int y) {
   const std::span<const Mode> modes = matte.modes(x, y, kGreen);
   const Mode& strongest = *std::ranges::max_element(modes, {}, &Mode::weight);
   return strongest.weight > 0.0f ? &strongest : nullptr;
-}
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 struct Slope {
@@ -58,11 +53,10 @@ struct Part {
   BlurRegion region() const {
     BlurRegion region{.pixel_count = static_cast<int>(xx_px2.size())};
     if (xx_px2.empty()) return region;
-    const double xx = median_of(xx_px2), yy = median_of(yy_px2);
+    const double xx = median(xx_px2), yy = median(yy_px2);
     region.monitor_px = {std::sqrt(xx), std::sqrt(yy)};
     if (slopes[0].empty()) return region;
-    const double a = median_of(slopes[0]), b = median_of(slopes[1]), c = median_of(slopes[2]),
-                 d = median_of(slopes[3]);
+    const double a = median(slopes[0]), b = median(slopes[1]), c = median(slopes[2]), d = median(slopes[3]);
     const double determinant = std::abs(a * d - b * c);
     if (determinant < 1e-6) return region;
     region.camera_px = {std::sqrt(d * d * xx + b * b * yy) / determinant,

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <optional>
 
+#include "core/base/median.h"
+
 namespace glasswing {
 namespace {
 
@@ -18,12 +20,6 @@ constexpr double kPeak = 0.98;  // quantile: where the stripe is as bright as wh
 constexpr double kClippedShare = 0.01;
 constexpr double kTwoExposures = 1.2;  // ratio of times that codes must reflect
 constexpr double kReaches = 0.8;       // of the saturation
-
-double median(std::vector<double>& values) {
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
 
 // Light of each sample, averaged over takes; negative where a take is saturated.
 std::vector<float> mean_light(const SampledMonitor::Takes& takes, const FrameLight& light) {
@@ -95,7 +91,7 @@ class Symptoms {
         // 1.25: the error of a median relative to that of a mean.
         repeats.error = std::max(
             repeats.error, 1.25 * noise_at(light) / light / std::sqrt(static_cast<double>(ratios.size())));
-        repeats.factors[c].push_back(median(ratios));
+        repeats.factors[c].push_back(median(std::move(ratios)));
       }
     }
     repeats_.push_back(std::move(repeats));
@@ -318,7 +314,7 @@ absl::Status check_codes_follow(const CalibrationSamples& samples, const std::ar
         if (a > kBright && b + black_level[i % 3] < kNearlyFull * saturation) ratios.push_back(b / a);
       }
       if (ratios.size() < kMinRatios || times[j + 1] < kTwoExposures * times[j]) continue;
-      if (const double ratio = median(ratios); ratio < 1.0 + kOwnChange) {
+      if (const double ratio = median(std::move(ratios)); ratio < 1.0 + kOwnChange) {
         return absl::FailedPreconditionError(
             fmt::format("codes do not follow the exposure times: frames of {:.4g} ms have codes {:.2f} times "
                         "those of {:.4g} ms, so no curve can be fitted; turn automatic exposure and "

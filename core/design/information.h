@@ -29,6 +29,8 @@ struct CameraNoise {
 };
 
 ShownPattern wave_of(const DesignedWave& wave, double phase_rad);
+// Adds a wave's two phases, a quarter of a period apart.
+void add_phases(const DesignedWave& wave, std::vector<ShownPattern>& patterns);
 
 // A background of contrast 0.25.
 class Background {

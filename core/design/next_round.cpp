@@ -6,6 +6,8 @@
 #include <limits>
 #include <numbers>
 
+#include "core/base/median.h"
+
 namespace glasswing {
 namespace {
 
@@ -13,19 +15,41 @@ constexpr int kDirections = 8;
 constexpr double kNextPeriod = 1.25;
 constexpr double kAgain = 1.03;  // to the period of a wave that is chosen once more
 constexpr double kLeftOver = 1.0 / 30.0;
-constexpr double kMostUnknown = 0.3;  // of a weight
+constexpr double kMaxWeightError = 0.3;  // of a weight, by its own standard error
 constexpr double kMaxTurn = 0.8;  // radians of a wave: a place that is less certain may be taken for another
+
+// As wide as the monitor's pixels make them.
+Footprints through_pixels(Footprints modes) {
+  for (Footprint& mode : modes) mode.xx_px2 += kFlatPixel_px2, mode.yy_px2 += kFlatPixel_px2;
+  return modes;
+}
+
+// C, of F and then (R, cx, cy, xx, xy, yy) of each mode.
+Eigen::MatrixXd covariance_of(const PatternAnswers& shown, const KnownPixel& pixel, const CameraNoise& noise,
+                              double excess) {
+  const Eigen::MatrixXd by = whitened_slopes(shown, through_pixels(pixel.modes), noise);
+  const double side_px = std::max(shown.extent().width_px, shown.extent().height_px);
+  return (by.transpose() * by / (excess * excess) +
+          prior_information(pixel.modes.size(), shown.extent(), side_px))
+      .inverse();
+}
+
+// The place of a mode's cx in C.
+constexpr Eigen::Index centre_of(int mode) {
+  return 6 * mode + 2;
+}
+
+double centre_sd_px(const Eigen::MatrixXd& covariance, int mode) {
+  return std::sqrt(0.5 * covariance.block<2, 2>(centre_of(mode), centre_of(mode)).trace());
+}
 
 // What is known of a pixel, and how much an error matters.
 struct Known {
   Eigen::MatrixXd covariance;  // C
   Eigen::MatrixXd weight;      // M, with zeros for F
-  Eigen::Index place = 1;      // of the strongest footprint's cx less 1
 
   double composite() const { return std::sqrt((covariance * weight).trace()); }
-  double centre_px() const {
-    return std::sqrt(0.5 * (covariance(place + 1, place + 1) + covariance(place + 2, place + 2)));
-  }
+  double centre_px() const { return centre_sd_px(covariance, 0); }
   double of(RoundTarget::Kind kind) const {
     return kind == RoundTarget::Kind::kCentre ? centre_px() : composite();
   }
@@ -33,24 +57,18 @@ struct Known {
   bool suits(const DesignedWave& wave) const {
     const double phi_rad = wave.phi_deg * std::numbers::pi / 180.0;
     const Eigen::Vector2d along(std::cos(phi_rad), std::sin(phi_rad));
-    const double variance = along.dot(covariance.block<2, 2>(place + 1, place + 1) * along);
+    const double variance = along.dot(covariance.block<2, 2>(centre_of(0), centre_of(0)) * along);
     return 2.0 * std::numbers::pi / wave.period_px * std::sqrt(variance) < kMaxTurn;
   }
 };
 
 Known known_of(const PatternAnswers& shown, const KnownPixel& pixel, const CameraNoise& noise,
                const Background& background) {
-  // As wide as the monitor's pixels make them.
-  Footprints modes = pixel.modes;
-  for (Footprint& mode : modes) mode.xx_px2 += 1.0 / 12.0, mode.yy_px2 += 1.0 / 12.0;
-  const Eigen::MatrixXd by = whitened_slopes(shown, modes, noise);
-  const double side_px = std::max(shown.extent().width_px, shown.extent().height_px);
-  Known known;
-  known.covariance = (by.transpose() * by / (pixel.excess * pixel.excess) +
-                      prior_information(modes.size(), shown.extent(), side_px))
-                         .inverse();
-  known.weight = Eigen::MatrixXd::Zero(by.cols(), by.cols());
-  known.weight.bottomRightCorner(by.cols() - 1, by.cols() - 1) = background.weight_on_monitor(modes);
+  Known known{.covariance = covariance_of(shown, pixel, noise, pixel.excess), .weight = {}};
+  const Eigen::Index size = known.covariance.cols();
+  known.weight = Eigen::MatrixXd::Zero(size, size);
+  known.weight.bottomRightCorner(size - 1, size - 1) =
+      background.weight_on_monitor(through_pixels(pixel.modes));
   return known;
 }
 
@@ -67,9 +85,7 @@ std::vector<DesignedWave> all_waves(const MonitorExtent& extent) {
 
 PatternAnswers answers_of(const std::vector<DesignedWave>& waves, const MonitorExtent& extent) {
   std::vector<ShownPattern> patterns;
-  for (const DesignedWave& wave : waves) {
-    for (const double phase_rad : {0.0, 0.5 * std::numbers::pi}) patterns.push_back(wave_of(wave, phase_rad));
-  }
+  for (const DesignedWave& wave : waves) add_phases(wave, patterns);
   return {std::move(patterns), extent};
 }
 
@@ -85,41 +101,36 @@ struct Update {
   double lowers(const Known& known, RoundTarget::Kind kind) const {
     if (kind == RoundTarget::Kind::kComposite)
       return ((by_covariance * known.weight).array() * gain.array()).sum();
-    return 0.5 * (by_covariance.middleCols(known.place + 1, 2).array() *
-                  gain.middleCols(known.place + 1, 2).array())
-                     .sum();
+    return 0.5 *
+           (by_covariance.middleCols(centre_of(0), 2).array() * gain.middleCols(centre_of(0), 2).array())
+               .sum();
   }
 };
 
 }  // namespace
 
 void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, const CameraNoise& noise) {
-  const Background background(shown.extent());
   std::vector<double> found;
   std::vector<KnownPixel*> unknown;
   for (KnownPixel& pixel : pixels) {
     int best = -1;
+    double least_px = std::numeric_limits<double>::infinity();
     for (int m = 0; m < pixel.modes.size(); ++m) {
-      const auto i = static_cast<size_t>(m);
-      const double sd = pixel.centre_sd_px[i];
+      const double sd_px = pixel.centre_sd_px[static_cast<size_t>(m)];
       // Modes that share their light are known together only.
-      if (pixel.weight_sd[i] > kMostUnknown * pixel.modes[m].weight) continue;
-      if (sd > 0.0 && (best < 0 || sd < pixel.centre_sd_px[static_cast<size_t>(best)])) best = m;
+      const bool alone = pixel.weight_sd[static_cast<size_t>(m)] <= kMaxWeightError * pixel.modes[m].weight;
+      if (alone && sd_px > 0.0 && sd_px < least_px) least_px = sd_px, best = m;
     }
     if (best < 0) {
       unknown.push_back(&pixel);
       continue;
     }
-    pixel.excess = 1.0;
-    Known known = known_of(shown, pixel, noise, background);
-    known.place = 6 * best + 1;
-    pixel.excess = pixel.centre_sd_px[static_cast<size_t>(best)] / known.centre_px();
+    pixel.excess = least_px / centre_sd_px(covariance_of(shown, pixel, noise, 1.0), best);
     found.push_back(pixel.excess);
   }
   if (found.empty()) return;
-  const auto middle = found.begin() + std::ssize(found) / 2;
-  std::ranges::nth_element(found, middle);
-  for (KnownPixel* pixel : unknown) pixel->excess = *middle;
+  const double usual = median(std::move(found));
+  for (KnownPixel* pixel : unknown) pixel->excess = usual;
 }
 
 std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels,

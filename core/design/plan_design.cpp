@@ -11,6 +11,7 @@
 #include <random>
 #include <span>
 
+#include "core/base/median.h"
 #include "core/base/status.h"
 #include "core/design/information.h"
 #include "core/design/wave_ladder.h"
@@ -26,12 +27,6 @@ constexpr double kMostRatio = 2.5;     // from one period of a ladder to the nex
 constexpr double kPeriodStep = 1.15;
 constexpr double kMargin = 1.5;  // sigmas that stripes start before the monitor's edge
 constexpr std::array<double, 4> kDirections_deg{0.0, 90.0, 45.0, -45.0};
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
 
 // Bars of a monitor: of an eighth of its longer side as a power of two, a sixteenth and a 32nd.
 struct Bars {
@@ -92,11 +87,6 @@ const v1::Monitor& longest(const RigLimits& rig) {
   });
 }
 
-MonitorExtent extent_of(const v1::Monitor& monitor) {
-  return {.width_px = static_cast<double>(monitor.width_px()),
-          .height_px = static_cast<double>(monitor.height_px())};
-}
-
 absl::StatusOr<ExpectedErrors> expected_of(const v1::Plan& plan, const v1::Monitor& monitor,
                                            const DesignWish& wish) {
   GW_ASSIGN_OR_RETURN(std::vector<ShownPattern> patterns, shown_by(plan, monitor));
@@ -126,15 +116,8 @@ absl::StatusOr<Candidate> best_waves(const DesignWish& wish, const RigLimits& ri
       .plan = blank_plan(rig, bars),
       .words = fmt::format("sinusoids of {} periods, the shortest {:g} px", images / 2, rounded(shortest_px)),
       .expected = {}};
-  for (const DesignedWave& wave : wave_ladder(extent_of(monitor), phi_deg, images / 2, shortest_px)) {
-    const bool same = candidate.plan.fringes_size() > 0 &&
-                      candidate.plan.fringes().rbegin()->orientation_deg() == wave.phi_deg;
-    v1::Fringes& fringes = same ? *candidate.plan.mutable_fringes()->rbegin() : *candidate.plan.add_fringes();
-    fringes.set_orientation_deg(wave.phi_deg);
-    fringes.set_phases(2);
-    fringes.set_object_only(true);
-    fringes.add_period_px(wave.period_px);
-  }
+  *candidate.plan.mutable_fringes() =
+      fringes_of(wave_ladder(extent_of(monitor), phi_deg, images / 2, shortest_px));
   GW_ASSIGN_OR_RETURN(candidate.expected, expected_of(candidate.plan, monitor, wish));
   return candidate;
 }
@@ -302,8 +285,7 @@ ExpectedErrors expected_of_waves(const MonitorExtent& extent, const std::vector<
   std::vector<ShownPattern> patterns = coarse_stage(extent);
   std::vector<double> scale(patterns.size(), 1.0);
   for (const DesignedWave& wave : waves) {
-    patterns.push_back(wave_of(wave, 0.0));
-    patterns.push_back(wave_of(wave, 0.5 * std::numbers::pi));
+    add_phases(wave, patterns);
     scale.resize(patterns.size(), noise_scale ? noise_scale(wave) : 1.0);
   }
   constexpr double kNone = std::numeric_limits<double>::infinity();

@@ -46,4 +46,18 @@ std::vector<DesignedWave> wave_ladder(const MonitorExtent& extent, std::span<con
   return waves;
 }
 
+google::protobuf::RepeatedPtrField<v1::Fringes> fringes_of(std::span<const DesignedWave> waves) {
+  google::protobuf::RepeatedPtrField<v1::Fringes> all;
+  for (const DesignedWave& wave : waves) {
+    if (all.empty() || all.rbegin()->orientation_deg() != wave.phi_deg) {
+      v1::Fringes& fringes = *all.Add();
+      fringes.set_orientation_deg(wave.phi_deg);
+      fringes.set_phases(2);
+      fringes.set_object_only(true);
+    }
+    all.rbegin()->add_period_px(wave.period_px);
+  }
+  return all;
+}
+
 }  // namespace glasswing

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/footprint/footprint.h"
+#include "glasswing/v1/plan.pb.h"
 
 namespace glasswing {
 
@@ -20,5 +21,8 @@ struct DesignedWave {
 // period.
 std::vector<DesignedWave> wave_ladder(const MonitorExtent& extent, std::span<const double> phi_deg, int count,
                                       double shortest_px);
+
+// As a plan shows them: at two phases, with the object only. Neighbours of one direction share a Fringes.
+google::protobuf::RepeatedPtrField<v1::Fringes> fringes_of(std::span<const DesignedWave> waves);
 
 }  // namespace glasswing

@@ -11,12 +11,12 @@
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
 #include "core/edit/mode_reduction.h"
+#include "core/frame/archive.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {
 namespace {
 
-constexpr int kMaxSide_px = 16384;
 // Modes collected before they are reduced to half: the time that takes grows with their square.
 constexpr size_t kMaxCollected = 64;
 

@@ -14,6 +14,11 @@ void Footprints::remove(int i) {
   --size_;
 }
 
+MonitorExtent extent_of(const v1::Monitor& monitor) {
+  return {.width_px = static_cast<double>(monitor.width_px()),
+          .height_px = static_cast<double>(monitor.height_px())};
+}
+
 Footprint footprint_of(const Mode& mode) {
   return {.weight = static_cast<double>(mode.weight),
           .x_px = static_cast<double>(mode.x_px),

@@ -51,6 +51,7 @@ class Footprints {
 struct MonitorExtent {
   double width_px = 0.0, height_px = 0.0;
 };
+MonitorExtent extent_of(const v1::Monitor& monitor);
 
 // As stored in the matte. An infinite standard error is unknown.
 Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, int texture);

@@ -34,10 +34,7 @@ absl::StatusOr<MatteCovariance> MatteCovariance::create(const v1::MatteMetadata&
                     metadata.sweeps_size(), metadata.lit_pictures_size(), kMaxSweeps, kMaxPictures));
   }
   MatteCovariance covariance;
-  for (const v1::Monitor& monitor : metadata.monitors()) {
-    covariance.extents_.push_back({.width_px = static_cast<double>(monitor.width_px()),
-                                   .height_px = static_cast<double>(monitor.height_px())});
-  }
+  for (const v1::Monitor& monitor : metadata.monitors()) covariance.extents_.push_back(extent_of(monitor));
   for (const v1::StripeSweep& sweep : metadata.sweeps()) {
     const double length_px = sweep.last_r_px() - sweep.first_r_px();
     if (sweep.texture() < 0 || sweep.texture() >= metadata.monitors_size() || !(sweep.sigma_px() > 0.0) ||

@@ -11,6 +11,7 @@
 #include <numbers>
 #include <set>
 
+#include "core/base/median.h"
 #include "core/base/status.h"
 #include "core/geometry/pose_weakness.h"
 #include "core/geometry/reprojection_fit.h"
@@ -37,13 +38,6 @@ constexpr double kMinEigenvalue = 1e-13;  // of the normal matrix with a diagona
 constexpr double kMaxFocalError = 0.05, kWarnFocalError = 0.003;
 constexpr double kWarnRms_px = 0.25, kWarnLeftOut = 0.05, kWorsePose = 3.0;
 constexpr size_t kFewPoses = 4;
-
-double median_of(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
 
 Matrix3d cross_matrix(const Vector3d& v) {
   Matrix3d matrix;
@@ -109,7 +103,7 @@ class GeometryFitter {
       GW_RETURN_IF_ERROR(fit_reprojection(tried, kHuberSd).status());
       std::vector<double> sizes;
       for (const SeenPoint& point : tried.points) sizes.push_back(tried.residual_px(point).norm());
-      const double usual_px = median_of(std::move(sizes));
+      const double usual_px = median(std::move(sizes));
       if (usual_px >= least_px) continue;
       least_px = usual_px;
       best = std::move(tried);
@@ -126,7 +120,7 @@ class GeometryFitter {
         if (sighting.sd_px > 0.0) known.push_back(sighting.sd_px);
       }
       smooth_[k] = known.empty();
-      const double usual = known.empty() ? 1.0 : median_of(std::move(known));
+      const double usual = known.empty() ? 1.0 : median(std::move(known));
       for (const Sighting& sighting : views_[k].sightings) {
         problem_.points.push_back({.pose = k,
                                    .pixel = sighting.pixel,
@@ -157,7 +151,7 @@ class GeometryFitter {
     constexpr double kSdByMedian = 1.4826;  // of a normal distribution
     std::vector<double> factors;
     for (size_t k = 0; k < views_.size(); ++k) {
-      const double scatter_px = kSdByMedian * median_of(sizes[k]) * scale_px_[k];
+      const double scatter_px = kSdByMedian * median(sizes[k]) * scale_px_[k];
       double scale_px = std::max(scatter_px, kMinScatter_px);
       if (smooth_[k]) {
         const auto count = static_cast<double>(sizes[k].size()) / 2.0;
@@ -263,7 +257,7 @@ class GeometryFitter {
       result.poses.push_back(pose_fit(k, sizes));
       put_pose(k, result.poses.back(), *result.geometry.add_monitors());
     }
-    result.median_px = median_of(all);
+    result.median_px = median(all);
     result.rms_px = rms_of(all);
     result.max_px = *std::ranges::max_element(all);
     result.geometry.set_residual_px(result.rms_px);
@@ -285,7 +279,7 @@ class GeometryFitter {
     const Eigen::Matrix<double, 6, 6> covariance = pose_covariance(k);
     Eigen::Matrix<double, 1, 6> by_pose;
     by_pose << -middle.normalized().transpose() * cross_matrix(from_corner), middle.normalized().transpose();
-    return {.median_px = median_of(sizes),
+    return {.median_px = median(sizes),
             .rms_px = rms_of(sizes),
             .max_px = sizes.empty() ? 0.0 : *std::ranges::max_element(sizes),
             .used = static_cast<int>(sizes.size()),
@@ -349,15 +343,14 @@ class GeometryFitter {
       add(fmt::format("the focal length is known to {:.1f} % only, and so are all distances",
                       100.0 * focal_error));
     if (fit.rms_px > kWarnRms_px) {
-      add(
-          fmt::format("points are off by {:.2f} px (rms): the bars may be too coarse, the monitor not flat, "
-                      "its pitch wrong, or the "
-                      "camera moved during a pose",
-                      fit.rms_px));
+      add(fmt::format(
+          "points are off by {:.2f} px (rms): the bars may be too coarse, the monitor not flat, its "
+          "pitch wrong, or the camera moved during a pose",
+          fit.rms_px));
     }
     std::vector<double> each_px;
     for (const PoseFit& pose : fit.poses) each_px.push_back(pose.rms_px);
-    const double usual_px = median_of(std::move(each_px));
+    const double usual_px = median(std::move(each_px));
     for (size_t k = 0; k < fit.poses.size(); ++k) {
       const PoseFit& pose = fit.poses[k];
       if (pose.rms_px > kWorsePose * usual_px)

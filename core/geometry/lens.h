@@ -1,10 +1,11 @@
 // The camera's lens: a pinhole with Brown's distortion in OpenCV's terms. Of u = (X/Z, Y/Z) and r = |u|:
 //
-//   d = u (1 + k1 r^2 + k2 r^4 + k3 r^6) + (2 p1 u_x u_y + p2 (r^2 + 2 u_x^2), p1 (r^2 + 2 u_y^2) + 2 p2 u_x
-//   u_y) pixel = (fx d_x + cx, fy d_y + cy)
+//   d_x = u_x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 u_x u_y + p2 (r^2 + 2 u_x^2)
+//   d_y = u_y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 u_y^2) + 2 p2 u_x u_y
+//   pixel = (fx d_x + cx, fy d_y + cy)
 //
-// D. C. Brown, "Close-Range Camera Calibration", 1971. Continuous pixels: (i, j) covers [i, i + 1) x [j, j +
-// 1).
+// D. C. Brown, "Close-Range Camera Calibration", 1971. Pixels are continuous: (i, j) covers
+// [i, i + 1) x [j, j + 1).
 #pragma once
 
 #include <cstddef>

@@ -53,8 +53,8 @@ class Sightings {
     if (bare_count_ > 0 && straight_count_ == bare_count_) {
       return absl::FailedPreconditionError(fmt::format(
           "session \"{}\" did not measure where its pixels look: it has no bars or stripes of the empty "
-          "stage, and "
-          "its background is only taken to lie straight behind; capture a plan that shows square waves",
+          "stage, and its background is only taken to lie straight behind; capture a plan that shows square "
+          "waves",
           session));
     }
     std::vector<MonitorView> views;

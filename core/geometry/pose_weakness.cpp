@@ -42,8 +42,7 @@ std::string too_little_tilt(const TiltSpread& tilts) {
   if (tilts.max_deg >= kNoTilt_deg) return {};
   return fmt::format(
       "all poses are parallel within {:.1f} degrees, and then a longer focal length looks like a greater "
-      "distance; "
-      "turn the monitor or the camera by 20 to 40 degrees in some poses, about either axis",
+      "distance; turn the monitor or the camera by 20 to 40 degrees in some poses, about either axis",
       tilts.max_deg);
 }
 

@@ -9,6 +9,7 @@
 #include <optional>
 #include <tuple>
 
+#include "core/base/median.h"
 #include "core/frame/image_file.h"
 
 namespace glasswing {
@@ -169,12 +170,6 @@ double cost_of(const Relation& relation, const Codes& codes, const std::vector<s
     cost += off < kHuber ? 0.5 * off * off : kHuber * off - 0.5 * kHuber * kHuber;
   }
   return cost / static_cast<double>(pixels.size());
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
 }
 
 // One G for each relation and part that tells one.

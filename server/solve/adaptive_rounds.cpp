@@ -24,14 +24,23 @@ namespace {
 
 constexpr std::chrono::milliseconds kPoll(50);
 constexpr int kLooked = 20'000;        // pixels of the draft, of which the object's are taken
-constexpr int kJudged = 500;           // of the object's
+constexpr size_t kJudged = 500;        // of the object's
 constexpr size_t kDesigned = 64;       // of those that are not known well enough
 constexpr double kShare = 0.95;        // of the object's pixels
-constexpr int kLeastWaves = 6;         // of a round
+constexpr int kMinWaves = 6;           // of a round
 constexpr double kUsualNoise = 0.005;  // of a camera that is not calibrated: a solve's errors tell the rest
 
 // What a solve knows of one pixel's strongest channel, by texture.
 using JudgedPixel = std::vector<KnownPixel>;
+
+// So many of them, evenly, or all.
+template <typename T>
+std::vector<T> some_of(std::vector<T> all, size_t count) {
+  if (all.size() <= count) return all;
+  std::vector<T> some;
+  for (size_t i = 0; i < count; ++i) some.push_back(std::move(all[i * all.size() / count]));
+  return some;
+}
 
 double light_of(std::span<const Mode> modes) {
   double light = 0.0;
@@ -54,12 +63,7 @@ JudgedPixel judged_pixel(const Matte& matte, int x, int y, size_t monitors) {
     const auto at = static_cast<size_t>(known.modes.size());
     known.weight_sd[at] = mode.weight_sd;
     known.centre_sd_px[at] = mode.centre_sd_px;
-    known.modes.push_back({.weight = mode.weight,
-                           .x_px = mode.x_px,
-                           .y_px = mode.y_px,
-                           .xx_px2 = mode.xx_px2,
-                           .xy_px2 = mode.xy_px2,
-                           .yy_px2 = mode.yy_px2});
+    known.modes.push_back(footprint_of(mode));
   }
   return pixel;
 }
@@ -85,10 +89,7 @@ absl::StatusOr<std::vector<JudgedPixel>> read_pixels(const std::filesystem::path
         return absl::OkStatus();
       },
       step));
-  if (pixels.size() <= kJudged) return pixels;
-  std::vector<JudgedPixel> some;
-  for (size_t i = 0; i < kJudged; ++i) some.push_back(std::move(pixels[i * pixels.size() / kJudged]));
-  return some;
+  return some_of(std::move(pixels), kJudged);
 }
 
 RoundTarget target_of(const v1::Adapt& adapt) {
@@ -119,21 +120,99 @@ double quantile(std::vector<double> values, double share) {
   return *at;
 }
 
-v1::Round round_of(std::vector<DesignedWave> waves, const std::string& why) {
+struct Judgement {
+  std::vector<JudgedPixel> pixels;    // with their excess
+  std::vector<PatternAnswers> shown;  // by monitor
+  std::vector<PixelError> errors;     // by pixel, over all monitors
+  std::vector<size_t> worst;          // by pixel, the monitor on which it is known least
+};
+
+absl::StatusOr<Judgement> judge(std::vector<JudgedPixel> pixels, const v1::Plan& plan,
+                                const std::vector<v1::Monitor>& monitors, const CameraNoise& noise,
+                                RoundTarget::Kind kind) {
+  Judgement judgement{.pixels = std::move(pixels), .shown = {}, .errors = {}, .worst = {}};
+  judgement.errors.resize(judgement.pixels.size());
+  judgement.worst.resize(judgement.pixels.size(), 0);
+  std::vector<double> least(judgement.pixels.size(), 0.0);
+  for (size_t m = 0; m < monitors.size(); ++m) {
+    GW_ASSIGN_OR_RETURN(std::vector<ShownPattern> patterns, shown_by(plan, monitors[m]));
+    const PatternAnswers& shown = judgement.shown.emplace_back(std::move(patterns), extent_of(monitors[m]));
+    std::vector<size_t> seen;
+    std::vector<KnownPixel> here;
+    for (size_t p = 0; p < judgement.pixels.size(); ++p) {
+      if (judgement.pixels[p][m].modes.empty()) continue;
+      seen.push_back(p);
+      here.push_back(judgement.pixels[p][m]);
+    }
+    find_excess(shown, here, noise);
+    const std::vector<PixelError> errors = errors_of(shown, here, noise);
+    for (size_t i = 0; i < seen.size(); ++i) {
+      const size_t p = seen[i];
+      judgement.pixels[p][m].excess = here[i].excess;
+      PixelError& whole = judgement.errors[p];
+      whole.composite = std::hypot(whole.composite, errors[i].composite);
+      whole.centre_px = std::max(whole.centre_px, errors[i].centre_px);
+      if (errors[i].of(kind) < least[p]) continue;
+      least[p] = errors[i].of(kind);
+      judgement.worst[p] = m;
+    }
+  }
+  return judgement;
+}
+
+void put_findings(const Judgement& judgement, const RoundTarget& target, v1::AdaptedRound& found) {
+  std::vector<double> composite, centre_px;
+  int known = 0;
+  for (const PixelError& error : judgement.errors) {
+    composite.push_back(error.composite);
+    centre_px.push_back(error.centre_px);
+    known += error.of(target.kind) <= target.error ? 1 : 0;
+  }
+  found.set_known_share(known / static_cast<double>(judgement.errors.size()));
+  found.set_error_db(-20.0 * std::log10(std::clamp(quantile(composite, kShare), 1e-6, 1.0)));
+  found.set_error_px(std::min(quantile(centre_px, kShare), static_cast<double>(kMaxSide_px)));
+}
+
+// The pixels that are not known well enough, of the monitor that has most of them.
+struct Uncertain {
+  size_t monitor = 0;
+  std::vector<KnownPixel> pixels;
+};
+Uncertain uncertain_in(const Judgement& judgement, const RoundTarget& target) {
+  std::vector<std::vector<KnownPixel>> by_monitor(judgement.shown.size());
+  for (size_t p = 0; p < judgement.pixels.size(); ++p) {
+    if (judgement.errors[p].of(target.kind) > target.error)
+      by_monitor[judgement.worst[p]].push_back(judgement.pixels[p][judgement.worst[p]]);
+  }
+  const auto most = std::ranges::max_element(by_monitor, {}, &std::vector<KnownPixel>::size);
+  return {.monitor = static_cast<size_t>(most - by_monitor.begin()),
+          .pixels = some_of(std::move(*most), kDesigned)};
+}
+
+// Of a round, on a rig of so many monitors.
+int most_waves(const v1::Plan& plan, size_t monitors, int images) {
+  const int at_most = plan.adapt().has_at_most() ? plan.adapt().at_most() : kDefaultAtMost;
+  const int used = plan.monitors().empty() ? static_cast<int>(monitors) : plan.monitors_size();
+  const int each = 2 * used * std::max(plan.exposure_ms_size(), 1);  // images of a wave
+  // Twice the images tell 3 dB more; further ahead a draft's errors say little.
+  return std::min(at_most - images, std::max(images, kMinWaves * each)) / each;
+}
+
+v1::Round round_of(std::vector<DesignedWave> waves, const RoundTarget& target,
+                   const v1::AdaptedRound& found) {
   std::ranges::sort(waves, [](const DesignedWave& a, const DesignedWave& b) {
     return a.phi_deg != b.phi_deg ? a.phi_deg < b.phi_deg : a.period_px > b.period_px;
   });
+  const std::string asked = target.kind == RoundTarget::Kind::kCentre
+                                ? fmt::format("{:g} px", target.error)
+                                : fmt::format("{:g} dB", -20.0 * std::log10(target.error));
   v1::Round round;
-  for (const DesignedWave& wave : waves) {
-    if (round.fringes().empty() || round.fringes().rbegin()->orientation_deg() != wave.phi_deg) {
-      v1::Fringes& fringes = *round.add_fringes();
-      fringes.set_orientation_deg(wave.phi_deg);
-      fringes.set_phases(2);
-      fringes.set_object_only(true);
-    }
-    round.mutable_fringes()->rbegin()->add_period_px(wave.period_px);
-  }
-  round.set_why(why);
+  *round.mutable_fringes() = fringes_of(waves);
+  round.set_why(fmt::format(
+      "{:.0f} % of the object's pixels were known to {} after {} images, {:.0f} % are asked for; 95 % to "
+      "{:.1f} dB and {:.3f} px",
+      100.0 * found.known_share(), asked, found.image_count(), 100.0 * kShare, found.error_db(),
+      found.error_px()));
   return round;
 }
 
@@ -159,88 +238,26 @@ absl::StatusOr<v1::Session> AdaptiveRounds::grow(v1::Session session, std::stop_
   if (pixels.empty())
     return absl::FailedPreconditionError(
         "the draft shows no object, so that nothing tells what to show next");
-  GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(session.plan(), monitors));
-  const v1::Adapt& adapt = session.plan().adapt();
-  const RoundTarget target = target_of(adapt);
+  const RoundTarget target = target_of(session.plan().adapt());
   const CameraNoise noise = noise_of(manifest.camera());
+  GW_ASSIGN_OR_RETURN(const Judgement judgement,
+                      judge(std::move(pixels), session.plan(), monitors, noise, target.kind));
 
-  // By pixel, over all monitors; and where its worst place is.
-  std::vector<double> composite(pixels.size(), 0.0), centre_px(pixels.size(), 0.0);
-  std::vector<double> worst(pixels.size(), 0.0);
-  std::vector<size_t> worst_monitor(pixels.size(), 0);
-  std::vector<PatternAnswers> shown;
-  for (size_t m = 0; m < monitors.size(); ++m) {
-    GW_ASSIGN_OR_RETURN(std::vector<ShownPattern> patterns, shown_by(session.plan(), monitors[m]));
-    shown.emplace_back(std::move(patterns),
-                       MonitorExtent{.width_px = static_cast<double>(monitors[m].width_px()),
-                                     .height_px = static_cast<double>(monitors[m].height_px())});
-    std::vector<size_t> index;
-    std::vector<KnownPixel> here;
-    for (size_t p = 0; p < pixels.size(); ++p) {
-      if (pixels[p][m].modes.empty()) continue;
-      index.push_back(p);
-      here.push_back(pixels[p][m]);
-    }
-    find_excess(shown.back(), here, noise);
-    const std::vector<PixelError> errors = errors_of(shown.back(), here, noise);
-    for (size_t i = 0; i < index.size(); ++i) {
-      const size_t p = index[i];
-      pixels[p][m].excess = here[i].excess;
-      composite[p] = std::hypot(composite[p], errors[i].composite);
-      centre_px[p] = std::max(centre_px[p], errors[i].centre_px);
-      if (errors[i].of(target.kind) >= worst[p]) {
-        worst[p] = errors[i].of(target.kind);
-        worst_monitor[p] = m;
-      }
-    }
-  }
-  const std::vector<double>& judged = target.kind == RoundTarget::Kind::kCentre ? centre_px : composite;
-  const double known = static_cast<double>(std::ranges::count_if(
-                           judged, [&](double error) { return error <= target.error; })) /
-                       static_cast<double>(judged.size());
+  GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(session.plan(), monitors));
   const int images = images_of(steps);
   const bool again = !session.adapted().empty() && session.adapted().rbegin()->image_count() == images;
   v1::AdaptedRound& found = again ? *session.mutable_adapted()->rbegin() : *session.add_adapted();
   found.set_image_count(images);
-  found.set_known_share(known);
-  // Infinite where more than a twentieth is not known at all.
-  found.set_error_db(-20.0 * std::log10(std::clamp(quantile(composite, kShare), 1e-6, 1.0)));
-  found.set_error_px(std::min(quantile(centre_px, kShare), static_cast<double>(kMaxSide_px)));
-  const int at_most = adapt.has_at_most() ? adapt.at_most() : kDefaultAtMost;
+  put_findings(judgement, target, found);
   spdlog::info("adapted session={} images={} known={:.3f} error_db={:.1f} error_px={:.3f}", session.name(),
-               images, known, found.error_db(), found.error_px());
-  if (known >= kShare) return session;
+               images, found.known_share(), found.error_db(), found.error_px());
+  const int most = most_waves(session.plan(), monitors.size(), images);
+  if (found.known_share() >= kShare || most <= 0) return session;
 
-  // The monitor that holds most of what is uncertain is designed for.
-  std::vector<int> bad(monitors.size(), 0);
-  for (size_t p = 0; p < pixels.size(); ++p) bad[worst_monitor[p]] += judged[p] > target.error ? 1 : 0;
-  const auto monitor = static_cast<size_t>(std::ranges::max_element(bad) - bad.begin());
-  std::vector<KnownPixel> uncertain;
-  for (size_t p = 0; p < pixels.size(); ++p) {
-    if (judged[p] > target.error && worst_monitor[p] == monitor) uncertain.push_back(pixels[p][monitor]);
-  }
-  if (uncertain.size() > kDesigned) {
-    std::vector<KnownPixel> some;
-    for (size_t i = 0; i < kDesigned; ++i) some.push_back(uncertain[i * uncertain.size() / kDesigned]);
-    uncertain = std::move(some);
-  }
-  const int used =
-      session.plan().monitors().empty() ? static_cast<int>(monitors.size()) : session.plan().monitors_size();
-  const int exposures = std::max(session.plan().exposure_ms_size(), 1);
-  const int each = 2 * used * exposures;  // images of a wave
-  // Twice the images tell 3 dB more; further ahead a draft's errors say little.
-  const int most = std::min(at_most - images, std::max(images, 2 * kLeastWaves * used * exposures)) / each;
-  if (most <= 0) return session;
-  const std::vector<DesignedWave> waves =
-      choose_waves(shown[monitor], uncertain, noise, target, std::min(kLeastWaves, most), most);
-  const std::string asked = target.kind == RoundTarget::Kind::kCentre
-                                ? fmt::format("{:g} px", target.error)
-                                : fmt::format("{:g} dB", -20.0 * std::log10(target.error));
-  *session.mutable_plan()->add_rounds() = round_of(
-      waves,
-      fmt::format("{:.0f} % of the object's pixels were known to {} after {} images, {:.0f} % are asked "
-                  "for; 95 % to {:.1f} dB and {:.3f} px",
-                  100.0 * known, asked, images, 100.0 * kShare, found.error_db(), found.error_px()));
+  const Uncertain uncertain = uncertain_in(judgement, target);
+  std::vector<DesignedWave> waves = choose_waves(judgement.shown[uncertain.monitor], uncertain.pixels, noise,
+                                                 target, std::min(kMinWaves, most), most);
+  *session.mutable_plan()->add_rounds() = round_of(std::move(waves), target, found);
   return session;
 }
 

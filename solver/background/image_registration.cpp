@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "core/base/median.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 
@@ -73,17 +74,10 @@ Point moved_point(const ImageRegistration& registration, Point p) {
 }
 
 // 0 of none.
-double median_of(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // The standard deviation of normal values from the median of their absolute values.
 double robust_sd(std::vector<double> differences) {
   for (double& difference : differences) difference = std::abs(difference);
-  return std::max(1.4826 * median_of(std::move(differences)), kMinSd);
+  return std::max(1.4826 * median(std::move(differences)), kMinSd);
 }
 
 // Both pictures at one scale.
@@ -206,7 +200,7 @@ class Level {
     std::vector<double> all;
     all.reserve(seen_.size());
     for (const Seen& seen : seen_) all.push_back(seen.steepness(c));
-    return median_of(std::move(all));
+    return median(std::move(all));
   }
   // Only samples steeper than this, if there are any: dark or even areas agree under any motion.
   std::vector<double> differences_of(size_t c, double steepness) const {

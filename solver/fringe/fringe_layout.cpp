@@ -72,8 +72,7 @@ std::map<int, WaveMonitor> monitors_of(const v1::CaptureManifest& manifest, cons
   for (const auto& [key, wave] : waves) {
     WaveMonitor& monitor = monitors[key.texture];
     monitor.texture = key.texture;
-    monitor.extent = {.width_px = static_cast<double>(manifest.monitors(key.texture).width_px()),
-                      .height_px = static_cast<double>(manifest.monitors(key.texture).height_px())};
+    monitor.extent = extent_of(manifest.monitors(key.texture));
     monitor.waves.push_back(wave);
   }
   for (auto& [texture, monitor] : monitors) {

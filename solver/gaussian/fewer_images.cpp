@@ -213,11 +213,6 @@ absl::Status add_sweeps(const Swept& swept, const Choice& choice, StripeSums& su
   return absl::OkStatus();
 }
 
-MonitorExtent extent_of(const v1::Monitor& monitor) {
-  return {.width_px = static_cast<double>(monitor.width_px()),
-          .height_px = static_cast<double>(monitor.height_px())};
-}
-
 // The best waves for so many images; none if so few do not suffice.
 std::vector<DesignedWave> choose_waves(const Swept& swept, int images, const CameraNoise& noise,
                                        StripeSums& sums) {

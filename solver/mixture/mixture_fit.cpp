@@ -128,8 +128,8 @@ void find_errors(const MixtureSamples& samples, MixtureFit& fit, MixtureWorkspac
   // its place is known. Where samples tell nothing of a parameter, a footprint lies on the monitor.
   Footprints seen = fit.modes;
   for (Footprint& mode : seen) {
-    mode.xx_px2 += 1.0 / 12.0;
-    mode.yy_px2 += 1.0 / 12.0;
+    mode.xx_px2 += kFlatPixel_px2;
+    mode.yy_px2 += kFlatPixel_px2;
   }
   Normal normal;
   evaluate(samples, seen, false, workspace, normal);

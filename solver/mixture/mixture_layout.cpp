@@ -131,12 +131,8 @@ absl::StatusOr<MixtureLayout> lay_out_mixture(const v1::CaptureManifest& manifes
   MixtureLayout layout;
   for (const auto& [texture, found] : directions) {
     const v1::Monitor& shown_on = manifest.monitors(texture);
-    MixtureMonitor monitor{.texture = texture,
-                           .extent = {.width_px = static_cast<double>(shown_on.width_px()),
-                                      .height_px = static_cast<double>(shown_on.height_px())},
-                           .patterns = {},
-                           .peaks = {},
-                           .shots = {}};
+    MixtureMonitor monitor{
+        .texture = texture, .extent = extent_of(shown_on), .patterns = {}, .peaks = {}, .shots = {}};
     for (auto& [key, sample] : samples[texture]) {
       monitor.patterns.push_back(sample.pattern);
       monitor.peaks.push_back(sample.peak);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "core/base/median.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -21,15 +22,9 @@ struct Pixel {
   Eigen::Vector3d light;
 };
 
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Robust weights for residuals of which most are normal; residuals within rounding count fully.
 std::vector<double> robust_weights(const std::vector<double>& residuals, double min_sd) {
-  const double sd = std::max(median_of(residuals) / 0.6745, min_sd);
+  const double sd = std::max(median(residuals) / 0.6745, min_sd);
   std::vector<double> weights(residuals.size());
   for (size_t i = 0; i < weights.size(); ++i) {
     const double z = residuals[i] / (3.0 * sd);
@@ -79,7 +74,7 @@ absl::StatusOr<Eigen::Vector3d> fit_plane(const std::vector<Pixel>& pixels) {
     for (size_t i = 0; i < pixels.size(); ++i) residuals[i] = std::abs(plane.dot(pixels[i].light) - 2.0);
     weights = robust_weights(residuals, 1e-6);
   }
-  if (!(plane.minCoeff() > 0.0) || median_of(residuals) > 0.1) return no_ramp("its colours differ");
+  if (!(plane.minCoeff() > 0.0) || median(residuals) > 0.1) return no_ramp("its colours differ");
   return plane;
 }
 
@@ -133,7 +128,7 @@ absl::StatusOr<MonitorMap> MonitorMap::fit(const RadianceImage& empty, int monit
     weights = robust_weights(residuals, 1e-6);
   }
   MonitorMap map;
-  map.residual_px_ = median_of(residuals);
+  map.residual_px_ = median(residuals);
   if (!h.allFinite() || map.residual_px_ > kMaxResidual * std::max(monitor_width_px, monitor_height_px))
     return no_ramp("its colours do not lie in the ramp's order");
   std::copy(plane.begin(), plane.end(), map.plane_.begin());

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "core/base/median.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -22,12 +23,6 @@ constexpr size_t kMaxOfMean = 2'000;
 
 size_t step_of(const RampStage& stage, size_t most) {
   return stage.behind.size() / most + 1;
-}
-
-float median_of(std::vector<float> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // The common motion of pixels off the object, none of which shows a change by itself.
@@ -106,7 +101,7 @@ absl::Status check_background_stands(const RampStage& stage, const RampLight& li
     sd_px.push_back(1.0f / std::sqrt(std::min(frame.info_xx[i], frame.info_yy[i])));
   }
   if (rho.empty()) return absl::OkStatus();
-  const float x = median_of(dx_px), y = median_of(dy_px), bright = median_of(rho);
+  const float x = median(dx_px), y = median(dy_px), bright = median(rho);
   size_t alike = 0;
   for (size_t i = 0; i < rho.size(); ++i) {
     // Noise moves positions by sd, and rho by about that sd as a share of the monitor.

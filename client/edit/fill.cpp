@@ -1,0 +1,42 @@
+#include "core/edit/fill.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "client/edit/commands.h"
+#include "client/edit/edited_matte.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+struct FillArguments : EditArguments {
+  bool flagged = false;
+};
+
+absl::Status fill_matte(const Client& client, const FillArguments& arguments) {
+  GW_ASSIGN_OR_RETURN(Matte matte, read_for_edit(arguments));
+  constexpr std::uint8_t kAllFlags = kFlagNotConverged | kFlagSaturated | kFlagPoorFit | kFlagNoData;
+  const std::int64_t count = fill(matte, arguments.flagged ? kAllFlags : std::uint8_t{kFlagNoData});
+  return write_edited(client, arguments.output, std::move(matte), arguments.flagged ? "fill flagged" : "fill",
+                      Digits::kAsTheyAre, fmt::format("; {} pixels filled from their neighbours", count),
+                      {{"filled_pixels", count}});
+}
+
+}  // namespace
+
+void add_matte_fill_command(CLI::App& matte, Client& client) {
+  auto arguments = std::make_shared<FillArguments>();
+  CLI::App& command =
+      add_edit_command(matte, client, "fill", "Fill pixels that are not solved from their neighbours.",
+                       "Filled pixels are a guess, and flagged as filled: their errors are not known.\n\n"
+                       "Examples:\n"
+                       "  glasswing matte fill vase.exr -o filled.exr\n"
+                       "  glasswing matte fill vase.exr --flagged -o filled.exr",
+                       arguments, fill_matte);
+  command.add_flag("--flagged", arguments->flagged,
+                   "also pixels with another flag: not converged, saturated, poor fit");
+}
+
+}  // namespace glasswing

@@ -1,0 +1,23 @@
+// Filling of a picture's unknown pixels from the rim inwards.
+#pragma once
+
+#include <absl/functional/function_ref.h>
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace glasswing {
+
+struct PixelPlace {
+  int x = 0, y = 0;
+};
+
+// Calls `fill` once for each unknown pixel that becomes known, with those of its eight neighbours that were
+// known or filled before, row by row. `known`: by pixel, row by row. Returns how many were filled: 0 where
+// none is known.
+std::int64_t fill_from_rim(
+    int width_px, int height_px, std::vector<bool> known,
+    absl::FunctionRef<void(const PixelPlace& place, std::span<const PixelPlace> around)> fill);
+
+}  // namespace glasswing
