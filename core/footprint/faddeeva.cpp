@@ -4,11 +4,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/footprint/finite_product.h"
+
 namespace glasswing {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr int kTerms = 32, kPlaces = 2 * kTerms;
+constexpr int kTerms = 24, kPlaces = 2 * kTerms;
 const double kScale = std::sqrt(kTerms / std::numbers::sqrt2);  // L
 
 // The Fourier coefficients of exp(-t^2) (L^2 + t^2), t = L tan(theta / 2).
@@ -26,11 +28,17 @@ const std::array<double, kTerms> kCoefficients = [] {
 }  // namespace
 
 Complex faddeeva(Complex z) {
-  const Complex turned(-z.imag(), z.real()), below = 1.0 / (kScale - turned),
-                                             ratio = (kScale + turned) * below;
-  Complex sum = 0.0;
-  for (int n = kTerms - 1; n >= 0; --n) sum = sum * ratio + kCoefficients[static_cast<size_t>(n)];
-  return below * (2.0 * sum * below + std::numbers::inv_sqrtpi);
+  const Complex turned(-z.imag(), z.real()), divisor = kScale - turned;
+  const Complex below = std::conj(divisor) / std::norm(divisor), ratio = times(kScale + turned, below),
+                square = times(ratio, ratio);
+  // Even and odd terms by themselves, so that neither waits for the other.
+  Complex even = 0.0, odd = 0.0;
+  for (size_t n = kTerms; n > 0; n -= 2) {
+    odd = times(odd, square) + kCoefficients[n - 1];
+    even = times(even, square) + kCoefficients[n - 2];
+  }
+  const Complex sum = even + times(odd, ratio);
+  return times(below, 2.0 * times(sum, below) + std::numbers::inv_sqrtpi);
 }
 
 }  // namespace glasswing

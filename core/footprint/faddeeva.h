@@ -3,7 +3,7 @@
 //
 //   w(z) = 2 p(Z) / (L - iz)^2 + 1 / (sqrt(pi) (L - iz)),    Z = (L + iz) / (L - iz)
 //
-// with p a polynomial of 32 terms; relative error below 1e-11.
+// with p a polynomial of 24 terms; error below 1e-10.
 #pragma once
 
 #include <complex>

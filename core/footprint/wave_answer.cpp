@@ -7,6 +7,7 @@
 
 #include "core/footprint/cut_footprint.h"
 #include "core/footprint/faddeeva.h"
+#include "core/footprint/finite_product.h"
 #include "core/footprint/gauss_legendre.h"
 
 namespace glasswing {
@@ -16,13 +17,22 @@ using Complex = std::complex<double>;
 
 constexpr double kLeastVariance_px2 = 0.01;  // narrower footprints are points to an edge
 constexpr double kMaxCorrelation = 0.999;
-constexpr double kWaveReach = 6.0;  // standard deviations
-constexpr double kNoLight = 7.0;    // the same: less than 1e-10 of a footprint's density
-constexpr double kMaxGrowth = 4.0;  // logarithm of how far the terms of Plackett's identity may exceed I
+constexpr double kWaveReach = 5.0;  // standard deviations
+constexpr double kNoLight = 5.5;    // the same: less than 3e-7 of a footprint's density
+constexpr double kMaxTurn = 6.0;    // wx wy xy: logarithm of how far terms of Plackett's identity may change
 // Most of a panel of the quadrature: standard deviations, radians.
 constexpr double kPanelReach = 2.0, kPanelTurn = 16.0;
 
-const GaussLegendre<20> kQuadrature;
+// Plackett's integral up to a correlation of 0.9 and beyond, and a panel: right to 1e-7.
+constexpr double kMuchCorrelation = 0.9;
+const GaussLegendre<8> kFew;
+const GaussLegendre<12> kMore;
+const GaussLegendre<16> kPanel;
+
+// exp(i omega t) at the monitor's edges across t.
+std::array<Complex, 2> edges_of(double omega, double size_px) {
+  return {1.0, std::polar(1.0, omega * size_px)};
+}
 
 // A normal density of one coordinate, and the monitor's edges across it.
 struct NormalLine {
@@ -33,21 +43,21 @@ struct NormalLine {
     return std::exp(-0.5 * z * z) / (sd * std::sqrt(2.0 * std::numbers::pi));
   }
   bool cut() const { return mean < kWaveReach * sd || size_px - mean < kWaveReach * sd; }
-  // int density exp(i omega t) dt over the monitor.
-  Complex waved(double omega) const {
+  // int density exp(i omega t) dt over the monitor; of_edges: exp(i omega t) at its edges.
+  Complex waved(double omega, const std::array<Complex, 2>& of_edges) const {
     const double v = omega * sd * std::numbers::sqrt2 / 2.0;
-    const Complex whole = std::exp(Complex(-v * v, omega * mean));
-    // From here to the nearer end.
-    const auto tail = [&](double edge) {
+    // From an edge to the nearer end.
+    const auto tail = [&](double edge, const Complex& of_edge) {
       const double u = (edge - mean) / (sd * std::numbers::sqrt2);
-      if (std::abs(u) > 8.0) return Complex(0.0);
-      return 0.5 * std::exp(Complex(-u * u, omega * edge)) * faddeeva(Complex(u < 0.0 ? -v : v, std::abs(u)));
+      if (std::abs(u) > 4.0) return Complex(0.0);
+      return 0.5 * std::exp(-u * u) * times(of_edge, faddeeva(Complex(u < 0.0 ? -v : v, std::abs(u))));
     };
-    const Complex low = tail(0.0), high = tail(size_px);
+    const Complex low = tail(0.0, of_edges[0]), high = tail(size_px, of_edges[1]);
     if (mean < 0.0) return low - high;  // both edges are above the mean
     if (mean > size_px) return high - low;
-    return whole - low - high;
+    return std::polar(std::exp(-v * v), omega * mean) - low - high;
   }
+  Complex waved(double omega) const { return waved(omega, edges_of(omega, size_px)); }
 };
 
 // Of one footprint of weight 1 before a wave.
@@ -62,6 +72,8 @@ class WavedRectangle {
         y_{.mean = mode.y_px,
            .sd = std::sqrt(std::max(mode.yy_px2, kLeastVariance_px2)),
            .size_px = extent.height_px},
+        of_x_(edges_of(wx, extent.width_px)),
+        of_y_(edges_of(wy, extent.height_px)),
         xy_(std::clamp(mode.xy_px2, -kMaxCorrelation * x_.sd * y_.sd, kMaxCorrelation * x_.sd * y_.sd)) {}
 
   WaveAnswer answer() const {
@@ -110,13 +122,12 @@ class WavedRectangle {
       const NormalLine along_x{.mean = x_.mean + xy / yy * (at_y - y_.mean),
                                .sd = std::sqrt(xx - xy * xy / yy),
                                .size_px = x_.size_px};
-      const Complex here_x = x_.density(at_x) * std::exp(Complex(0.0, wx_ * at_x));
-      if (near_x) edges.x[i] = here_x * along_y.waved(wy_);
-      if (near_y) edges.y[i] = y_.density(at_y) * std::exp(Complex(0.0, wy_ * at_y)) * along_x.waved(wx_);
-      for (size_t j = 0; near_x && j < 2; ++j) {
-        const double corner_y = j == 0 ? 0.0 : y_.size_px;
-        edges.corner[i][j] = here_x * along_y.density(corner_y) * std::exp(Complex(0.0, wy_ * corner_y));
-      }
+      if (near_y) edges.y[i] = y_.density(at_y) * times(of_y_[i], along_x.waved(wx_, of_x_));
+      if (!near_x) continue;
+      const Complex here = x_.density(at_x) * of_x_[i];
+      edges.x[i] = times(here, along_y.waved(wy_, of_y_));
+      for (size_t j = 0; j < 2; ++j)
+        edges.corner[i][j] = along_y.density(j == 0 ? 0.0 : y_.size_px) * times(here, of_y_[j]);
     }
     return edges;
   }
@@ -134,17 +145,25 @@ class WavedRectangle {
       return y_.waved(wy_ + wx_ * turn) *
              std::exp(Complex(-0.5 * wx_ * wx_ * rest, wx_ * (x_.mean - turn * y_.mean)));
     }
-    if (-wx_ * wy_ * xy_ > kMaxGrowth) return integral_over_lines();
-    Complex sum = x_.waved(wx_) * y_.waved(wy_) * std::exp(-wx_ * wy_ * xy_);
-    const double most = x_.sd * y_.sd, angle = std::asin(xy_ / most);
-    if (angle == 0.0) return sum;
-    for (size_t n = 0; n < kQuadrature.place.size(); ++n) {
-      const double theta = 0.5 * angle * (1.0 + kQuadrature.place[n]), xy = most * std::sin(theta);
+    if (std::abs(wx_ * wy_ * xy_) > kMaxTurn) return integral_over_lines();
+    const double correlation = xy_ / (x_.sd * y_.sd), without = std::exp(-wx_ * wy_ * xy_);
+    const Complex turned = std::abs(correlation) > kMuchCorrelation ? turned_to(correlation, kMore)
+                                                                    : turned_to(correlation, kFew);
+    return without * times(x_.waved(wx_, of_x_), y_.waved(wy_, of_y_)) + turned;
+  }
+
+  // What a correlation adds, by Plackett's identity.
+  template <size_t N>
+  Complex turned_to(double correlation, const GaussLegendre<N>& nodes) const {
+    const double most = x_.sd * y_.sd, angle = std::asin(correlation);
+    Complex sum = 0.0;
+    for (size_t n = 0; n < N && angle != 0.0; ++n) {
+      const double theta = 0.5 * angle * (1.0 + nodes.place[n]), xy = most * std::sin(theta);
       const Edges edges = edges_at(xy);
       const Complex slope = edges.corners() - Complex(0.0, wy_) * (edges.x[1] - edges.x[0]) -
                             Complex(0.0, wx_) * (edges.y[1] - edges.y[0]);
-      sum += 0.5 * angle * kQuadrature.weight[n] * most * std::cos(theta) *
-             std::exp(-wx_ * wy_ * (xy_ - xy)) * slope;
+      sum +=
+          0.5 * angle * nodes.weight[n] * most * std::cos(theta) * std::exp(-wx_ * wy_ * (xy_ - xy)) * slope;
     }
     return sum;
   }
@@ -158,7 +177,7 @@ class WavedRectangle {
     // Where y's mean passes an edge, what y sees changes within rest_sd.
     std::vector<double> ends{low, high};
     for (const double edge_px : {0.0, y_.size_px}) {
-      for (const double off : {-6.0, -2.0, 0.0, 2.0, 6.0}) {
+      for (const double off : {-5.0, -2.0, 0.0, 2.0, 5.0}) {
         const double at = x_.mean + (edge_px - y_.mean + off * rest_sd) / turn;
         if (at > low && at < high) ends.push_back(at);
       }
@@ -173,11 +192,11 @@ class WavedRectangle {
       const double half_px = 0.5 * length_px / panels;
       for (int panel = 0; panel < panels; ++panel) {
         const double middle_px = ends[i] + (2 * panel + 1) * half_px;
-        for (size_t n = 0; n < kQuadrature.place.size(); ++n) {
-          const double x_px = middle_px + half_px * kQuadrature.place[n];
+        for (size_t n = 0; n < kPanel.place.size(); ++n) {
+          const double x_px = middle_px + half_px * kPanel.place[n];
           const NormalLine y{.mean = y_.mean + turn * (x_px - x_.mean), .sd = rest_sd, .size_px = y_.size_px};
-          sum += half_px * kQuadrature.weight[n] * x_.density(x_px) * std::exp(Complex(0.0, wx_ * x_px)) *
-                 y.waved(wy_);
+          sum += half_px * kPanel.weight[n] * x_.density(x_px) *
+                 times(std::polar(1.0, wx_ * x_px), y.waved(wy_, of_y_));
         }
       }
     }
@@ -186,6 +205,7 @@ class WavedRectangle {
 
   const double wx_, wy_;
   const NormalLine x_, y_;
+  const std::array<Complex, 2> of_x_, of_y_;  // the wave at edges across x and y
   const double xy_;
 };
 

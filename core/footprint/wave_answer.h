@@ -15,7 +15,7 @@
 //   dI/dxy + wx wy I = K - i wy E - i wx F
 //
 // (Plackett's identity for waves; K: G exp(i w.p) summed over the corners) gives it for any other. Its terms
-// grow as exp(-wx wy xy); where that is much, I is integrated over x instead.
+// change as exp(-wx wy xy); where that is much, I is integrated over x instead.
 #pragma once
 
 #include <array>
