@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/base/median.h"
 #include "solver/method/clipped_noise.h"
 
 namespace glasswing {
@@ -13,7 +14,7 @@ constexpr double kLeastNoise = 1e-4;  // the shape of pixels and footprints leav
 constexpr int kRounds = 3;            // of weighing white and bars, and what was cut off at black, anew
 constexpr int kPolish = 20;           // steps of a round
 constexpr double kQuarterOfNormal = 0.31864;  // of |x|, in standard deviations
-constexpr double kOverestimated = 0.4;        // chi2 of a degree of freedom
+constexpr int kNoiseFits = 8;                 // pixels of a row
 constexpr double kPoorFit = 0.1;              // of the strongest weight: rms of what is left
 
 bool is_finite(const Footprint& mode) {
@@ -45,9 +46,9 @@ MixtureSolver::MixtureSolver(const FrameStack& stack, const MixtureLayout& layou
 void MixtureSolver::solve_row(int y, Matte& matte) {
   std::vector<double> read_sd;
   if (!surroundings_.noise_known()) {
-    noise_ = {
-        .read_sd = layout_.wave_noise.known() ? layout_.wave_noise.of_row(stack_, y) : noise_of_pairs(y),
-        .gain = 0.0};
+    noise_ = {.read_sd = layout_.wave_noise.known() ? layout_.wave_noise.of_row(stack_, y)
+                                                    : std::min(noise_of_pairs(y), noise_of_fits(y)),
+              .gain = 0.0};
     read_sd.assign(static_cast<size_t>(stack_.width_px), noise_.read_sd);
   }
   const SettledRow row = surroundings_.settle_row(y, read_sd, matte);
@@ -82,6 +83,19 @@ double MixtureSolver::noise_of_pairs(int y) const {
   const auto quarter = off.begin() + std::ssize(off) / 4;
   std::ranges::nth_element(off, quarter);
   return std::max(*quarter / (kQuarterOfNormal * std::numbers::sqrt2), kLeastNoise);
+}
+
+double MixtureSolver::noise_of_fits(int y) {
+  noise_ = {.read_sd = 0.0, .gain = 0.0};
+  std::vector<double> left;
+  for (int i = 0; i < kNoiseFits; ++i) {
+    const int x = (2 * i + 1) * stack_.width_px / (2 * kNoiseFits);
+    for (const int channel : stack_.channels(x, y)) {
+      load(0, x, y, channel);
+      left.push_back(noise_left(solve(0, {})));
+    }
+  }
+  return kLeastNoise * std::sqrt(std::max(median(std::move(left)), 1.0));
 }
 
 void MixtureSolver::load(size_t m, int x, int y, int channel) {
@@ -177,16 +191,7 @@ void MixtureSolver::solve_channel(int x, int y, int channel, Matte& matte) {
     std::vector<Footprints> neighbours;
     for (int other = 0; other < kChannels; ++other)
       neighbours.push_back(last_[m][static_cast<size_t>(other)]);
-    MixtureFit fit = solve(m, neighbours);
-    // In a row that is all object, differences from the empty stage are no noise. What a fit leaves is more
-    // than that.
-    while (!surroundings_.noise_known() && !layout_.wave_noise.known() && noise_left(fit) < kOverestimated &&
-           variance_.minCoeff() > 2.0 * kLeastNoise * kLeastNoise) {
-      variance_ *= noise_left(fit);
-      samples_.y = seen_;
-      samples_.weight = variance_.cwiseInverse();
-      fit = solve(m, neighbours);
-    }
+    const MixtureFit fit = solve(m, neighbours);
     foreground += fit.floor / static_cast<double>(layout_.monitors.size());
     double strongest = 0.0;
     for (int k = 0; k < fit.modes.size(); ++k) {

@@ -31,6 +31,9 @@ class MixtureSolver {
   // Standard deviation of a row's samples, if neither the camera's noise is known nor bars have complements:
   // what the quarter of them that differ least do between the stage with and without the object.
   double noise_of_pairs(int y) const;
+  // The same: what fits of some of the row's pixels leave. Where a row is all object, what differs from the
+  // empty stage is no noise.
+  double noise_of_fits(int y);
   // chi2 of a degree of freedom.
   double noise_left(const MixtureFit& fit) const;
   void load(size_t monitor, int x, int y, int channel);
