@@ -72,17 +72,6 @@ Known known_of(const PatternAnswers& shown, const KnownPixel& pixel, const Camer
   return known;
 }
 
-std::vector<DesignedWave> all_waves(const MonitorExtent& extent) {
-  std::vector<DesignedWave> waves;
-  for (int d = 0; d < kDirections; ++d) {
-    const double longest_px = std::max(extent.width_px, extent.height_px);
-    for (double period_px = kFinestPeriod_px; period_px < longest_px; period_px *= kNextPeriod)
-      waves.push_back(
-          {.phi_deg = 180.0 * d / kDirections, .period_px = std::round(100.0 * period_px) / 100.0});
-  }
-  return waves;
-}
-
 PatternAnswers answers_of(const std::vector<DesignedWave>& waves, const MonitorExtent& extent) {
   std::vector<ShownPattern> patterns;
   for (const DesignedWave& wave : waves) add_phases(wave, patterns);
@@ -144,10 +133,21 @@ std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const K
   return errors;
 }
 
+std::vector<DesignedWave> usual_waves(const MonitorExtent& extent) {
+  std::vector<DesignedWave> waves;
+  for (int d = 0; d < kDirections; ++d) {
+    const double longest_px = std::max(extent.width_px, extent.height_px);
+    for (double period_px = kFinestPeriod_px; period_px < longest_px; period_px *= kNextPeriod)
+      waves.push_back(
+          {.phi_deg = 180.0 * d / kDirections, .period_px = std::round(100.0 * period_px) / 100.0});
+  }
+  return waves;
+}
+
 std::vector<DesignedWave> choose_waves(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
-                                       const CameraNoise& noise, const RoundTarget& target, int least,
-                                       int most) {
-  std::vector<DesignedWave> waves = all_waves(shown.extent()), chosen;
+                                       const CameraNoise& noise, const RoundTarget& target,
+                                       std::vector<DesignedWave> waves, int least, int most) {
+  std::vector<DesignedWave> chosen;
   const PatternAnswers answers = answers_of(waves, shown.extent());
   const Background background(shown.extent());
   std::vector<Known> known;

@@ -51,10 +51,13 @@ void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, cons
 std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
                                   const CameraNoise& noise);
 
-// At least `least` waves and at most `most`, but no more than bring all but a thirtieth of the pixels to the
-// target. Each has modes.
+// Eight directions, periods from 6 px to the monitor's longer side.
+std::vector<DesignedWave> usual_waves(const MonitorExtent& extent);
+
+// Of `waves`, at least `least` and at most `most`, but no more than bring all but a thirtieth of the pixels
+// to the target. Each pixel has modes. A wave that is chosen again gets a slightly longer period.
 std::vector<DesignedWave> choose_waves(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
-                                       const CameraNoise& noise, const RoundTarget& target, int least,
-                                       int most);
+                                       const CameraNoise& noise, const RoundTarget& target,
+                                       std::vector<DesignedWave> waves, int least, int most);
 
 }  // namespace glasswing

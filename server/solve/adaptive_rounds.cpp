@@ -1,72 +1,26 @@
 #include "server/solve/adaptive_rounds.h"
 
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <vector>
 
+#include "core/base/evenly.h"
 #include "core/base/pause.h"
 #include "core/base/positioned_file.h"
 #include "core/base/status.h"
-#include "core/design/next_round.h"
-#include "core/design/plan_design.h"
+#include "core/design/adaptation.h"
 #include "core/frame/archive.h"
 #include "core/matte/packed_matte.h"
-#include "core/pattern/plan.h"
-#include "core/pattern/stimulus_kind.h"
 #include "server/archives/session_archive.h"
 
 namespace glasswing {
 namespace {
 
 constexpr std::chrono::milliseconds kPoll(50);
-constexpr int kLooked = 20'000;        // pixels of the draft, of which the object's are taken
-constexpr size_t kJudged = 500;        // of the object's
-constexpr size_t kDesigned = 64;       // of those that are not known well enough
-constexpr double kShare = 0.95;        // of the object's pixels
-constexpr int kMinWaves = 6;           // of a round
-constexpr double kUsualNoise = 0.005;  // of a camera that is not calibrated: a solve's errors tell the rest
-
-// What a solve knows of one pixel's strongest channel, by texture.
-using JudgedPixel = std::vector<KnownPixel>;
-
-// So many of them, evenly, or all.
-template <typename T>
-std::vector<T> some_of(std::vector<T> all, size_t count) {
-  if (all.size() <= count) return all;
-  std::vector<T> some;
-  for (size_t i = 0; i < count; ++i) some.push_back(std::move(all[i * all.size() / count]));
-  return some;
-}
-
-double light_of(std::span<const Mode> modes) {
-  double light = 0.0;
-  for (const Mode& mode : modes) light += mode.weight;
-  return light;
-}
-
-JudgedPixel judged_pixel(const Matte& matte, int x, int y, size_t monitors) {
-  int strongest = 0;
-  const int channels = matte.is_colourless() ? 1 : kChannels;
-  for (int c = 1; c < channels; ++c) {
-    if (light_of(matte.modes(x, y, c)) > light_of(matte.modes(x, y, strongest))) strongest = c;
-  }
-  JudgedPixel pixel(monitors);
-  // In order of weight.
-  for (const Mode& mode : matte.modes(x, y, strongest)) {
-    if (!(mode.weight > 0.0f) || static_cast<size_t>(mode.texture) >= monitors) continue;
-    KnownPixel& known = pixel[static_cast<size_t>(mode.texture)];
-    if (known.modes.size() == kMaxFootprints) continue;
-    const auto at = static_cast<size_t>(known.modes.size());
-    known.weight_sd[at] = mode.weight_sd;
-    known.centre_sd_px[at] = mode.centre_sd_px;
-    known.modes.push_back(footprint_of(mode));
-  }
-  return pixel;
-}
+constexpr int kLooked = 20'000;  // pixels of the draft, of which the object's are taken
+constexpr size_t kJudged = 500;  // of the object's
 
 // Of the object, evenly.
 absl::StatusOr<std::vector<JudgedPixel>> read_pixels(const std::filesystem::path& path, size_t monitors) {
@@ -81,139 +35,13 @@ absl::StatusOr<std::vector<JudgedPixel>> read_pixels(const std::filesystem::path
         for (int y = 0; y < rows.height_px(); ++y) {
           for (int x = step / 2; x < width; x += step) {
             JudgedPixel pixel = judged_pixel(rows, x, y, monitors);
-            const bool seen =
-                std::ranges::any_of(pixel, [](const KnownPixel& on) { return !on.modes.empty(); });
-            if (rows.coverage(x, y) > 0.0f && seen) pixels.push_back(std::move(pixel));
+            if (rows.coverage(x, y) > 0.0f && sees_a_monitor(pixel)) pixels.push_back(std::move(pixel));
           }
         }
         return absl::OkStatus();
       },
       step));
   return some_of(std::move(pixels), kJudged);
-}
-
-RoundTarget target_of(const v1::Adapt& adapt) {
-  if (adapt.has_target_px()) return {.kind = RoundTarget::Kind::kCentre, .error = adapt.target_px()};
-  const double db = adapt.has_target_db() ? adapt.target_db() : kDefaultTargetDb;
-  return {.kind = RoundTarget::Kind::kComposite, .error = std::pow(10.0, -db / 20.0)};
-}
-
-CameraNoise noise_of(const v1::Camera& camera) {
-  CameraNoise noise{.read_sd = camera.read_sd() > 0.0 ? camera.read_sd() : kUsualNoise, .full_well = {}};
-  if (camera.gain() > 0.0) noise.full_well = 1.0 / camera.gain();
-  return noise;
-}
-
-// Patch learning and photos do not count.
-int images_of(const std::vector<Step>& steps) {
-  return static_cast<int>(std::ranges::count_if(steps, [](const Step& step) {
-    const StimulusKind kind = kind_of(step.stimulus);
-    return kind != StimulusKind::kPatch && kind != StimulusKind::kPhoto;
-  }));
-}
-
-// What this share of all is not above.
-double quantile(std::vector<double> values, double share) {
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
-  std::ranges::nth_element(values, at);
-  return *at;
-}
-
-struct Judgement {
-  std::vector<JudgedPixel> pixels;    // with their excess
-  std::vector<PatternAnswers> shown;  // by monitor
-  std::vector<PixelError> errors;     // by pixel, over all monitors
-  std::vector<size_t> worst;          // by pixel, the monitor on which it is known least
-};
-
-absl::StatusOr<Judgement> judge(std::vector<JudgedPixel> pixels, const v1::Plan& plan,
-                                const std::vector<v1::Monitor>& monitors, const CameraNoise& noise,
-                                RoundTarget::Kind kind) {
-  Judgement judgement{.pixels = std::move(pixels), .shown = {}, .errors = {}, .worst = {}};
-  judgement.errors.resize(judgement.pixels.size());
-  judgement.worst.resize(judgement.pixels.size(), 0);
-  std::vector<double> least(judgement.pixels.size(), 0.0);
-  for (size_t m = 0; m < monitors.size(); ++m) {
-    GW_ASSIGN_OR_RETURN(std::vector<ShownPattern> patterns, shown_by(plan, monitors[m]));
-    const PatternAnswers& shown = judgement.shown.emplace_back(std::move(patterns), extent_of(monitors[m]));
-    std::vector<size_t> seen;
-    std::vector<KnownPixel> here;
-    for (size_t p = 0; p < judgement.pixels.size(); ++p) {
-      if (judgement.pixels[p][m].modes.empty()) continue;
-      seen.push_back(p);
-      here.push_back(judgement.pixels[p][m]);
-    }
-    find_excess(shown, here, noise);
-    const std::vector<PixelError> errors = errors_of(shown, here, noise);
-    for (size_t i = 0; i < seen.size(); ++i) {
-      const size_t p = seen[i];
-      judgement.pixels[p][m].excess = here[i].excess;
-      PixelError& whole = judgement.errors[p];
-      whole.composite = std::hypot(whole.composite, errors[i].composite);
-      whole.centre_px = std::max(whole.centre_px, errors[i].centre_px);
-      if (errors[i].of(kind) < least[p]) continue;
-      least[p] = errors[i].of(kind);
-      judgement.worst[p] = m;
-    }
-  }
-  return judgement;
-}
-
-void put_findings(const Judgement& judgement, const RoundTarget& target, v1::AdaptedRound& found) {
-  std::vector<double> composite, centre_px;
-  int known = 0;
-  for (const PixelError& error : judgement.errors) {
-    composite.push_back(error.composite);
-    centre_px.push_back(error.centre_px);
-    known += error.of(target.kind) <= target.error ? 1 : 0;
-  }
-  found.set_known_share(known / static_cast<double>(judgement.errors.size()));
-  found.set_error_db(-20.0 * std::log10(std::clamp(quantile(composite, kShare), 1e-6, 1.0)));
-  found.set_error_px(std::min(quantile(centre_px, kShare), static_cast<double>(kMaxSide_px)));
-}
-
-// The pixels that are not known well enough, of the monitor that has most of them.
-struct Uncertain {
-  size_t monitor = 0;
-  std::vector<KnownPixel> pixels;
-};
-Uncertain uncertain_in(const Judgement& judgement, const RoundTarget& target) {
-  std::vector<std::vector<KnownPixel>> by_monitor(judgement.shown.size());
-  for (size_t p = 0; p < judgement.pixels.size(); ++p) {
-    if (judgement.errors[p].of(target.kind) > target.error)
-      by_monitor[judgement.worst[p]].push_back(judgement.pixels[p][judgement.worst[p]]);
-  }
-  const auto most = std::ranges::max_element(by_monitor, {}, &std::vector<KnownPixel>::size);
-  return {.monitor = static_cast<size_t>(most - by_monitor.begin()),
-          .pixels = some_of(std::move(*most), kDesigned)};
-}
-
-// Of a round, on a rig of so many monitors.
-int most_waves(const v1::Plan& plan, size_t monitors, int images) {
-  const int at_most = plan.adapt().has_at_most() ? plan.adapt().at_most() : kDefaultAtMost;
-  const int used = plan.monitors().empty() ? static_cast<int>(monitors) : plan.monitors_size();
-  const int each = 2 * used * std::max(plan.exposure_ms_size(), 1);  // images of a wave
-  // Twice the images tell 3 dB more; further ahead a draft's errors say little.
-  return std::min(at_most - images, std::max(images, kMinWaves * each)) / each;
-}
-
-v1::Round round_of(std::vector<DesignedWave> waves, const RoundTarget& target,
-                   const v1::AdaptedRound& found) {
-  std::ranges::sort(waves, [](const DesignedWave& a, const DesignedWave& b) {
-    return a.phi_deg != b.phi_deg ? a.phi_deg < b.phi_deg : a.period_px > b.period_px;
-  });
-  const std::string asked = target.kind == RoundTarget::Kind::kCentre
-                                ? fmt::format("{:g} px", target.error)
-                                : fmt::format("{:g} dB", -20.0 * std::log10(target.error));
-  v1::Round round;
-  *round.mutable_fringes() = fringes_of(waves);
-  round.set_why(fmt::format(
-      "{:.0f} % of the object's pixels were known to {} after {} images, {:.0f} % are asked for; 95 % to "
-      "{:.1f} dB and {:.3f} px",
-      100.0 * found.known_share(), asked, found.image_count(), 100.0 * kShare, found.error_db(),
-      found.error_px()));
-  return round;
 }
 
 }  // namespace
@@ -238,26 +66,16 @@ absl::StatusOr<v1::Session> AdaptiveRounds::grow(v1::Session session, std::stop_
   if (pixels.empty())
     return absl::FailedPreconditionError(
         "the draft shows no object, so that nothing tells what to show next");
-  const RoundTarget target = target_of(session.plan().adapt());
-  const CameraNoise noise = noise_of(manifest.camera());
-  GW_ASSIGN_OR_RETURN(const Judgement judgement,
-                      judge(std::move(pixels), session.plan(), monitors, noise, target.kind));
-
-  GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(session.plan(), monitors));
-  const int images = images_of(steps);
-  const bool again = !session.adapted().empty() && session.adapted().rbegin()->image_count() == images;
-  v1::AdaptedRound& found = again ? *session.mutable_adapted()->rbegin() : *session.add_adapted();
-  found.set_image_count(images);
-  put_findings(judgement, target, found);
+  GW_ASSIGN_OR_RETURN(Adaptation adaptation,
+                      adapt(std::move(pixels), session.plan(), monitors, manifest.camera()));
+  const v1::AdaptedRound& found = adaptation.found;
   spdlog::info("adapted session={} images={} known={:.3f} error_db={:.1f} error_px={:.3f}", session.name(),
-               images, found.known_share(), found.error_db(), found.error_px());
-  const int most = most_waves(session.plan(), monitors.size(), images);
-  if (found.known_share() >= kShare || most <= 0) return session;
-
-  const Uncertain uncertain = uncertain_in(judgement, target);
-  std::vector<DesignedWave> waves = choose_waves(judgement.shown[uncertain.monitor], uncertain.pixels, noise,
-                                                 target, std::min(kMinWaves, most), most);
-  *session.mutable_plan()->add_rounds() = round_of(std::move(waves), target, found);
+               found.image_count(), found.known_share(), found.error_db(), found.error_px());
+  // Judged before, and interrupted then.
+  const bool again =
+      !session.adapted().empty() && session.adapted().rbegin()->image_count() == found.image_count();
+  (again ? *session.mutable_adapted()->rbegin() : *session.add_adapted()) = found;
+  if (adaptation.next) *session.mutable_plan()->add_rounds() = *std::move(adaptation.next);
   return session;
 }
 

@@ -68,8 +68,8 @@ TEST(NextRound, WavesBringThePixelsToTheTargetAsPromised) {
   std::vector<KnownPixel> pixels;
   for (int i = 0; i < 30; ++i) pixels.push_back(pixel_at(30.0 + 2.0 * i, 20.0 + 1.7 * i, 1.0 + 0.1 * i, 2.0));
   const double target = 0.003;
-  const std::vector<DesignedWave> waves =
-      choose_waves(PatternAnswers(shown, kExtent), pixels, kNoise, {.error = target}, 1, 200);
+  const std::vector<DesignedWave> waves = choose_waves(PatternAnswers(shown, kExtent), pixels, kNoise,
+                                                       {.error = target}, usual_waves(kExtent), 1, 200);
   ASSERT_GT(waves.size(), 1u);
   ASSERT_LT(waves.size(), 100u);
   int reached = 0, reached_before = 0;
@@ -86,8 +86,8 @@ TEST(NextRound, WavesBringThePixelsToTheTargetAsPromised) {
 TEST(NextRound, TheFirstWaveTellsMost) {
   const std::vector<ShownPattern> shown = first_images();
   const KnownPixel pixel = pixel_at(61.0, 47.0, 9.0, 1.0);
-  const std::vector<DesignedWave> chosen =
-      choose_waves(PatternAnswers(shown, kExtent), std::array{pixel}, kNoise, {.error = 1e-4}, 1, 1);
+  const std::vector<DesignedWave> chosen = choose_waves(PatternAnswers(shown, kExtent), std::array{pixel},
+                                                        kNoise, {.error = 1e-4}, usual_waves(kExtent), 1, 1);
   ASSERT_EQ(chosen.size(), 1u);
   const double left = error_before(with(shown, chosen), pixel);
   for (const double phi_deg : {0.0, 22.5, 45.0, 67.5, 90.0, 112.5, 135.0, 157.5}) {
@@ -103,7 +103,8 @@ TEST(NextRound, ShowsNoWaveWhoseTurnIsUncertain) {
   std::vector<KnownPixel> pixels{pixel_at(61.0, 47.0, 1.0, 1.0)};
   const PatternAnswers shown(first_images(), kExtent);
   pixels[0].excess = 3.0 / errors_of(shown, pixels, kNoise)[0].centre_px;
-  const std::vector<DesignedWave> chosen = choose_waves(shown, pixels, kNoise, {.error = 1e-4}, 1, 1);
+  const std::vector<DesignedWave> chosen =
+      choose_waves(shown, pixels, kNoise, {.error = 1e-4}, usual_waves(kExtent), 1, 1);
   ASSERT_EQ(chosen.size(), 1u);
   EXPECT_GT(chosen.front().period_px, 2.0 * std::numbers::pi * 3.0);
 }
@@ -111,8 +112,8 @@ TEST(NextRound, ShowsNoWaveWhoseTurnIsUncertain) {
 TEST(NextRound, ARoundHasAtLeastAndAtMostSoManyWaves) {
   const PatternAnswers shown(first_images(), kExtent);
   const std::vector<KnownPixel> pixels{pixel_at(61.0, 47.0, 1.0, 1.0)};
-  EXPECT_EQ(choose_waves(shown, pixels, kNoise, {.error = 0.9}, 6, 20).size(), 6u);
-  EXPECT_EQ(choose_waves(shown, pixels, kNoise, {.error = 1e-6}, 6, 20).size(), 20u);
+  EXPECT_EQ(choose_waves(shown, pixels, kNoise, {.error = 0.9}, usual_waves(kExtent), 6, 20).size(), 6u);
+  EXPECT_EQ(choose_waves(shown, pixels, kNoise, {.error = 1e-6}, usual_waves(kExtent), 6, 20).size(), 20u);
 }
 
 }  // namespace

@@ -1,0 +1,36 @@
+// A capture that adapts (Plan.adapt): how well a draft of all its images knows the object, and what to show
+// next. next_round.h has the equations.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/design/next_round.h"
+#include "core/matte/matte.h"
+#include "glasswing/v1/archive.pb.h"
+#include "glasswing/v1/plan.pb.h"
+#include "glasswing/v1/session.pb.h"
+
+namespace glasswing {
+
+// What a solve knows of one pixel's strongest channel, by texture. Of a pixel that sees no monitor none has
+// modes.
+using JudgedPixel = std::vector<KnownPixel>;
+JudgedPixel judged_pixel(const Matte& matte, int x, int y, size_t monitors);
+bool sees_a_monitor(const JudgedPixel& pixel);
+
+struct Adaptation {
+  v1::AdaptedRound found;
+  std::optional<v1::Round> next;  // none: the target holds, or there may be no more images
+};
+
+// `pixels`: 500 of the object's, evenly, judge as well as all. `waves`: what may be shown next; empty: any.
+// INVALID_ARGUMENT: the monitors do not fit the plan. `pixels` must not be empty.
+absl::StatusOr<Adaptation> adapt(std::vector<JudgedPixel> pixels, const v1::Plan& plan,
+                                 const std::vector<v1::Monitor>& monitors, const v1::Camera& camera,
+                                 std::span<const DesignedWave> waves = {});
+
+}  // namespace glasswing
