@@ -9,7 +9,7 @@ set(GLASSWING_PACKAGE_CONTACT "Glasswing <glasswing@example.org>" CACHE STRING "
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME glasswing)
 set(CPACK_PACKAGE_CONTACT ${GLASSWING_PACKAGE_CONTACT})
-set(CPACK_COMPONENTS_ALL common pictures server console display camera solver client python demo)
+set(CPACK_COMPONENTS_ALL common pictures server console display camera solver client frei0r python demo)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 # DESTDIR, because the configuration is installed outside the prefix.
 set(CPACK_SET_DESTDIR ON)
@@ -89,6 +89,9 @@ glasswing_package(client NAME glasswing-client
   SUMMARY "capture of environment mattes - command line"
   TEXT "${about}\n.\nThis package contains the program glasswing, which captures, solves, fetches\nand composites, with its manual pages, shell completion and example plans."
   DEPENDS "glasswing-pictures (= THIS_VERSION)" RECOMMENDS "bash-completion")
+glasswing_package(frei0r NAME glasswing-frei0r
+  SUMMARY "capture of environment mattes - filter for video editors"
+  TEXT "${about}\n.\nThis package contains a filter that puts captured objects into the frames of\nKdenlive, ffmpeg, MLT and other hosts of frei0r.")
 get_directory_property(python DIRECTORY client/python DEFINITION Python_VERSION_MAJOR)
 get_directory_property(minor DIRECTORY client/python DEFINITION Python_VERSION_MINOR)
 math(EXPR next "${minor} + 1")

@@ -24,7 +24,7 @@ timeout 60 /usr/lib/apt/apt-helper download-file "${mirror%/}/dists/bookworm/InR
 echo "== the packages"
 cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || fail "cpack"
 packages=("$work"/packages/*.deb)
-((${#packages[@]} == 10)) || fail "${packages[*]} are not ten packages"
+((${#packages[@]} == 11)) || fail "${packages[*]} are not eleven packages"
 names=() depends=()
 for package in "${packages[@]}"; do
   names+=("$(dpkg-deb -f "$package" Package)")
