@@ -1,0 +1,21 @@
+"""Glasswing for Blender: captured objects before any picture (docs/hosts.md)."""
+
+bl_info = {
+    "name": "Glasswing environment mattes",
+    "author": "Glasswing",
+    "version": (0, 1, 0),
+    "blender": (3, 4, 0),
+    "location": "Image Editor > Sidebar > Glasswing",
+    "description": "Puts captured objects, with their refraction and blur, before pictures and footage",
+    "category": "Compositing",
+}
+
+from . import panel
+
+
+def register():
+    panel.register()
+
+
+def unregister():
+    panel.unregister()

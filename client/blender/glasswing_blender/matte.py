@@ -1,0 +1,113 @@
+"""A matte as arrays (docs/matte.md)."""
+
+import functools
+import json
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import exr
+
+_LAYERS = ("weight", "x", "y", "xx", "xy", "yy", "texture")
+
+
+@dataclass
+class Monitor:
+    name: str
+    width: int
+    height: int
+
+
+@dataclass
+class Matte:
+    """Of (height, width) pixels. A mode has arrays of (height, width, 3), by name; px of its monitor."""
+
+    foreground: np.ndarray
+    coverage: np.ndarray  # 1 inside the object, 0 outside
+    flags: np.ndarray
+    modes: list[dict[str, np.ndarray]]
+    monitors: list[Monitor]
+    is_box: bool
+    # By monitor the matrix from its primaries to the camera's channels, and the one back; None: they are the same.
+    crosstalk: tuple[list[np.ndarray], np.ndarray] | None = None
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def height(self):
+        return self.coverage.shape[0]
+
+    @property
+    def width(self):
+        return self.coverage.shape[1]
+
+    @functools.cached_property
+    def monitor_from_camera(self):
+        """The affine map of camera px to the first monitor's, (2, 3), by what is seen beside the object. None: too little."""
+        seen = (self.coverage == 0) & (self.flags == 0)
+        camera, monitor = [], []
+        for mode in self.modes:
+            green = {name: mode[name][..., 1] for name in ("weight", "x", "y", "texture")}
+            rows, columns = np.nonzero(seen & (green["weight"] > 0) & (green["texture"] == 0))
+            root = np.sqrt(green["weight"][rows, columns])[:, None]
+            camera.append(root * np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))], -1))
+            monitor.append(root * np.stack([green["x"][rows, columns], green["y"][rows, columns]], -1))
+        camera, monitor = np.concatenate(camera), np.concatenate(monitor)
+        if len(camera) < 16:
+            return None
+        affine, _, rank, _ = np.linalg.lstsq(camera, monitor, rcond=None)
+        return affine.T if rank == 3 else None
+
+
+def read_matte(path):
+    """Raises OSError, or ValueError that says what is wrong with the file."""
+    parts = exr.read_parts(path, lambda name: name == "foreground" or re.fullmatch(r"mode\d+", name))
+    if "glasswing:rays" in parts[0][0].text:
+        raise ValueError(f"{path} holds rays, which glasswing composite shows; this needs a matte")
+    text = parts[0][0].text.get("glasswing")
+    if text is None:
+        raise ValueError(f"{path} is not a matte: its header has no attribute \"glasswing\"")
+    metadata = json.loads(text)
+    if metadata.get("format_version") != 1:
+        raise ValueError(f"{path} has format {metadata.get('format_version')}; this add-on reads 1")
+    if metadata.get("footprint", "gaussian") not in ("", "gaussian", "box"):
+        raise ValueError(f"{path} has footprints of the kind \"{metadata['footprint']}\"; gaussian and box are known")
+    planes = {part.name: of for part, of in parts if of}
+    if "foreground" not in planes:
+        raise ValueError(f"{path} has no part \"foreground\"")
+
+    def layer(part, name):
+        channels = planes[part]
+        stem = f"{part}.{name}"
+        if f"{stem}.Y" in channels:  # alike in all colours
+            return np.repeat(channels[f"{stem}.Y"][..., None], 3, -1)
+        return np.stack([channels[f"{stem}.{colour}"] for colour in "RGB"], -1)
+
+    try:
+        monitors = [Monitor(each.get("name", ""), each["width_px"], each["height_px"]) for each in metadata["monitors"]]
+        modes = [{name: layer(part, name) for name in _LAYERS} for part in sorted(planes) if part != "foreground"]
+        front = planes["foreground"]
+        return Matte(
+            foreground=layer("foreground", "F"),
+            coverage=front["foreground.coverage.Y"],
+            flags=front["foreground.flags.Y"].astype(np.uint8),
+            modes=modes,
+            monitors=monitors,
+            is_box=metadata.get("footprint") == "box",
+            crosstalk=_crosstalk(metadata, len(monitors)),
+            warnings=metadata.get("warnings", []),
+        )
+    except KeyError as error:
+        raise ValueError(f"{path} lacks {error.args[0]}") from None
+
+
+def _crosstalk(metadata, count):
+    """What each monitor's light is to the camera's channels, and the way back: (count matrices, matrix), or None."""
+    given = [each.get("share") for each in metadata.get("crosstalk", [])]
+    given = (given + [None] * count)[:count]
+    if not any(given):
+        return None
+    shares = [np.array(share, float).reshape(3, 3) if share else None for share in given]
+    shares = [None if share is None else share / share.sum(1, keepdims=True) for share in shares]
+    mean = np.mean([share for share in shares if share is not None], 0)
+    return [np.eye(3) if share is None else share for share in shares], np.linalg.inv(mean)
