@@ -5,6 +5,6 @@ from __future__ import annotations
 import json
 
 
-def row(name: str, value: float, unit: str) -> None:
-    """Prints a row. tests/goals.toml has its goal."""
+def row(name: str, value: float | None, unit: str) -> None:
+    """Prints a row; None was not reached. tests/goals.toml has its goal."""
     print(json.dumps({"name": name, "value": value, "unit": unit}, ensure_ascii=False), flush=True)
