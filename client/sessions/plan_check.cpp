@@ -1,5 +1,7 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -17,6 +19,18 @@ struct PlanCheckArguments {
   std::string plan;
   RigLimitsArguments rig;
 };
+
+// Periods along all directions.
+int sinusoids_of(const v1::Plan& plan) {
+  int count = 0;
+  for (const v1::Fringes& fringes : plan.fringes()) count += fringes.period_px_size();
+  return count;
+}
+
+int square_wave_levels_of(const v1::Plan& plan) {
+  if (!plan.has_square_waves()) return 0;
+  return plan.square_waves().levels() - std::max(plan.square_waves().first_level(), 1) + 1;
+}
 
 absl::Status check(const Client& client, const PlanCheckArguments& arguments) {
   const std::string& path = arguments.plan;
@@ -38,7 +52,9 @@ absl::Status check(const Client& client, const PlanCheckArguments& arguments) {
                                            {"monitors", plan.monitors_size()},
                                            {"sweeps", plan.sweeps_size()},
                                            {"solids", plan.solids_size()},
-                                           {"square_wave_levels", plan.square_waves().levels()},
+                                           {"square_wave_levels", square_wave_levels_of(plan)},
+                                           {"sinusoids", sinusoids_of(plan)},
+                                           {"adapts", plan.has_adapt()},
                                            {"ramp", plan.has_ramp()},
                                            {"video_frames", is_video(plan) ? ramp_frames_of(plan.ramp()) : 0},
                                            {"photos", plan.photos_size()},
@@ -55,11 +71,19 @@ absl::Status check(const Client& client, const PlanCheckArguments& arguments) {
         ramp_frames_of(plan.ramp()), empty_ramp_frames_of(plan.ramp()), hold_refreshes_of(plan));
     return absl::OkStatus();
   }
-  std::cout << fmt::format(
-      "{} is good: {}, {} sweeps, {} solids, {} levels of square waves, {} photos, "
-      "{} refreshes a step\n",
-      path, plan.method(), plan.sweeps_size(), plan.solids_size(), plan.square_waves().levels(),
-      plan.photos_size(), hold_refreshes_of(plan));
+  std::vector<std::string> parts{plan.method()};
+  const auto add = [&](int count, std::string_view what) {
+    if (count > 0) parts.push_back(fmt::format("{} {}{}", count, what, count == 1 ? "" : "s"));
+  };
+  add(plan.sweeps_size(), "sweep");
+  add(sinusoids_of(plan), "sinusoid");
+  add(plan.solids_size(), "solid");
+  if (const int levels = square_wave_levels_of(plan); levels > 0)
+    parts.push_back(fmt::format("{} level{} of square waves", levels, levels == 1 ? "" : "s"));
+  add(plan.photos_size(), "photo");
+  parts.push_back(fmt::format("{} refreshes a step", hold_refreshes_of(plan)));
+  if (plan.has_adapt()) parts.push_back("adapts");
+  std::cout << fmt::format("{} is good: {}\n", path, fmt::join(parts, ", "));
   return absl::OkStatus();
 }
 
