@@ -113,7 +113,7 @@ absl::StatusOr<v1::Plan> first_images(const Client& client) {
   constexpr int kFirstImages = 50;  // a monitor
   GW_ASSIGN_OR_RETURN(const RigLimits rig, read_plan_limits(client, {.for_rig = true, .monitors = {}}));
   DesignWish wish{.images = kFirstImages * std::max(static_cast<int>(rig.monitors.size()), 1), .noise = {}};
-  if (rig.camera && rig.camera->camera().read_sd() > 0.0) wish.noise.read_sd = rig.camera->camera().read_sd();
+  if (rig.camera) wish.noise = noise_of(rig.camera->camera());
   GW_ASSIGN_OR_RETURN(DesignedPlan designed, design_plan(wish, rig));
   return std::move(designed.plan);
 }

@@ -4,6 +4,7 @@
 
 #include <fstream>
 #include <iostream>
+#include <optional>
 
 #include "client/sessions/commands.h"
 #include "client/sessions/rig_limits.h"
@@ -15,7 +16,7 @@ namespace {
 struct PlanDesignArguments {
   RigLimitsArguments rig;
   DesignWish wish;
-  double full_well = 0.0;  // 0: not given
+  std::optional<double> noise, full_well;
   std::string sigma_range, output;
 };
 
@@ -41,8 +42,16 @@ std::string words_of(const ExpectedErrors& expected) {
 
 absl::Status design(const Client& client, PlanDesignArguments arguments) {
   GW_RETURN_IF_ERROR(read_sigma_range(arguments.sigma_range, arguments.wish));
-  if (arguments.full_well > 0.0) arguments.wish.noise.full_well = arguments.full_well;
   GW_ASSIGN_OR_RETURN(const RigLimits rig, read_plan_limits(client, arguments.rig));
+  if (rig.camera) {
+    arguments.wish.noise = noise_of(rig.camera->camera());
+  } else if (!arguments.noise) {
+    return absl::InvalidArgumentError(
+        "--noise is missing; give the camera's, such as 0.005, or --for-rig to take that of the rig's "
+        "camera");
+  }
+  if (arguments.noise) arguments.wish.noise.read_sd = *arguments.noise;
+  if (arguments.full_well) arguments.wish.noise.full_well = arguments.full_well;
   GW_ASSIGN_OR_RETURN(const DesignedPlan designed, design_plan(arguments.wish, rig));
   std::string text = plan_text(designed.plan, rig, "glasswing plan design");
   const DesignWish& wish = arguments.wish;
@@ -89,7 +98,7 @@ void add_plan_design_command(CLI::App& plan, Client& client) {
       "monitors are used; --for-rig also chooses exposures and hold_refreshes by its camera.\n\n"
       "Examples:\n"
       "  glasswing plan design --images 100 --noise 0.005 --monitor back:1920x1080 -o vase.txtpb\n"
-      "  glasswing plan design --images 50 --noise 0.002 --full-well 10000 --for-rig\n"
+      "  glasswing plan design --images 50 --for-rig\n"
       "  glasswing plan design --images 30 --noise 0.01 --modes 1 --sigma-range 0.5:10 --for-rig");
   auto arguments = std::make_shared<PlanDesignArguments>();
   add_rig_limits_options(command, arguments->rig);
@@ -99,12 +108,13 @@ void add_plan_design_command(CLI::App& plan, Client& client) {
       ->check(CLI::Range(kMinDesignImages, 20000))
       ->required();
   command
-      .add_option("--noise", arguments->wish.noise.read_sd,
-                  "standard deviation of a dark sample, as a fraction of full scale")
-      ->check(CLI::Range(1e-5, 0.5))
-      ->required();
+      .add_option("--noise", arguments->noise,
+                  "standard deviation of a dark sample, as a fraction of full scale; default with --for-rig: "
+                  "the camera's")
+      ->check(CLI::Range(1e-5, 0.5));
   command
-      .add_option("--full-well", arguments->full_well, "electrons at full scale; default: no photon noise")
+      .add_option("--full-well", arguments->full_well,
+                  "electrons at full scale; default: the camera's with --for-rig, else no photon noise")
       ->check(CLI::Range(10.0, 1e7));
   command.add_option("--modes", arguments->wish.modes, "most places that a pixel sees")
       ->check(CLI::Range(1, kMaxFootprints))

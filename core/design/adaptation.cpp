@@ -15,10 +15,9 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kDesigned = 64;       // of the pixels that are not known well enough
-constexpr double kShare = 0.95;        // of the object's pixels
-constexpr int kMinWaves = 6;           // of a round
-constexpr double kUsualNoise = 0.005;  // of a camera that is not calibrated: a solve's errors tell the rest
+constexpr size_t kDesigned = 64;  // of the pixels that are not known well enough
+constexpr double kShare = 0.95;   // of the object's pixels
+constexpr int kMinWaves = 6;      // of a round
 
 double light_of(std::span<const Mode> modes) {
   double light = 0.0;
@@ -30,12 +29,6 @@ RoundTarget target_of(const v1::Adapt& adapt) {
   if (adapt.has_target_px()) return {.kind = RoundTarget::Kind::kCentre, .error = adapt.target_px()};
   const double db = adapt.has_target_db() ? adapt.target_db() : kDefaultTargetDb;
   return {.kind = RoundTarget::Kind::kComposite, .error = std::pow(10.0, -db / 20.0)};
-}
-
-CameraNoise noise_of(const v1::Camera& camera) {
-  CameraNoise noise{.read_sd = camera.read_sd() > 0.0 ? camera.read_sd() : kUsualNoise, .full_well = {}};
-  if (camera.gain() > 0.0) noise.full_well = 1.0 / camera.gain();
-  return noise;
 }
 
 // Patch learning and photos do not count.

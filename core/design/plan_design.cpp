@@ -311,6 +311,13 @@ double best_shortest_px(const MonitorExtent& extent, const std::vector<double>& 
   return best_px;
 }
 
+CameraNoise noise_of(const v1::Camera& camera) {
+  CameraNoise noise;
+  if (camera.read_sd() > 0.0) noise.read_sd = camera.read_sd();
+  if (camera.gain() > 0.0) noise.full_well = 1.0 / camera.gain();
+  return noise;
+}
+
 absl::StatusOr<DesignedPlan> design_plan(const DesignWish& wished, const RigLimits& rig) {
   if (rig.monitors.empty())
     return absl::InvalidArgumentError(

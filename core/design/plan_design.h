@@ -54,6 +54,9 @@ ExpectedErrors expected_errors(const PatternAnswers& patterns, const CameraNoise
 // What a plan shows with the object on one monitor, black left out.
 absl::StatusOr<std::vector<ShownPattern>> shown_by(const v1::Plan& plan, const v1::Monitor& monitor);
 
+// A camera's own. Of one that is not calibrated 0.5 % of full scale: what a solve leaves tells the rest.
+CameraNoise noise_of(const v1::Camera& camera);
+
 struct DesignWish {
   int images = 100;  // with and without the object, on all monitors, at each exposure
   CameraNoise noise;
