@@ -1,18 +1,27 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <numbers>
+#include <optional>
 #include <set>
 
 #include "client/cli/output.h"
 #include "client/pictures/commands.h"
+#include "client/pictures/composite_rays.h"
+#include "client/pictures/picture.h"
 #include "client/pictures/sampled_matte.h"
 #include "client/pictures/web_matte.h"
 #include "core/base/file.h"
 #include "core/base/mapped_file.h"
 #include "core/base/status.h"
+#include "core/frame/image_file.h"
+#include "core/matte/matte_region.h"
+#include "core/rays/cube.h"
+#include "core/rays/ray_file.h"
 
 namespace glasswing {
 namespace {
@@ -24,9 +33,23 @@ constexpr const char* kPlanes = "matte.bin";
 
 struct WebArguments {
   std::string matte, output, title, player;
-  std::vector<std::string> backgrounds;
+  std::vector<std::string> backgrounds, environments;
+  double environment_turn_deg = 0.0, environment_gain = 1.0;
   double megapixels = 2.0;
+
+  std::int64_t max_pixels() const { return static_cast<std::int64_t>(1e6 * megapixels); }
 };
+
+// What the folder shows: a matte, or rays as a matte before the faces of a cube.
+struct Shown {
+  Matte matte;
+  int step = 1;                    // of so many pixels along either side one is in it
+  std::optional<double> view_deg;  // of rays: the angle that the camera sees across
+};
+
+// Pixels and widths of footprints are coded in units of a face's pixel, which is half a pixel of a camera
+// that sees 1280 px across 50 degrees.
+constexpr Cube kCube{.half_side = 1.0, .side_px = 3600};
 
 // Beside the programs, built or installed.
 fs::path default_player() {
@@ -36,9 +59,40 @@ fs::path default_player() {
   return fs::exists(installed) ? installed : root / "web-player";
 }
 
-nlohmann::ordered_json description_of(const WebArguments& arguments, const SampledMatte& sampled,
-                                      const WebMatte& web, const std::vector<std::string>& backgrounds) {
-  const v1::MatteMetadata& metadata = sampled.matte.metadata;
+absl::Status check_pictures(const WebArguments& arguments, bool rays) {
+  if (rays && !arguments.backgrounds.empty()) {
+    return absl::InvalidArgumentError(
+        fmt::format("{} holds rays, for which --background is not there; --environment is", arguments.matte));
+  }
+  if (!rays && !arguments.environments.empty()) {
+    return absl::InvalidArgumentError(
+        fmt::format("--environment is for rays; {} is not a file of them: glasswing rays makes one of the "
+                    "mattes of two depths",
+                    arguments.matte));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Shown> shown_rays(const WebArguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(arguments.matte));
+  GW_ASSIGN_OR_RETURN(const RayMatte rays, decode_rays(bytes));
+  const int step = sampling_step(rays.width_px(), rays.height_px(), arguments.max_pixels());
+  const v1::CameraGeometry& camera = rays.metadata.geometry().camera();
+  const double view_rad = 2.0 * std::atan2(0.5 * camera.width_px(), camera.fx_px());
+  return Shown{.matte = matte_of_directions(rays, kCube, step),
+               .step = step,
+               .view_deg = view_rad * 180.0 / std::numbers::pi};
+}
+
+absl::StatusOr<Shown> shown_matte(const WebArguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(arguments.matte));
+  GW_ASSIGN_OR_RETURN(SampledMatte sampled, sample_matte(file->bytes(), arguments.max_pixels()));
+  return Shown{.matte = std::move(sampled.matte), .step = sampled.step, .view_deg = std::nullopt};
+}
+
+nlohmann::ordered_json description_of(const WebArguments& arguments, const Shown& shown, const WebMatte& web,
+                                      const std::vector<std::string>& pictures) {
+  const v1::MatteMetadata& metadata = shown.matte.metadata;
   nlohmann::ordered_json monitors = nlohmann::json::array(), crosstalk = nlohmann::json::array(),
                          planes = nlohmann::json::array();
   for (const v1::Monitor& monitor : metadata.monitors())
@@ -47,43 +101,80 @@ nlohmann::ordered_json description_of(const WebArguments& arguments, const Sampl
   for (const v1::Crosstalk& each : metadata.crosstalk())
     crosstalk.push_back({{"share", std::vector<double>(each.share().begin(), each.share().end())}});
   for (const WebPlane& plane : web.planes) planes.push_back({{"name", plane.name}, {"bytes", plane.bytes}});
-  return {{"format", "glasswing-web"},
-          {"version", 1},
-          {"title", arguments.title},
-          {"x_px", web.region.x_px},
-          {"y_px", web.region.y_px},
-          {"width_px", web.region.width_px},
-          {"height_px", web.region.height_px},
-          {"metadata",
-           {{"monitors", monitors},
-            {"crosstalk", crosstalk},
-            {"footprint", metadata.footprint()},
-            {"sampling_px", sampled.step * std::max(metadata.sampling_px(), 1)}}},
-          {"unit_px", web.unit_px},
-          {"origin_px", web.origin_px},
-          {"foreground_scale", web.foreground_scale},
-          {"footprints", web.footprint_count},
-          {"planes", planes},
-          {"backgrounds", backgrounds}};
+  nlohmann::ordered_json description = {{"format", "glasswing-web"},
+                                        {"version", 1},
+                                        {"title", arguments.title},
+                                        {"x_px", web.region.x_px},
+                                        {"y_px", web.region.y_px},
+                                        {"width_px", web.region.width_px},
+                                        {"height_px", web.region.height_px},
+                                        {"metadata",
+                                         {{"monitors", monitors},
+                                          {"crosstalk", crosstalk},
+                                          {"footprint", metadata.footprint()},
+                                          {"sampling_px", shown.step * std::max(metadata.sampling_px(), 1)}}},
+                                        {"unit_px", web.unit_px},
+                                        {"origin_px", web.origin_px},
+                                        {"foreground_scale", web.foreground_scale},
+                                        {"footprints", web.footprint_count},
+                                        {"planes", planes}};
+  if (shown.view_deg) {
+    description["environments"] = pictures;
+    description["turn_deg"] = arguments.environment_turn_deg;
+    description["gain"] = arguments.environment_gain;
+    description["view_deg"] = *shown.view_deg;
+  } else {
+    description["backgrounds"] = pictures;
+  }
+  return description;
+}
+
+bool is_shown_by_browsers(const fs::path& picture) {
+  constexpr std::array<const char*, 5> kShown{".png", ".jpg", ".jpeg", ".webp", ".avif"};
+  return std::ranges::find(kShown, picture.extension().string()) != kShown.end();
+}
+
+// A picture as the folder holds it: of an environment that browsers do not show, Radiance's .hdr.
+struct OfferedPicture {
+  fs::path name;
+  std::string bytes;
+};
+absl::StatusOr<OfferedPicture> offered_background(const fs::path& picture) {
+  if (!is_shown_by_browsers(picture)) {
+    return absl::InvalidArgumentError(fmt::format(
+        "the background is {}; browsers show .png, .jpg, .jpeg, .webp and .avif", picture.string()));
+  }
+  GW_ASSIGN_OR_RETURN(std::string bytes, read_file(picture));
+  return OfferedPicture{picture.filename(), std::move(bytes)};
+}
+absl::StatusOr<OfferedPicture> offered_environment(const fs::path& picture) {
+  if (is_shown_by_browsers(picture)) return offered_background(picture);
+  constexpr int kMaxWidth = 4096;
+  GW_ASSIGN_OR_RETURN(const RadianceImage light, read_radiance(picture, Encoding::kDisplay));
+  const int width = std::min(light.width_px, kMaxWidth);
+  const int height = std::max(1, static_cast<int>(std::int64_t{light.height_px} * width / light.width_px));
+  GW_ASSIGN_OR_RETURN(std::string bytes, encode_hdr(resized(light, width, height)));
+  return OfferedPicture{picture.stem().string() + ".hdr", std::move(bytes)};
 }
 
 // Names within the folder, the pictures' own where they differ.
-absl::StatusOr<std::vector<std::string>> copy_backgrounds(const std::vector<std::string>& pictures,
-                                                          const fs::path& folder) {
+absl::StatusOr<std::vector<std::string>> copy_pictures(const WebArguments& arguments,
+                                                       const fs::path& folder) {
   std::vector<std::string> names;
   std::set<std::string> taken{kDescription, kPlanes, "index.html"};
-  for (const std::string& picture : pictures) {
-    const std::string extension = fs::path(picture).extension().string();
-    constexpr std::array<const char*, 5> kShown{".png", ".jpg", ".jpeg", ".webp", ".avif"};
-    if (std::ranges::find(kShown, extension) == kShown.end()) {
-      return absl::InvalidArgumentError(
-          fmt::format("the background is {}; browsers show .png, .jpg, .jpeg, .webp and .avif", picture));
-    }
-    std::string name = fs::path(picture).filename().string();
+  const auto copy = [&](const OfferedPicture& picture) {
+    std::string name = picture.name.string();
     while (!taken.insert(name).second) name = "_" + name;
-    GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(picture));
-    GW_RETURN_IF_ERROR(write_file_flushed(folder / name, bytes));
     names.push_back(name);
+    return write_file_flushed(folder / name, picture.bytes);
+  };
+  for (const std::string& picture : arguments.backgrounds) {
+    GW_ASSIGN_OR_RETURN(const OfferedPicture offered, offered_background(picture));
+    GW_RETURN_IF_ERROR(copy(offered));
+  }
+  for (const std::string& picture : arguments.environments) {
+    GW_ASSIGN_OR_RETURN(const OfferedPicture offered, offered_environment(picture));
+    GW_RETURN_IF_ERROR(copy(offered));
   }
   return names;
 }
@@ -117,36 +208,35 @@ absl::Status write_web_folder(const Client& client, WebArguments arguments) {
         "the output is {}, which has other files; it must be new, empty, or an earlier folder for the web",
         folder.string()));
   }
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(arguments.matte));
-  const absl::StatusOr<SampledMatte> sampled =
-      sample_matte(file->bytes(), static_cast<std::int64_t>(1e6 * arguments.megapixels));
-  if (!sampled.ok()) return in_file(arguments.matte, sampled.status());
-  GW_ASSIGN_OR_RETURN(const WebMatte web, encode_web_matte(sampled->matte));
-  if (arguments.title.empty()) arguments.title = sampled->matte.metadata.session();
+  const bool rays = holds_rays(arguments.matte);
+  GW_RETURN_IF_ERROR(check_pictures(arguments, rays));
+  const absl::StatusOr<Shown> shown = rays ? shown_rays(arguments) : shown_matte(arguments);
+  if (!shown.ok()) return in_file(arguments.matte, shown.status());
+  GW_ASSIGN_OR_RETURN(const WebMatte web, encode_web_matte(shown->matte));
+  if (arguments.title.empty()) arguments.title = shown->matte.metadata.session();
   GW_RETURN_IF_ERROR(make_directory_durably(folder));
   fs::remove(folder / kDescription, ignored);  // the folder is whole once it is there again
   fs::remove_all(folder / "assets", ignored);
   GW_RETURN_IF_ERROR(
       copy_player(arguments.player.empty() ? default_player() : fs::path(arguments.player), folder));
-  GW_ASSIGN_OR_RETURN(const std::vector<std::string> backgrounds,
-                      copy_backgrounds(arguments.backgrounds, folder));
+  GW_ASSIGN_OR_RETURN(const std::vector<std::string> pictures, copy_pictures(arguments, folder));
   GW_RETURN_IF_ERROR(write_file_flushed(folder / kPlanes, web.bytes));
-  GW_RETURN_IF_ERROR(write_file_durably(
-      folder / kDescription, description_of(arguments, *sampled, web, backgrounds).dump(1) + "\n"));
+  GW_RETURN_IF_ERROR(write_file_durably(folder / kDescription,
+                                        description_of(arguments, *shown, web, pictures).dump(1) + "\n"));
   const std::uintmax_t bytes = size_of(folder);
   if (client.json) {
     const nlohmann::ordered_json written = {
         {"folder", folder.string()},         {"bytes", bytes},
         {"matte_bytes", web.bytes.size()},   {"width_px", web.region.width_px},
-        {"height_px", web.region.height_px}, {"sampling_px", sampled->step}};
+        {"height_px", web.region.height_px}, {"sampling_px", shown->step}};
     std::cout << written.dump(1) << "\n";
     return absl::OkStatus();
   }
   std::cout << fmt::format("{}: {}x{}, {:.1f} MB, {:.1f} of them the matte\n", folder.string(),
                            web.region.width_px, web.region.height_px, static_cast<double>(bytes) / 1e6,
                            static_cast<double>(web.bytes.size()) / 1e6);
-  if (sampled->step > 1)
-    std::cout << fmt::format("of {0} x {0} pixels one is in it; --megapixels allows more\n", sampled->step);
+  if (shown->step > 1)
+    std::cout << fmt::format("of {0} x {0} pixels one is in it; --megapixels allows more\n", shown->step);
   std::cout << fmt::format("to look at it here: python3 -m http.server --directory {}\n", folder.string());
   return absl::OkStatus();
 }
@@ -158,18 +248,35 @@ void add_web_command(CLI::App& app, Client& client) {
       "web", "Write a folder that any web server shows: the object in front of any picture, without a rig.");
   command.footer(
       "Visitors drag and scale the picture behind the object, or drop their own; nothing is uploaded. "
-      "Another page\n"
+      "Of rays\n"
+      "(glasswing rays) the folder shows the object in an environment, which visitors turn. Another page\n"
       "embeds the folder by one line: <iframe src=\"vase-web/\" width=\"640\" height=\"480\"></iframe>\n"
       "The matte in it has what an eye can see (docs/web.md), a few bytes a pixel.\n\n"
       "Examples:\n"
       "  glasswing web vase.exr -o vase-web\n"
       "  glasswing web vase.exr -o vase-web --title 'A vase of 1910' --background street.jpg --background "
-      "sea.jpg");
+      "sea.jpg\n"
+      "  glasswing web rays.exr -o vase-web --environment street.exr --environment sky.hdr\n"
+      "  glasswing web rays.exr -o vase-web --environment street.exr --environment-turn 30 "
+      "--environment-gain 0.5");
   auto arguments = std::make_shared<WebArguments>();
-  command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
+  command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote, or a file of rays")
+      ->required();
   command.add_option("-o,--output", arguments->output, "the folder to write")->required();
   command.add_option("--background", arguments->backgrounds,
                      "a picture to offer behind the object, the first at once; may be repeated");
+  command.add_option(
+      "--environment", arguments->environments,
+      "of rays: light from all directions to offer, equirectangular, the first at once; may be "
+      "repeated");
+  command
+      .add_option(
+          "--environment-turn", arguments->environment_turn_deg,
+          "turn the environment about the vertical at first, degrees; what lay ahead moves to the right")
+      ->capture_default_str();
+  command.add_option("--environment-gain", arguments->environment_gain, "factor on the environment's light")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   command.add_option("--title", arguments->title, "of the page; default: the session's name");
   command
       .add_option("--megapixels", arguments->megapixels,

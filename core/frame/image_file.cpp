@@ -421,6 +421,21 @@ absl::StatusOr<Image16> decode_png(std::string_view bytes) {
   return image16_of(*mat);
 }
 
+absl::StatusOr<std::string> encode_hdr(const RadianceImage& image) {
+  cv::Mat mat(image.height_px, image.width_px, CV_32FC3);
+  for (int y = 0; y < image.height_px; ++y) {
+    for (int x = 0; x < image.width_px; ++x) {
+      const float brightest = std::max({image.at(x, y, 0), image.at(x, y, 1), image.at(x, y, 2)});
+      int exponent = 0;
+      std::frexp(brightest, &exponent);
+      const float half_a_step = std::ldexp(1.0f, exponent - 9);  // OpenCV rounds down
+      for (int c = 0; c < 3; ++c)
+        mat.at<cv::Vec3f>(y, x)[2 - c] = std::max(image.at(x, y, c), 0.0f) + half_a_step;
+    }
+  }
+  return encode_picture(".hdr", mat);
+}
+
 RadianceImage resized(const RadianceImage& image, int width_px, int height_px) {
   if (image.width_px == width_px && image.height_px == height_px) return image;
   RadianceImage out(width_px, height_px);

@@ -78,6 +78,8 @@ absl::StatusOr<Image16> decode_png(std::string_view bytes);
 
 // JPEG, 8 bit sRGB.
 absl::StatusOr<std::string> encode_jpeg(const RadianceImage& image);
+// Radiance's .hdr: 8 bits a channel and an exponent for all three.
+absl::StatusOr<std::string> encode_hdr(const RadianceImage& image);
 
 // Resamples to exactly this size, each axis by area (down) or bilinearly (up).
 RadianceImage resized(const RadianceImage& image, int width_px, int height_px);

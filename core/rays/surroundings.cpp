@@ -40,16 +40,6 @@ const float* pixel_at(const RadianceImage& map, const Vector3d& direction) {
   return &map.samples[map.index(std::max(u, 0), v, 0)];
 }
 
-// A face's axis is `face / 2`, towards + for even faces; its x and y are the next two axes.
-Vector3d on_face_at(int face, double x, double y) {
-  const int axis = face / 2;
-  Vector3d direction;
-  direction[axis] = face % 2 == 0 ? 1.0 : -1.0;
-  direction[(axis + 1) % 3] = x;
-  direction[(axis + 2) % 3] = y;
-  return direction;
-}
-
 RadianceImage drawn_face(const RadianceImage& map, int face, int side) {
   constexpr int kSub = 4;  // samples along a pixel's side
   RadianceImage drawn(side, side);
@@ -61,7 +51,7 @@ RadianceImage drawn_face(const RadianceImage& map, int face, int side) {
           const auto place = [&](int pixel, int sub) {
             return ((pixel + (sub + 0.5) / kSub) / side * 2.0 - 1.0) * EnvironmentMap::kHalfSide;
           };
-          const float* light = pixel_at(map, on_face_at(face, place(x, s % kSub), place(y, s / kSub)));
+          const float* light = pixel_at(map, cube_direction(face, place(x, s % kSub), place(y, s / kSub)));
           for (size_t c = 0; c < kChannels; ++c) sum[c] += light[c];
         }
         for (int c = 0; c < kChannels; ++c)
@@ -209,7 +199,8 @@ EnvironmentMap::EnvironmentMap(const Environment& environment)
       sin_turn_(std::sin(environment.turn_rad)),
       side_px_(face_side(environment.picture)),
       small_(shrunk(environment.picture)) {
-  for (int face = 0; face < kFaces; ++face) faces_.push_back(drawn_face(environment.picture, face, side_px_));
+  for (int face = 0; face < kCubeFaces; ++face)
+    faces_.push_back(drawn_face(environment.picture, face, side_px_));
   double total = 0.0;
   std::array<double, kChannels> sums{};
   for (int v = 0; v < small_.height_px; ++v) {
@@ -234,21 +225,8 @@ bool EnvironmentMap::on_face(const Ray& ray, int& face, PlaneFootprint& footprin
   for (const Eigen::Vector3f& spread : ray.direction_spread)
     trace += static_cast<double>(spread.squaredNorm());
   if (trace > kMaxFaceSd * kMaxFaceSd) return false;
-  const Vector3d direction = in_map(ray.direction);
-  Eigen::Index axis = 0;
-  direction.cwiseAbs().maxCoeff(&axis);
-  const double along = std::abs(direction[axis]), sign = direction[axis] < 0.0 ? -1.0 : 1.0;
-  face = static_cast<int>(axis) * 2 + (sign < 0.0 ? 1 : 0);
-  const Eigen::Index right = (axis + 1) % 3, down = (axis + 2) % 3;
-  const double scale = side_px_ / (2.0 * kHalfSide);
-  const Vector2d at(direction[right] / along, direction[down] / along);
-  footprint.centre_px = scale * at + Vector2d::Constant(0.5 * side_px_);
-  footprint.covariance_px2.setZero();
-  for (const Eigen::Vector3f& spread : ray.direction_spread) {
-    const Vector3d turn = in_map(spread);
-    const Vector2d moved = scale / along * (Vector2d(turn[right], turn[down]) - at * (sign * turn[axis]));
-    footprint.covariance_px2 += moved * moved.transpose();
-  }
+  footprint = on_cube({.half_side = kHalfSide, .side_px = side_px_}, in_map(ray.direction),
+                      {in_map(ray.direction_spread[0]), in_map(ray.direction_spread[1])}, face);
   return true;
 }
 

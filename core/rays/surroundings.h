@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "core/frame/image.h"
+#include "core/rays/cube.h"
 #include "core/rays/ray_matte.h"
 
 namespace glasswing {
@@ -50,7 +51,6 @@ class EnvironmentMap {
  public:
   explicit EnvironmentMap(const Environment& environment);
 
-  static constexpr int kFaces = 6;
   static constexpr double kHalfSide = 1.25;     // of a face at distance 1
   static constexpr double kMaxFaceSd = 0.0349;  // rad, of a bundle that is looked up on a face
   int face_side_px() const { return side_px_; }
