@@ -4,12 +4,13 @@
 //
 // T is read from the pyramid level (pyramid.ts) that suits each footprint (footprints.ts). It is black beyond a monitor's edge.
 import type { Footprints } from "./footprints";
-import { NoWebGl, Program, makeTexture, openContext } from "./gl";
+import { NoWebGl, Program } from "./gl";
 import type { Box, MatteMetadata } from "./matte";
 import { primaryMix, type PrimaryMix } from "./primary_mix";
-import { Pyramids, type Picture, type Placement } from "./pyramid";
+import { Pyramids, srgbPicture, type Picture, type Placement } from "./pyramid";
 import { kBorder, pyramidShape, type PyramidShape } from "./pyramid_shape";
 import { composite, kEverything } from "./shaders";
+import { Surface, kFreeUnit } from "./surface";
 
 /** The data of a matte that the compositor needs. */
 export interface Drawable {
@@ -54,44 +55,29 @@ export function placementOf(
 const kMaxMonitors = 8;
 
 export class Compositor {
-  private readonly gl: WebGL2RenderingContext;
+  private readonly surface: Surface;
   private readonly shapes: PyramidShape[];
   private readonly mix: PrimaryMix;
   private readonly pyramids: Pyramids;
   private readonly program: Program;
-  private readonly foreground: WebGLTexture;
-  private readonly index: WebGLTexture;
-  private readonly list: WebGLTexture;
   private readonly pictures: (Picture | undefined)[] = [];
-  private size = { width: 0, height: 0 };
-  private drawn: WebGLSync | null = null;
 
   /** Drawing sets the canvas to the matte's size. NoWebGl names what the browser lacks. */
-  constructor(
-    private readonly canvas: HTMLCanvasElement,
-    matte: Drawable,
-  ) {
+  constructor(canvas: HTMLCanvasElement, matte: Drawable) {
     const { metadata } = matte;
     if (metadata.monitors.length > kMaxMonitors)
       throw new NoWebGl(
         `the matte has ${metadata.monitors.length} monitors; the browser can show ${kMaxMonitors}`,
       );
-    const gl = (this.gl = openContext(canvas));
+    this.surface = new Surface(canvas);
+    const { gl } = this.surface;
     this.shapes = metadata.monitors.map(({ width_px, height_px }) => pyramidShape(width_px, height_px));
     this.mix = primaryMix(metadata);
-    const largest = gl.getParameter(gl.MAX_TEXTURE_SIZE) as number;
-    const needed = Math.max(
-      matte.width,
-      matte.height,
-      matte.footprints.listWidth,
-      ...this.shapes.flatMap(({ width, height }) => [width, height]),
+    this.surface.checkSizes(
+      matte,
+      this.shapes.flatMap(({ width, height }) => [width, height]),
     );
-    if (needed > largest)
-      throw new NoWebGl(`the matte needs textures of ${needed} px; this graphics processor has ${largest}`);
     this.pyramids = new Pyramids(gl, this.shapes);
-    this.foreground = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
-    this.index = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
-    this.list = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
     const levels = this.shapes.flatMap((shape) => shape.levels);
     this.program = new Program(
       gl,
@@ -114,47 +100,18 @@ export class Compositor {
   }
 
   /** Loads another frame of the same video, with the same monitors and kind of footprint. */
-  setMatte({ width, height, foreground, footprints }: Drawable): void {
-    const { gl } = this;
-    this.size = { width, height };
-    const light = new Float32Array(4 * width * height);
-    for (let i = 0; i < width * height; ++i) light.set(foreground.subarray(3 * i, 3 * i + 3), 4 * i);
-    const load = (
-      texture: WebGLTexture,
-      inside: number,
-      w: number,
-      h: number,
-      format: number,
-      type: number,
-      data: ArrayBufferView,
-    ): void => {
-      gl.bindTexture(gl.TEXTURE_2D, texture);
-      gl.texImage2D(gl.TEXTURE_2D, 0, inside, w, h, 0, format, type, data);
-    };
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
-    load(this.foreground, gl.RGBA32F, width, height, gl.RGBA, gl.FLOAT, light);
-    load(this.index, gl.RG32UI, width, height, gl.RG_INTEGER, gl.UNSIGNED_INT, footprints.index);
-    load(
-      this.list,
-      gl.RGBA32UI,
-      footprints.listWidth,
-      footprints.listHeight,
-      gl.RGBA_INTEGER,
-      gl.UNSIGNED_INT,
-      footprints.list,
-    );
+  setMatte(matte: Drawable): void {
+    this.surface.setMatte(matte);
   }
 
   /** Sets an sRGB picture for a monitor; null is black. */
   setPicture(monitor: number, image: ImageBitmap | null): void {
-    const { gl } = this;
+    const { gl } = this.surface;
     const before = this.pictures[monitor];
     if (before) gl.deleteTexture(before.texture);
     this.pictures[monitor] = undefined;
     if (!image) return this.pyramids.clear(monitor);
-    const texture = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.SRGB8_ALPHA8, gl.RGBA, gl.UNSIGNED_BYTE, image);
-    this.pictures[monitor] = { texture, width: image.width, height: image.height };
+    this.pictures[monitor] = srgbPicture(gl, image);
   }
 
   place(monitor: number, standing: Standing): void {
@@ -170,38 +127,24 @@ export class Compositor {
 
   /** `gain`: factor on the composite's light. `step`: every how many pixels along both sides one is drawn. */
   draw(gain: number, step: number): void {
-    const { gl, canvas } = this;
-    const [width, height] = [Math.ceil(this.size.width / step), Math.ceil(this.size.height / step)];
-    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    const { gl } = this.surface;
     const program = this.program.use();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    gl.viewport(0, 0, width, height);
-    gl.uniform1i(program.at("u_step"), step);
-    program.bind("u_index", 0, gl.TEXTURE_2D, this.index);
-    program.bind("u_list", 1, gl.TEXTURE_2D, this.list);
-    program.bind("u_foreground", 2, gl.TEXTURE_2D, this.foreground);
-    program.bind("u_pyramid", 3, gl.TEXTURE_2D_ARRAY, this.pyramids.texture);
+    program.bind("u_pyramid", kFreeUnit, gl.TEXTURE_2D_ARRAY, this.pyramids.texture);
     gl.uniform1f(program.at("u_gain"), gain);
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
-    gl.activeTexture(gl.TEXTURE0);
-    gl.deleteSync(this.drawn);
-    this.drawn = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-    gl.flush();
+    this.surface.draw(program, step);
   }
 
   /** True once everything requested is on the canvas. */
   get isDone(): boolean {
-    return (
-      this.drawn === null || this.gl.getSyncParameter(this.drawn, this.gl.SYNC_STATUS) === this.gl.SIGNALED
-    );
+    return this.surface.isDone;
   }
 
   /** The maximum side of a picture. */
   get mostPictureSide(): number {
-    return this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE) as number;
+    return this.surface.mostPictureSide;
   }
 
   close(): void {
-    this.gl.getExtension("WEBGL_lose_context")?.loseContext();
+    this.surface.close();
   }
 }

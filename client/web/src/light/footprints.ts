@@ -15,7 +15,7 @@ const kMinListWidth = 2048;
 export interface Footprints {
   /** Two words per pixel: the index of its first footprint, and their number. */
   index: Uint32Array<ArrayBuffer>;
-  /** x, y, Q.xx, Q.yy | Q.xy, weights of red and green, weight of blue and texture and level, the largest weight. */
+  /** Eight words a footprint. */
   list: Uint32Array<ArrayBuffer>;
   /** Of the list as a texture, a power of two, and no less than listHeight. */
   listWidth: number;
@@ -109,20 +109,16 @@ function sharedModes(matte: MatteData, pixel: number): { mode: Mode; weights: nu
   return shared;
 }
 
-/** Collects footprints, pixel by pixel. */
-export class FootprintList {
+/** Collects footprints, pixel by pixel, each of eight words with its weights in the sixth and seventh. */
+export abstract class FootprintWords {
   private readonly index: Uint32Array<ArrayBuffer>;
   private readonly list: Uint32Array<ArrayBuffer>;
   private readonly floats: Float32Array<ArrayBuffer>;
-  private readonly shapes: PyramidShape[];
-  private readonly kind: keyof typeof kMinVariance;
   private pixel = -1;
   private count = 0;
 
   /** `most`: there are no more footprints than this. */
-  constructor({ monitors, footprint }: MatteMetadata, pixels: number, most: number) {
-    this.kind = footprint === "box" ? "box" : "gaussian";
-    this.shapes = monitors.map(({ width_px, height_px }) => pyramidShape(width_px, height_px));
+  constructor(pixels: number, most: number) {
     this.index = new Uint32Array(2 * pixels);
     this.list = new Uint32Array(8 * most);
     this.floats = new Float32Array(this.list.buffer);
@@ -134,15 +130,17 @@ export class FootprintList {
   }
 
   /** Of the pixel; `weights` of its channels, in place of the mode's. */
-  add(mode: Mode, weights: readonly number[]): void {
-    const place = placeOf(mode, this.shapes[mode.texture]!, this.kind);
+  abstract add(mode: Mode, weights: readonly number[]): void;
+
+  /** `before` the weights five numbers, after them one; `high`: 16 bits beside blue's weight. */
+  protected put(before: readonly number[], weights: readonly number[], high: number, after: number): void {
     const [red, green, blue] = weights.map(toHalf) as [number, number, number];
     const at = 8 * this.count++;
     ++this.index[2 * this.pixel + 1]!;
-    this.floats.set([place.x, place.y, place.xx, place.yy, place.xy], at);
+    this.floats.set(before, at);
     this.list[at + 5] = red | (green << 16);
-    this.list[at + 6] = blue | (mode.texture << 16) | (place.level << 24);
-    this.floats[at + 7] = Math.max(...weights);
+    this.list[at + 6] = blue | (high << 16);
+    this.floats[at + 7] = after;
   }
 
   packed(): Footprints {
@@ -152,6 +150,28 @@ export class FootprintList {
     const texels = new Uint32Array(4 * listWidth * listHeight);
     texels.set(this.list.subarray(0, 8 * this.count));
     return { index: this.index, list: texels, listWidth, listHeight };
+  }
+}
+
+/** x, y, Q.xx, Q.yy, Q.xy, the weights with texture and level beside them, the largest weight. */
+export class FootprintList extends FootprintWords {
+  private readonly shapes: PyramidShape[];
+  private readonly kind: keyof typeof kMinVariance;
+
+  constructor({ monitors, footprint }: MatteMetadata, pixels: number, most: number) {
+    super(pixels, most);
+    this.kind = footprint === "box" ? "box" : "gaussian";
+    this.shapes = monitors.map(({ width_px, height_px }) => pyramidShape(width_px, height_px));
+  }
+
+  override add(mode: Mode, weights: readonly number[]): void {
+    const place = placeOf(mode, this.shapes[mode.texture]!, this.kind);
+    this.put(
+      [place.x, place.y, place.xx, place.yy, place.xy],
+      weights,
+      mode.texture | (place.level << 8),
+      Math.max(...weights),
+    );
   }
 }
 

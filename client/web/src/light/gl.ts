@@ -63,6 +63,10 @@ export class Program {
     this.gl.bindTexture(target, texture);
     this.gl.uniform1i(this.at(name), unit);
   }
+
+  close(): void {
+    this.gl.deleteProgram(this.program);
+  }
 }
 
 /** A texture without mipmaps, ready to be filled; it stays bound. */

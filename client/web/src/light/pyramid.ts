@@ -19,6 +19,13 @@ export interface Picture {
   height: number;
 }
 
+/** Reads as linear light. */
+export function srgbPicture(gl: WebGL2RenderingContext, image: ImageBitmap): Picture {
+  const texture = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.SRGB8_ALPHA8, gl.RGBA, gl.UNSIGNED_BYTE, image);
+  return { texture, width: image.width, height: image.height };
+}
+
 export class Pyramids {
   readonly texture: WebGLTexture;
   private readonly resize: Program;
@@ -55,9 +62,7 @@ export class Pyramids {
 
   /** `picture`: a texture that reads as linear light. `seen`: converts it to the camera's channels. */
   fill(layer: number, picture: Picture, place: Placement, seen: Matrix): void {
-    const { gl } = this;
-    const [first, ...others] = this.shapes[layer]!.levels as [Level, ...Level[]];
-    this.drawOnScratch(first.width, picture.height);
+    this.drawOnScratch(this.shapes[layer]!.levels[0]!.width, picture.height);
     this.drawResized(picture.texture, {
       down: false,
       size: picture.width,
@@ -65,21 +70,37 @@ export class Pyramids {
       step: place.stepX,
       seen: kUnit,
     });
+    this.draw(layer, (corner) =>
+      this.drawResized(this.scratch.texture, {
+        down: true,
+        size: picture.height,
+        start: place.y,
+        step: place.stepY,
+        seen,
+        corner,
+      }),
+    );
+  }
+
+  /** `paint` draws the first level where it stands; the others are made of it. */
+  draw(layer: number, paint: (first: Level) => void): void {
+    const { gl } = this;
+    const [first, ...others] = this.shapes[layer]!.levels as [Level, ...Level[]];
     this.drawOn(layer);
     gl.viewport(first.x, first.y, first.width, first.height);
-    this.drawResized(this.scratch.texture, {
-      down: true,
-      size: picture.height,
-      start: place.y,
-      step: place.stepY,
-      seen,
-      corner: first,
-    });
+    paint(first);
     let above = first;
     for (const level of others) {
       this.halve(layer, above, level);
       above = level;
     }
+  }
+
+  close(): void {
+    const { gl } = this;
+    for (const program of [this.resize, this.halveAcross, this.halveDown]) program.close();
+    for (const texture of [this.texture, this.scratch.texture]) gl.deleteTexture(texture);
+    gl.deleteFramebuffer(this.frame);
   }
 
   private drawResized(

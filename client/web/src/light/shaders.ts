@@ -6,7 +6,7 @@ void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }`;
 
-const kHead = `#version 300 es
+export const kHead = `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
@@ -89,23 +89,14 @@ void main() {
 }`;
 
 /**
- * The composite. A footprint is integrated row by row along its wider axis, v: each row (or a third of one) gets a part of
- * the light, which is distributed over the row's samples by its own mean and variance along u. footprints.ts explains how
- * samples of a level represent the picture.
+ * integrate(): the light of a footprint. It is integrated row by row along its wider axis, v: each row (or a third of one)
+ * gets a part of the light, which is distributed over the row's samples by its own mean and variance along u. footprints.ts
+ * explains how samples of a level represent the picture.
  */
-export const composite = (levelCount: number, monitorCount: number, box: boolean): string => `${kHead}
-uniform usampler2D u_index, u_list;
-uniform sampler2D u_foreground;
+export const integrate = (box: boolean): string => `
 uniform sampler2DArray u_pyramid;
-uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
-uniform int u_first_level[${monitorCount}];  // of a monitor
 uniform int u_border;
-uniform int u_step;  // matte pixels per drawn pixel along each side
-uniform mat3 u_primaries;
-uniform float u_gain;
-out vec4 o_colour;
-
-const float kReach = ${box ? "1.7320509" : "3.0"};
+const float kReach = ${box ? "1.7320509" : "3.0"};  // in standard deviations
 
 ${
   box
@@ -177,7 +168,16 @@ vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec
                                  level.xy, exchanged, layer, texel);
   }
   return sum;
-}
+}`;
+
+/** A pixel's composite: F and the light of its footprints, of which seen() tells by the eight words of each. */
+export const kComposite = `
+uniform usampler2D u_index, u_list;
+uniform sampler2D u_foreground;
+uniform int u_step;  // matte pixels per drawn pixel along each side
+uniform mat3 u_primaries;
+uniform float u_gain;
+out vec4 o_colour;
 
 vec3 coded(vec3 light) {  // sRGB
   vec3 l = clamp(light, 0.0, 1.0);
@@ -190,17 +190,28 @@ void main() {
   at = min(at * u_step + u_step / 2, size - 1);
   vec3 light = texelFetch(u_foreground, at, 0).rgb;
   uvec2 range = texelFetch(u_index, at, 0).xy;
-  vec2 texel = 1.0 / vec2(textureSize(u_pyramid, 0).xy);
   int list_width = textureSize(u_list, 0).x;
   for (uint i = 0u; i < range.y; ++i) {
     int k = 2 * int(range.x + i);
     ivec2 place = ivec2(k % list_width, k / list_width);
     uvec4 one = texelFetch(u_list, place, 0), two = texelFetch(u_list, place + ivec2(1, 0), 0);
     vec3 weight = vec3(unpackHalf2x16(two.y), unpackHalf2x16(two.z & 0xffffu).x);
-    int monitor = int((two.z >> 16) & 0xffu), level = int(two.z >> 24);
-    vec3 q = vec3(uintBitsToFloat(one.z), uintBitsToFloat(two.x), uintBitsToFloat(one.w));
-    vec2 centre = vec2(uintBitsToFloat(one.x), uintBitsToFloat(one.y));
-    light += weight * integrate(centre, q, uintBitsToFloat(two.w), monitor, u_levels[u_first_level[monitor] + level], texel);
+    light += weight * seen(one, two);
   }
   o_colour = vec4(coded(u_gain * (u_primaries * light)), 1.0);
 }`;
+
+/** The composite before monitors. */
+export const composite = (levelCount: number, monitorCount: number, box: boolean): string => `${kHead}
+uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
+uniform int u_first_level[${monitorCount}];  // of a monitor
+${integrate(box)}
+
+vec3 seen(uvec4 one, uvec4 two) {
+  int monitor = int((two.z >> 16) & 0xffu), level = int(two.z >> 24);
+  vec3 q = vec3(uintBitsToFloat(one.z), uintBitsToFloat(two.x), uintBitsToFloat(one.w));
+  vec2 centre = vec2(uintBitsToFloat(one.x), uintBitsToFloat(one.y));
+  return integrate(centre, q, uintBitsToFloat(two.w), monitor, u_levels[u_first_level[monitor] + level],
+                   1.0 / vec2(textureSize(u_pyramid, 0).xy));
+}
+${kComposite}`;

@@ -1,4 +1,5 @@
 // Reads the folder that `glasswing web` writes (client/pictures/web_matte.h, docs/web.md).
+import { BundleList } from "./bundles";
 import type { Drawable } from "./compositor";
 import { FootprintList } from "./footprints";
 import type { MatteMetadata, Mode } from "./matte";
@@ -19,7 +20,16 @@ export interface WebDescription {
   foreground_scale: number;
   footprints: number;
   planes: { name: string; bytes: number }[];
-  backgrounds: string[];
+  /** Of a matte. */
+  backgrounds?: string[];
+  /** Of rays, whose monitors are the faces of a cube. */
+  environments?: string[];
+  /** At first, about the vertical. */
+  turn_deg?: number;
+  /** Factor on the environment's light. */
+  gain?: number;
+  /** The angle that the camera sees across. */
+  view_deg?: number;
 }
 
 const kVersion = 1;
@@ -99,7 +109,7 @@ export async function readWebMatte(description: WebDescription, bytes: Uint8Arra
     throw new NotAWebMatte("matte.bin has not as many pixels as matte.json says");
 
   const foreground = new Float32Array(3 * pixels);
-  const list = new FootprintList(metadata, pixels, description.footprints);
+  const list = new (description.environments ? BundleList : FootprintList)(metadata, pixels, description.footprints);
   // What differences refer to: F of the pixel before, and by place in a pixel's list the footprint before.
   const light = [0, 0, 0];
   const last = new Int32Array(kMostFootprints * 8);

@@ -95,10 +95,15 @@ export function paint(kind: BuiltIn, width: number, height: number, colour: stri
 }
 
 /** The file's values, interpreted as sRGB as in `glasswing composite`. */
-export async function openPicture(file: Blob, name: string, mostSide: number): Promise<ImageBitmap> {
+export async function openPicture(
+  file: Blob,
+  name: string,
+  mostSide: number,
+  accepted = "PNG, JPEG, WebP and AVIF can",
+): Promise<ImageBitmap> {
   const as_is: ImageBitmapOptions = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const image = await createImageBitmap(file, as_is).catch(() => {
-    throw new Error(`${name} cannot be read by this browser; PNG, JPEG, WebP and AVIF can`);
+    throw new Error(`${name} cannot be read by this browser; ${accepted}`);
   });
   const shrink = mostSide / Math.max(image.width, image.height);
   if (shrink >= 1) return image;

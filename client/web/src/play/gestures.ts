@@ -49,7 +49,7 @@ function byKey(
 }
 
 /** The canvas keeps its aspect ratio within its element. */
-function shownWidth({ width, height, clientWidth, clientHeight }: HTMLCanvasElement): number {
+export function shownWidth({ width, height, clientWidth, clientHeight }: HTMLCanvasElement): number {
   return Math.max(1, Math.min(clientWidth, (clientHeight * width) / height));
 }
 

@@ -1,14 +1,10 @@
-// The backgrounds, one for each monitor, and the light. Coalesces changes into one drawing, which starts once the previous
-// one is done; on slow devices moving pictures are drawn coarser.
+// The backgrounds, one for each monitor, and the light.
 import { Compositor, type Drawable, type Standing } from "../light/compositor";
 import { fillUnsolved } from "../light/fill_unsolved";
 import type { Box } from "../light/matte";
-import { Pace } from "./pace";
+import { Redraw } from "./redraw";
 
 export const kStill: Standing = { keepShape: false, dx: 0, dy: 0, scale: 1 };
-
-/** Time after the last change until the picture counts as still. */
-const kRest_ms = 200;
 
 export class Stage {
   readonly monitors: { name: string; width: number; height: number }[];
@@ -18,13 +14,7 @@ export class Stage {
   private gain = 1;
   private unsolved: Uint32Array;
   private seeing: Box;
-  private readonly pace: Pace;
-  /** A change is not drawn yet, or only coarsely. */
-  private isOld = false;
-  private isCoarse = false;
-  private changed_ms = 0;
-  private drawing: { step: number; since_ms: number } | undefined;
-  private waiting = 0;
+  private readonly redraw: Redraw;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -32,7 +22,10 @@ export class Stage {
   ) {
     this.compositor = new Compositor(canvas, matte);
     [this.unsolved, this.seeing] = [matte.unsolved, matte.seeing];
-    this.pace = new Pace(Math.max(matte.width, matte.height));
+    this.redraw = new Redraw(canvas, Math.max(matte.width, matte.height), {
+      isDone: () => this.compositor.isDone,
+      draw: (step) => this.draw(step),
+    });
     this.monitors = matte.metadata.monitors.map(({ name, width_px, height_px }) => ({
       name,
       width: width_px,
@@ -50,7 +43,7 @@ export class Stage {
   setMatte(matte: Drawable): void {
     this.compositor.setMatte(matte);
     [this.unsolved, this.seeing] = [matte.unsolved, matte.seeing];
-    this.drawSoon();
+    this.redraw.soon();
   }
   setPicture(monitor: number, image: ImageBitmap): void {
     this.compositor.setPicture(monitor, image);
@@ -59,11 +52,11 @@ export class Stage {
   move(monitor: number, standing: Standing): void {
     this.standings[monitor] = standing;
     this.moved.add(monitor);
-    this.drawSoon();
+    this.redraw.soon();
   }
   setExposure(stops: number): void {
     this.gain = 2 ** stops;
-    this.drawSoon();
+    this.redraw.soon();
   }
 
   /**
@@ -71,7 +64,7 @@ export class Stage {
    * the pixels that see a monitor's picture.
    */
   picture(fill: boolean, crop: boolean): Promise<Blob> {
-    this.draw(1);
+    this.redraw.now();
     const copy = new OffscreenCanvas(this.canvas.width, this.canvas.height);
     const pen = copy.getContext("2d")!;
     pen.drawImage(this.canvas, 0, 0);
@@ -88,36 +81,13 @@ export class Stage {
   }
 
   close(): void {
-    cancelAnimationFrame(this.waiting);
+    this.redraw.close();
     this.compositor.close();
   }
 
-  private drawSoon(): void {
-    this.canvas.ariaBusy = "true";
-    this.isOld = true;
-    this.changed_ms = performance.now();
-    this.look();
-  }
-  private look(): void {
-    if (this.waiting === 0) this.waiting = requestAnimationFrame(() => this.onFrame());
-  }
-  private onFrame(): void {
-    this.waiting = 0;
-    if (!this.compositor.isDone) return this.look();
-    const now = performance.now();
-    if (this.drawing) this.pace.took(this.drawing.step, now - this.drawing.since_ms);
-    this.drawing = undefined;
-    if (this.isOld) this.draw(this.pace.step);
-    else if (this.isCoarse && now - this.changed_ms > kRest_ms) this.draw(1);
-    if (this.drawing || this.isCoarse) this.look();
-    else this.canvas.ariaBusy = "false";
-  }
   private draw(step: number): void {
     for (const monitor of this.moved) this.compositor.place(monitor, this.standing(monitor));
     this.moved.clear();
     this.compositor.draw(this.gain, step);
-    this.drawing = { step, since_ms: performance.now() };
-    this.isOld = false;
-    this.isCoarse = step > 1;
   }
 }

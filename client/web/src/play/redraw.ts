@@ -1,0 +1,67 @@
+// Coalesces changes into one drawing, which starts once the previous one is done; on slow devices moving pictures are drawn
+// coarser.
+import { Pace } from "./pace";
+
+/** Time after the last change until the picture counts as still. */
+const kRest_ms = 200;
+
+export interface Drawing {
+  /** True once everything that was drawn is on the canvas. */
+  isDone: () => boolean;
+  /** `step`: every how many pixels along both sides one is drawn. */
+  draw: (step: number) => void;
+}
+
+export class Redraw {
+  private readonly pace: Pace;
+  /** A change is not drawn yet, or only coarsely. */
+  private isOld = false;
+  private isCoarse = false;
+  private changed_ms = 0;
+  private drawing: { step: number; since_ms: number } | undefined;
+  private waiting = 0;
+
+  /** `side_px`: the picture's longer side. The canvas is busy until everything is drawn. */
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    side_px: number,
+    private readonly to: Drawing,
+  ) {
+    this.pace = new Pace(side_px);
+  }
+
+  soon(): void {
+    this.canvas.ariaBusy = "true";
+    this.isOld = true;
+    this.changed_ms = performance.now();
+    this.look();
+  }
+  /** At full resolution. */
+  now(): void {
+    this.draw(1);
+  }
+  close(): void {
+    cancelAnimationFrame(this.waiting);
+  }
+
+  private look(): void {
+    if (this.waiting === 0) this.waiting = requestAnimationFrame(() => this.onFrame());
+  }
+  private onFrame(): void {
+    this.waiting = 0;
+    if (!this.to.isDone()) return this.look();
+    const now = performance.now();
+    if (this.drawing) this.pace.took(this.drawing.step, now - this.drawing.since_ms);
+    this.drawing = undefined;
+    if (this.isOld) this.draw(this.pace.step);
+    else if (this.isCoarse && now - this.changed_ms > kRest_ms) this.draw(1);
+    if (this.drawing || this.isCoarse) this.look();
+    else this.canvas.ariaBusy = "false";
+  }
+  private draw(step: number): void {
+    this.to.draw(step);
+    this.drawing = { step, since_ms: performance.now() };
+    this.isOld = false;
+    this.isCoarse = step > 1;
+  }
+}

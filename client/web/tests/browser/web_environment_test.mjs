@@ -1,0 +1,100 @@
+// Compares what the folder of `glasswing web` shows of rays with `glasswing composite --environment`, turned and not:
+//
+//   node tests/browser/web_environment_test.mjs GLASSWING PLAYER RAYS.exr ENVIRONMENT...
+//
+// PLAYER is the built player's directory. Prints sizes, the mean difference in 1/255 of sRGB and the PSNR, the time to the first
+// picture and the pictures a second while it turns, and fails if a mean exceeds 1, a PSNR is below 40 dB, or another server is
+// called. KEEP=DIR keeps the pictures there.
+import { execFileSync } from "node:child_process";
+import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { basename, join } from "node:path";
+import { difference } from "./mattes.mjs";
+import { open_folder, wait_until_drawn } from "./web_page.mjs";
+
+const [kMaxMean, kMinPsnr_db] = [1, 40];
+const [kTurn_deg, kGain, kKeyStep_deg, kTurnTime_ms] = [100, 0.75, 3, 4000];
+
+const [glasswing, player, rays, ...environments] = process.argv.slice(2);
+if (environments.length === 0) {
+  console.error("usage: web_environment_test.mjs GLASSWING PLAYER RAYS.exr ENVIRONMENT...");
+  process.exit(2);
+}
+const work = mkdtempSync(join(tmpdir(), "web-environment-"));
+const keep = process.env.KEEP;
+if (keep) mkdirSync(keep, { recursive: true });
+const folder = join(work, "folder");
+const run = (...args) => execFileSync(glasswing, args, { stdio: "pipe", encoding: "utf8" });
+const offered = environments.flatMap((environment) => ["--environment", environment]);
+const facing = ["--environment-turn", `${kTurn_deg}`, "--environment-gain", `${kGain}`];
+const written = JSON.parse(run("--json", "web", rays, "-o", folder, "--player", player, ...offered, ...facing));
+console.log(`${written.width_px}x${written.height_px}: ${written.bytes} bytes, ${written.matte_bytes} of them the rays`);
+const shown = JSON.parse(readFileSync(join(folder, "matte.json"), "utf8"));
+
+/** Pictures a second, and the coarsest step of their pixels, while the environment turns by a degree a picture. */
+function pace(page) {
+  return page.evaluate(async (time_ms) => {
+    const stage = document.querySelector("#stage");
+    const whole = stage.width;
+    const pointer = (type, x) =>
+      stage.dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX: x, clientY: 9, isPrimary: true }));
+    stage.setPointerCapture = () => undefined;
+    // A drawing is done once the page's own frame loop has begun the next one; canvases say so by fences.
+    const draw = WebGL2RenderingContext.prototype.fenceSync;
+    const times = [];
+    let step = 1;
+    WebGL2RenderingContext.prototype.fenceSync = function (...args) {
+      times.push(performance.now());
+      step = Math.max(step, Math.round(whole / stage.width));
+      return draw.apply(this, args);
+    };
+    pointer("pointerdown", 0);
+    const began = performance.now();
+    for (let x = 1; performance.now() - began < time_ms; ++x) {
+      pointer("pointermove", x);
+      await new Promise(requestAnimationFrame);
+    }
+    pointer("pointerup", 0);
+    WebGL2RenderingContext.prototype.fenceSync = draw;
+    // The first ones tell the pace.
+    const gaps = times.slice(5).map((time, i) => time - times[i + 4]);
+    gaps.sort((a, b) => a - b);
+    return { fps: 1000 / gaps[gaps.length >> 1], step };
+  }, kTurnTime_ms);
+}
+
+const { page, complaints, close } = await open_folder(folder, { width: shown.width_px, height: shown.height_px });
+let failed = false;
+try {
+  for (const environment of environments) {
+    const name = basename(environment).replace(/\.[a-z]+$/, "");
+    await page.getByRole("combobox").selectOption({ label: name });
+    for (const turn_deg of [kTurn_deg, kTurn_deg + 2 * kKeyStep_deg]) {
+      if (turn_deg !== kTurn_deg) {
+        await page.locator("#stage").press("ArrowRight");
+        await page.locator("#stage").press("ArrowRight");
+      }
+      await page.waitForTimeout(0);
+      await wait_until_drawn(page);
+      const [ours, theirs] = [join(work, "page.png"), join(work, "composite.png")];
+      const crop = `${shown.width_px}x${shown.height_px}+${shown.x_px}+${shown.y_px}`;
+      const turned = ["--environment-turn", `${turn_deg}`, "--environment-gain", `${kGain}`];
+      run("composite", rays, "--environment", environment, ...turned, "--crop", crop, "-o", theirs);
+      await page.screenshot({ path: ours });
+      const { mean, most, psnr_db } = await difference(page, ours, theirs);
+      console.log(`${name} turned by ${turn_deg}: mean ${mean.toFixed(2)}, largest ${most}, of 255; ${psnr_db.toFixed(1)} dB`);
+      failed ||= !(mean <= kMaxMean && psnr_db >= kMinPsnr_db);
+      if (keep)
+        for (const picture of [ours, theirs]) copyFileSync(picture, join(keep, `${name}_${turn_deg}_${basename(picture)}`));
+    }
+    await page.locator("#stage").press("0");
+  }
+  const { fps, step } = await pace(page);
+  console.log(`${fps.toFixed(1)} pictures a second while it turns, every ${step}. pixel along both sides`);
+  for (const complaint of complaints) console.error(complaint);
+  failed ||= complaints.length > 0;
+} finally {
+  await close();
+  rmSync(work, { recursive: true });
+}
+process.exit(failed ? 1 : 0);

@@ -1,0 +1,49 @@
+// A folder of `glasswing web` below an address of its own, as on any static host, and its page in a browser.
+import { createReadStream, statSync } from "node:fs";
+import { createServer } from "node:http";
+import { extname, join, normalize } from "node:path";
+import { open_browser } from "./browser.mjs";
+
+const kTypes = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".json": "application/json", ".png": "image/png" };
+
+async function served(folder) {
+  const server = createServer((request, response) => {
+    const path = join(folder, normalize(request.url.replace(/^\/some\/where/, "").replace(/\/$/, "/index.html")));
+    try {
+      response.writeHead(200, { "Content-Type": kTypes[extname(path)] ?? "application/octet-stream", "Content-Length": statSync(path).size });
+      createReadStream(path).pipe(response);
+    } catch {
+      response.writeHead(404).end();
+    }
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  return server;
+}
+
+export const wait_until_drawn = (page) =>
+  page.waitForFunction(() => document.querySelector("#stage").ariaBusy === "false", undefined, { timeout: 120_000 });
+
+/** `size`: of the page. Resolves to { page, complaints, close }; complaints are errors, and calls of another server. */
+export async function open_folder(folder, size) {
+  const server = await served(folder);
+  const browser = await open_browser();
+  const page = await browser.newPage({ viewport: size });
+  const origin = `http://127.0.0.1:${server.address().port}`;
+  const complaints = [];
+  page.on("pageerror", (error) => complaints.push(error.message));
+  page.on("request", (request) => {
+    const url = request.url();
+    if (![origin, "data:", "blob:"].some((begin) => url.startsWith(begin))) complaints.push(`it calls ${url}`);
+  });
+  const began = performance.now();
+  await page.goto(`${origin}/some/where/`);
+  await page.locator("#stage:not([hidden])").waitFor();
+  await wait_until_drawn(page);
+  console.log(`first picture after ${Math.round(performance.now() - began)} ms`);
+  await page.addStyleTag({ content: "#controls { opacity: 0 !important; transition: none } #stage { outline: none !important }" });
+  const close = async () => {
+    await browser.close();
+    server.close();
+  };
+  return { page, complaints, close };
+}
