@@ -19,6 +19,7 @@
 #include "core/base/mapped_file.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
+#include "core/frame/radiance_hdr.h"
 #include "core/matte/matte_region.h"
 #include "core/rays/cube.h"
 #include "core/rays/ray_file.h"
@@ -153,8 +154,7 @@ absl::StatusOr<OfferedPicture> offered_environment(const fs::path& picture) {
   GW_ASSIGN_OR_RETURN(const RadianceImage light, read_radiance(picture, Encoding::kDisplay));
   const int width = std::min(light.width_px, kMaxWidth);
   const int height = std::max(1, static_cast<int>(std::int64_t{light.height_px} * width / light.width_px));
-  GW_ASSIGN_OR_RETURN(std::string bytes, encode_hdr(resized(light, width, height)));
-  return OfferedPicture{picture.stem().string() + ".hdr", std::move(bytes)};
+  return OfferedPicture{picture.stem().string() + ".hdr", encode_hdr(resized(light, width, height))};
 }
 
 // Names within the folder, the pictures' own where they differ.

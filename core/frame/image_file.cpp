@@ -26,6 +26,7 @@
 #include "core/frame/archive.h"
 #include "core/frame/jpeg_header.h"
 #include "core/frame/picture_codecs.h"
+#include "core/frame/radiance_hdr.h"
 
 namespace glasswing {
 namespace {
@@ -255,6 +256,7 @@ float linear_of_srgb(float code) {
 }
 
 absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding encoding) {
+  if (is_hdr(bytes)) return decode_hdr(bytes);
   GW_ASSIGN_OR_RETURN(const cv::Mat mat, decode_any(bytes));
   static const std::array<float, 256> kLight = [] {
     std::array<float, 256> light{};
@@ -419,21 +421,6 @@ absl::StatusOr<Image16> decode_png(std::string_view bytes) {
   if (absl::IsDataLoss(mat.status())) return absl::InvalidArgumentError(mat.status().message());
   GW_RETURN_IF_ERROR(mat.status());
   return image16_of(*mat);
-}
-
-absl::StatusOr<std::string> encode_hdr(const RadianceImage& image) {
-  cv::Mat mat(image.height_px, image.width_px, CV_32FC3);
-  for (int y = 0; y < image.height_px; ++y) {
-    for (int x = 0; x < image.width_px; ++x) {
-      const float brightest = std::max({image.at(x, y, 0), image.at(x, y, 1), image.at(x, y, 2)});
-      int exponent = 0;
-      std::frexp(brightest, &exponent);
-      const float half_a_step = std::ldexp(1.0f, exponent - 9);  // OpenCV rounds down
-      for (int c = 0; c < 3; ++c)
-        mat.at<cv::Vec3f>(y, x)[2 - c] = std::max(image.at(x, y, c), 0.0f) + half_a_step;
-    }
-  }
-  return encode_picture(".hdr", mat);
 }
 
 RadianceImage resized(const RadianceImage& image, int width_px, int height_px) {

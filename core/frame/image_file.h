@@ -18,12 +18,12 @@
 namespace glasswing {
 
 enum class Encoding {
-  kDisplay,  // PNG, JPEG and TIFF hold sRGB; EXR is linear
+  kDisplay,  // PNG, JPEG and TIFF hold sRGB; EXR and .hdr are linear
   kLinear,   // every format holds linear radiance, value / full scale
 };
 
-// Reads any 8-bit, 16-bit or float picture that OpenCV reads, and EXR; gray becomes r = g = b, alpha is
-// dropped. DATA_LOSS names a file that is damaged or not a picture; NOT_FOUND a missing one.
+// Reads PNG, JPEG and TIFF of 8 or 16 bit or float, Radiance's .hdr, and EXR; gray becomes r = g = b, alpha
+// is dropped. DATA_LOSS names a file that is damaged or not a picture; NOT_FOUND a missing one.
 absl::StatusOr<RadianceImage> read_radiance(const std::filesystem::path& path, Encoding encoding);
 
 // The same from a file's bytes, EXR excepted. DATA_LOSS: damaged, or not a picture.
@@ -78,8 +78,6 @@ absl::StatusOr<Image16> decode_png(std::string_view bytes);
 
 // JPEG, 8 bit sRGB.
 absl::StatusOr<std::string> encode_jpeg(const RadianceImage& image);
-// Radiance's .hdr: 8 bits a channel and an exponent for all three.
-absl::StatusOr<std::string> encode_hdr(const RadianceImage& image);
 
 // Resamples to exactly this size, each axis by area (down) or bilinearly (up).
 RadianceImage resized(const RadianceImage& image, int width_px, int height_px);
