@@ -1,8 +1,9 @@
 // A sphere of clear glass in closed form, by Snell and Fresnel: its rays, and how it looks in an environment
 // by brute force.
 //
-//   glass-sphere WIDTH HEIGHT RAYS.exr [ENVIRONMENT.exr TRUTH.exr]
+//   glass-sphere WIDTH HEIGHT FROST_DEG RAYS.exr [ENVIRONMENT TRUTH.exr]
 //
+// Frost scatters what passes the sphere, with this standard deviation; in TRUTH.exr there is none.
 // The camera sees 50 degrees across. Light passes the sphere, or is reflected by its front; what is reflected
 // within it is left out of both. A pixel is the mean of kSide x kSide points, a bundle the mean and the
 // spread of their directions.
@@ -58,9 +59,10 @@ std::array<Path, kPaths> paths_of(const Vector3d& direction) {
 
 class Scene {
  public:
-  Scene(int width_px, int height_px)
+  Scene(int width_px, int height_px, double frost_rad)
       : width_px_(width_px),
         height_px_(height_px),
+        frost_rad_(frost_rad),
         focal_px_(0.5 * width_px / std::tan(25.0 * M_PI / 180.0)) {}
 
   // `take` of the paths of each point of a pixel.
@@ -131,12 +133,15 @@ class Scene {
       const Sum& sum = sums[p];
       if (sum.weight == 0.0) continue;
       const Vector3d mean = sum.direction / sum.weight;
-      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(sum.squares / sum.weight -
-                                                                mean * mean.transpose());
+      const double frost = p == 1 ? frost_rad_ : 0.0;
+      const Vector3d direction = mean.normalized();
+      const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
+      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(
+          sum.squares / sum.weight - mean * mean.transpose() + frost * frost * across);
       Ray& ray = bundles[p];
       ray.weight = static_cast<float>(sum.weight);
       ray.origin_mm = (sum.origin / sum.weight).cast<float>();
-      ray.direction = mean.normalized().cast<float>();
+      ray.direction = direction.cast<float>();
       for (int axis = 0; axis < 2; ++axis) {
         ray.direction_spread[static_cast<size_t>(axis)] =
             (std::sqrt(std::max(axes.eigenvalues()[2 - axis], 0.0)) * axes.eigenvectors().col(2 - axis))
@@ -176,24 +181,24 @@ class Scene {
   }
 
   int width_px_, height_px_;
-  double focal_px_;
+  double frost_rad_, focal_px_;
 };
 
 absl::Status write(int count, char** words) {
-  const Scene scene(std::atoi(words[1]), std::atoi(words[2]));
+  const Scene scene(std::atoi(words[1]), std::atoi(words[2]), std::atof(words[3]) * M_PI / 180.0);
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_rays(scene.rays()));
-  GW_RETURN_IF_ERROR(write_file_durably(words[3], bytes));
-  if (count < 6) return absl::OkStatus();
-  GW_ASSIGN_OR_RETURN(const RadianceImage map, read_radiance(words[4], Encoding::kDisplay));
-  return write_radiance(words[5], scene.in(map), Encoding::kDisplay);
+  GW_RETURN_IF_ERROR(write_file_durably(words[4], bytes));
+  if (count < 7) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(const RadianceImage map, read_radiance(words[5], Encoding::kDisplay));
+  return write_radiance(words[6], scene.in(map), Encoding::kDisplay);
 }
 
 }  // namespace
 }  // namespace glasswing
 
 int main(int count, char** words) {
-  if (count != 4 && count != 6) {
-    std::cerr << "usage: glass-sphere WIDTH HEIGHT RAYS.exr [ENVIRONMENT.exr TRUTH.exr]\n";
+  if (count != 5 && count != 7) {
+    std::cerr << "usage: glass-sphere WIDTH HEIGHT FROST_DEG RAYS.exr [ENVIRONMENT TRUTH.exr]\n";
     return 2;
   }
   const absl::Status written = glasswing::write(count, words);

@@ -10,7 +10,7 @@ const kPi = `const float kPi = 3.14159265;
 vec2 on_map(vec3 d) { return vec2(atan(d.x, d.z) / (2.0 * kPi) + 0.5, acos(clamp(-d.y, -1.0, 1.0)) / kPi); }
 `;
 
-/** A face: the mean of sixteen of the picture's pixels, which are flat. */
+/** A face: each of its pixels is the mean of the picture's, which are flat, at sixteen places. */
 export const kFace = `${kHead}
 uniform sampler2D u_picture;
 uniform bool u_exponent;  // the picture is Radiance's, with an exponent instead of alpha
@@ -19,17 +19,23 @@ uniform ivec2 u_corner;
 uniform mat3 u_seen;
 out vec4 o_light;
 ${kPi}
-vec3 on_face(vec2 at) {
-  vec3 d = vec3(u_face % 2 == 0 ? 1.0 : -1.0, at);
-  return u_face < 2 ? d : u_face < 4 ? d.zxy : d.yzx;
+vec2 on_picture(vec2 pixel) {
+  vec3 d = vec3(u_face % 2 == 0 ? 1.0 : -1.0, (pixel / float(u_side) * 2.0 - 1.0) * ${kHalfSide});
+  return on_map(normalize(u_face < 2 ? d : u_face < 4 ? d.zxy : d.yzx));
 }
+vec2 unwrapped(vec2 step) { return vec2(step.x - round(step.x), step.y); }
+
 void main() {
+  vec2 pixel = floor(gl_FragCoord.xy) - vec2(u_corner);
+  // Within a pixel the picture is flat, as good as anywhere but at the poles.
+  vec2 corner = on_picture(pixel), across = unwrapped(on_picture(pixel + vec2(1.0, 0.0)) - corner),
+       down = unwrapped(on_picture(pixel + vec2(0.0, 1.0)) - corner);
   ivec2 size = textureSize(u_picture, 0);
   vec3 sum = vec3(0.0);
   for (int s = 0; s < 16; ++s) {
-    vec2 at = floor(gl_FragCoord.xy) - vec2(u_corner) + (vec2(s % 4, s / 4) + 0.5) / 4.0;
-    vec3 d = normalize(on_face((at / float(u_side) * 2.0 - 1.0) * ${kHalfSide}));
-    vec4 read = texelFetch(u_picture, clamp(ivec2(on_map(d) * vec2(size)), ivec2(0), size - 1), 0);
+    vec2 part = (vec2(s % 4, s / 4) + 0.5) / 4.0, at = corner + part.x * across + part.y * down;
+    ivec2 place = ivec2(floor(vec2(fract(at.x), clamp(at.y, 0.0, 1.0)) * vec2(size)));
+    vec4 read = texelFetch(u_picture, min(place, size - 1), 0);
     sum += u_exponent ? 255.0 * read.rgb * exp2(255.0 * read.a - 136.0) : read.rgb;
   }
   o_light = vec4(min(u_seen * sum / 16.0, 60000.0), 1.0);
