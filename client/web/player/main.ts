@@ -39,10 +39,12 @@ function addControls(show: Show): void {
 }
 
 async function open(show: Show, file: File): Promise<void> {
+  canvas.ariaBusy = "true";
   try {
     await show.open(file, file.name);
     say("");
   } catch (error) {
+    canvas.ariaBusy = "false";
     fail(error);
   }
 }

@@ -53,7 +53,7 @@ const room: Scene = (lon, height) => {
 };
 
 const kScenes: Record<BuiltInEnvironment, Scene> = { evening, room };
-const kBuiltInWidth = 1024;
+const kBuiltInWidth = 2048;
 
 export function paintEnvironment(kind: BuiltInEnvironment): Hdr {
   const [width, height] = [kBuiltInWidth, kBuiltInWidth / 2];

@@ -18,7 +18,8 @@ export class Redraw {
   private isOld = false;
   private isCoarse = false;
   private changed_ms = 0;
-  private drawing: { step: number; since_ms: number } | undefined;
+  private prepares = false;
+  private drawing: { step: number; since_ms: number; prepares: boolean } | undefined;
   private waiting = 0;
 
   /** `side_px`: the picture's longer side. The canvas is busy until everything is drawn. */
@@ -30,7 +31,10 @@ export class Redraw {
     this.pace = new Pace(side_px);
   }
 
-  soon(): void {
+  /** `prepares`: more than a picture is to be drawn, so that its time says nothing of the next one's. */
+  soon(prepares = false): void {
+    this.prepares ||= prepares;
+    if (prepares && this.drawing) this.drawing.prepares = true; // which waits for it
     this.canvas.ariaBusy = "true";
     this.isOld = true;
     this.changed_ms = performance.now();
@@ -51,7 +55,7 @@ export class Redraw {
     this.waiting = 0;
     if (!this.to.isDone()) return this.look();
     const now = performance.now();
-    if (this.drawing) this.pace.took(this.drawing.step, now - this.drawing.since_ms);
+    if (this.drawing && !this.drawing.prepares) this.pace.took(this.drawing.step, now - this.drawing.since_ms);
     this.drawing = undefined;
     if (this.isOld) this.draw(this.pace.step);
     else if (this.isCoarse && now - this.changed_ms > kRest_ms) this.draw(1);
@@ -60,7 +64,8 @@ export class Redraw {
   }
   private draw(step: number): void {
     this.to.draw(step);
-    this.drawing = { step, since_ms: performance.now() };
+    this.drawing = { step, since_ms: performance.now(), prepares: this.prepares };
+    this.prepares = false;
     this.isOld = false;
     this.isCoarse = step > 1;
   }

@@ -32,6 +32,6 @@ export class Scene {
   }
   setEnvironment(picture: Environment): void {
     this.compositor.setEnvironment(picture);
-    this.redraw.soon();
+    this.redraw.soon(true);
   }
 }

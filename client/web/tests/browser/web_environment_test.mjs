@@ -74,7 +74,6 @@ try {
         await page.locator("#stage").press("ArrowRight");
         await page.locator("#stage").press("ArrowRight");
       }
-      await page.waitForTimeout(0);
       await wait_until_drawn(page);
       const [ours, theirs] = [join(work, "page.png"), join(work, "composite.png")];
       const crop = `${shown.width_px}x${shown.height_px}+${shown.x_px}+${shown.y_px}`;
@@ -88,6 +87,24 @@ try {
         for (const picture of [ours, theirs]) copyFileSync(picture, join(keep, `${name}_${turn_deg}_${basename(picture)}`));
     }
     await page.locator("#stage").press("0");
+  }
+  // A visitor's own file is shown as an offered one is.
+  const [first] = shown.environments;
+  const [ours, again] = [join(work, "page.png"), join(work, "again.png")];
+  await page.getByRole("combobox").selectOption({ index: 0 });
+  await wait_until_drawn(page);
+  await page.screenshot({ path: ours });
+  for (const name of ["evening", "room"]) {
+    await page.getByRole("combobox").selectOption(name);
+    await wait_until_drawn(page);
+    if (keep) await page.screenshot({ path: join(keep, `${name}.png`) });
+  }
+  await page.locator("input[type=file]").setInputFiles(join(folder, first));
+  await wait_until_drawn(page);
+  await page.screenshot({ path: again });
+  if ((await difference(page, ours, again)).most > 0) {
+    failed = true;
+    console.error(`${first} looks different as a visitor's own file`);
   }
   const { fps, step } = await pace(page);
   console.log(`${fps.toFixed(1)} pictures a second while it turns, every ${step}. pixel along both sides`);
