@@ -7,7 +7,10 @@
 
 #include "client/pictures/web_matte.h"
 #include "core/base/file.h"
+#include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
+#include "core/rays/cube.h"
+#include "core/rays/ray_file.h"
 #include "tests/client/run_glasswing.h"
 
 namespace glasswing {
@@ -172,6 +175,68 @@ TEST_F(WebFolder, RefusesWhatItWouldSpoil) {
 TEST_F(WebFolder, RefusesPicturesThatBrowsersDoNotShow) {
   const Outcome run = web({"--background", "sky.exr"});
   expect_one_line_error(run, "sky.exr; browsers show .png");
+}
+
+// Two pixels that look ahead, one of them through something that takes half of the light.
+RayMatte two_rays() {
+  RayMatte rays(2, 1, 1);
+  rays.metadata.set_format_version(1);
+  rays.metadata.mutable_matte()->set_session("vase");
+  v1::CameraGeometry& camera = *rays.metadata.mutable_geometry()->mutable_camera();
+  camera.set_width_px(2);
+  camera.set_fx_px(1.0);  // 90 degrees across
+  for (int x = 0; x < 2; ++x) {
+    for (int c = 0; c < kChannels; ++c) {
+      Ray& ray = rays.rays(x, 0, c)[0];
+      ray.weight = x == 0 ? 1.0f : 0.5f;
+      ray.direction = Eigen::Vector3f(0.0f, 0.0f, 1.0f);
+      ray.direction_spread[0] = {0.01f, 0.0f, 0.0f};
+      ray.direction_spread[1] = {0.0f, 0.005f, 0.0f};
+    }
+  }
+  return rays;
+}
+
+TEST_F(WebFolder, OfRaysHasDirectionsAndEnvironments) {
+  ASSERT_TRUE(write_file_durably(matte_, encode_rays(two_rays()).value()).ok());
+  const std::string street = (scratch_ / "street.exr").string(), sea = (scratch_ / "sea.jpg").string();
+  RadianceImage light(16, 8);
+  std::ranges::fill(light.samples, 40.0f);
+  ASSERT_TRUE(write_radiance(street, light, Encoding::kLinear).ok());
+  ASSERT_TRUE(write_file_durably(sea, "jpg").ok());
+  const Outcome run = web({"--environment", street, "--environment", sea, "--environment-turn", "-30",
+                           "--environment-gain", "0.5"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const auto description = nlohmann::json::parse(read_file(folder_ / "matte.json").value());
+  EXPECT_EQ(description["title"], "vase");
+  EXPECT_EQ(description["environments"], nlohmann::json({"street.hdr", "sea.jpg"}));
+  EXPECT_FALSE(description.contains("backgrounds"));
+  EXPECT_EQ(description["turn_deg"], -30.0);
+  EXPECT_EQ(description["gain"], 0.5);
+  EXPECT_NEAR(description["view_deg"].get<double>(), 90.0, 1e-9);
+  EXPECT_EQ(description["metadata"]["monitors"].size(), 6u);
+  EXPECT_EQ(description["footprints"], 2);
+  EXPECT_EQ(read_radiance(folder_ / "street.hdr", Encoding::kDisplay).value().at(3, 3, 1), 40.0f);
+  EXPECT_EQ(read_file(folder_ / "sea.jpg").value(), "jpg");
+}
+
+TEST_F(WebFolder, TellsPicturesFromEnvironments) {
+  expect_one_line_error(web({"--environment", "street.exr"}), "glasswing rays makes one");
+  ASSERT_TRUE(write_file_durably(matte_, encode_rays(two_rays()).value()).ok());
+  expect_one_line_error(web({"--background", "sea.png"}), "--environment is");
+}
+
+// On the face ahead, whose pixel is 2 / 3600 at distance 1: the middle, and widths of 18 and 9 px.
+TEST(WebMatte, OfDirectionsIsInPixelsOfACube) {
+  const Matte matte = matte_of_directions(two_rays(), {.half_side = 1.0, .side_px = 3600}, 1);
+  const WebMatte web = encode_web_matte(matte).value();
+  const auto planes = planes_of(web);
+  ASSERT_EQ(web.unit_px, 0.0625);
+  EXPECT_NEAR(web.origin_px + web.unit_px * numbers_of(planes.at("x_low"), planes.at("x_high")).front(),
+              1800.0, 0.6);
+  EXPECT_EQ(planes.at("texture").front(), 4);
+  EXPECT_NEAR(static_cast<unsigned char>(planes.at("wide").front()), 16.0 * std::log2(18.0 * 16.0), 0.51);
+  EXPECT_NEAR(static_cast<unsigned char>(planes.at("narrow").front()), 16.0 * std::log2(9.0 * 16.0), 0.51);
 }
 
 }  // namespace
