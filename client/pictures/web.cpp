@@ -36,6 +36,7 @@ struct WebArguments {
   std::string matte, output, title, player;
   std::vector<std::string> backgrounds, environments;
   double environment_turn_deg = 0.0, environment_gain = 1.0;
+  bool lossless = false;
   double megapixels = 2.0;
 
   std::int64_t max_pixels() const { return static_cast<std::int64_t>(1e6 * megapixels); }
@@ -65,11 +66,11 @@ absl::Status check_pictures(const WebArguments& arguments, bool rays) {
     return absl::InvalidArgumentError(
         fmt::format("{} holds rays, for which --background is not there; --environment is", arguments.matte));
   }
-  if (!rays && !arguments.environments.empty()) {
+  if (!rays && (arguments.lossless || !arguments.environments.empty())) {
     return absl::InvalidArgumentError(
-        fmt::format("--environment is for rays; {} is not a file of them: glasswing rays makes one of the "
-                    "mattes of two depths",
-                    arguments.matte));
+        fmt::format("{} is for rays; {} is not a file of them: glasswing rays makes one of the mattes of two "
+                    "depths",
+                    arguments.lossless ? "--lossless" : "--environment", arguments.matte));
   }
   return absl::OkStatus();
 }
@@ -80,7 +81,7 @@ absl::StatusOr<Shown> shown_rays(const WebArguments& arguments) {
   const int step = sampling_step(rays.width_px(), rays.height_px(), arguments.max_pixels());
   const v1::CameraGeometry& camera = rays.metadata.geometry().camera();
   const double view_rad = 2.0 * std::atan2(0.5 * camera.width_px(), camera.fx_px());
-  return Shown{.matte = matte_of_directions(rays, kCube, step),
+  return Shown{.matte = matte_of_directions(rays, kCube, step, arguments.lossless),
                .step = step,
                .view_deg = view_rad * 180.0 / std::numbers::pi};
 }
@@ -273,10 +274,16 @@ void add_web_command(CLI::App& app, Client& client) {
       .add_option(
           "--environment-turn", arguments->environment_turn_deg,
           "turn the environment about the vertical at first, degrees; what lay ahead moves to the right")
+      ->check(CLI::Range(-3600.0, 3600.0))
       ->capture_default_str();
-  command.add_option("--environment-gain", arguments->environment_gain, "factor on the environment's light")
-      ->check(CLI::PositiveNumber)
+  command
+      .add_option("--environment-gain", arguments->environment_gain,
+                  "factor on the environment's light at first")
+      ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
+  command.add_flag(
+      "--lossless", arguments->lossless,
+      "of rays: the object absorbs nothing: light that no monitor showed is the environment's mean");
   command.add_option("--title", arguments->title, "of the page; default: the session's name");
   command
       .add_option("--megapixels", arguments->megapixels,

@@ -36,9 +36,35 @@ PlaneFootprint on_cube(const Cube& cube, const Vector3d& direction, const std::a
   return footprint;
 }
 
-Matte matte_of_directions(const RayMatte& rays, const Cube& cube, int step) {
+namespace {
+
+Mode mode_on_cube(const Cube& cube, const Ray& ray) {
+  Mode mode{.weight = ray.weight};
+  const PlaneFootprint footprint =
+      on_cube(cube, ray.direction.cast<double>(),
+              {ray.direction_spread[0].cast<double>(), ray.direction_spread[1].cast<double>()}, mode.texture);
+  mode.x_px = static_cast<float>(footprint.centre_px.x());
+  mode.y_px = static_cast<float>(footprint.centre_px.y());
+  mode.xx_px2 = static_cast<float>(footprint.covariance_px2(0, 0));
+  mode.xy_px2 = static_cast<float>(footprint.covariance_px2(0, 1));
+  mode.yy_px2 = static_cast<float>(footprint.covariance_px2(1, 1));
+  return mode;
+}
+
+Mode mode_of_everywhere(const Cube& cube, double weight) {
+  Ray ray;
+  ray.weight = static_cast<float>(weight);
+  ray.direction = Eigen::Vector3f::UnitZ();
+  ray.direction_spread = {static_cast<float>(kEverywhere) * Eigen::Vector3f::UnitX(),
+                          static_cast<float>(kEverywhere) * Eigen::Vector3f::UnitY()};
+  return mode_on_cube(cube, ray);
+}
+
+}  // namespace
+
+Matte matte_of_directions(const RayMatte& rays, const Cube& cube, int step, bool lossless) {
   Matte matte(0, 0, sampled_length(rays.width_px(), step), sampled_length(rays.height_px(), step),
-              rays.rays_per_channel());
+              rays.rays_per_channel() + (lossless ? 1 : 0));
   const v1::MatteMetadata& of_rays = rays.metadata.matte();
   matte.metadata = of_rays;
   matte.metadata.clear_monitors();
@@ -57,20 +83,15 @@ Matte matte_of_directions(const RayMatte& rays, const Cube& cube, int step) {
       matte.flags(x, y) = rays.flags(x * step, y * step);
       for (int c = 0; c < kChannels; ++c) {
         const std::span<const Ray> from = rays.rays(x * step, y * step, c);
+        const std::span<Mode> modes = matte.modes(x, y, c);
+        double seen = 0.0;
         for (size_t i = 0; i < from.size(); ++i) {
           if (!(from[i].weight > 0.0f)) continue;
-          Mode& mode = matte.modes(x, y, c)[i];
-          const PlaneFootprint footprint = on_cube(
-              cube, from[i].direction.cast<double>(),
-              {from[i].direction_spread[0].cast<double>(), from[i].direction_spread[1].cast<double>()},
-              mode.texture);
-          mode.weight = from[i].weight;
-          mode.x_px = static_cast<float>(footprint.centre_px.x());
-          mode.y_px = static_cast<float>(footprint.centre_px.y());
-          mode.xx_px2 = static_cast<float>(footprint.covariance_px2(0, 0));
-          mode.xy_px2 = static_cast<float>(footprint.covariance_px2(0, 1));
-          mode.yy_px2 = static_cast<float>(footprint.covariance_px2(1, 1));
+          seen += static_cast<double>(from[i].weight);
+          modes[i] = mode_on_cube(cube, from[i]);
         }
+        if (lossless && rays.coverage(x * step, y * step) > 0.0f && seen < 1.0)
+          modes.back() = mode_of_everywhere(cube, 1.0 - seen);
       }
     }
   }

@@ -26,7 +26,9 @@ PlaneFootprint on_cube(const Cube& cube, const Eigen::Vector3d& direction,
                        const std::array<Eigen::Vector3d, 2>& spread, int& face);
 
 // The bundles' directions as modes of a matte whose monitors are the faces, whatever their width. Of `step`
-// x `step` pixels one is in it. Where rays came from is lost.
-Matte matte_of_directions(const RayMatte& rays, const Cube& cube, int step);
+// x `step` pixels one is in it. Where rays came from is lost. `lossless`: inside the object, light that no
+// ray tells of comes from everywhere alike: a bundle of kEverywhere.
+Matte matte_of_directions(const RayMatte& rays, const Cube& cube, int step, bool lossless = false);
+inline constexpr double kEverywhere = 4.0;  // rad
 
 }  // namespace glasswing

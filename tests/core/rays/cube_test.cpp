@@ -82,5 +82,20 @@ TEST(Cube, AMatteOfDirectionsHasEveryStepsPixelAndAllRays) {
   EXPECT_FLOAT_EQ(mode.yy_px2, 1.0f);
 }
 
+TEST(Cube, WhatALosslessObjectSendsFromEverywhereIsOneBundleMore) {
+  RayMatte rays(2, 1, 1);
+  rays.coverage(0, 0) = 1.0f;
+  for (int x = 0; x < 2; ++x) {
+    rays.rays(x, 0, 2)[0].weight = 0.75f;
+    rays.rays(x, 0, 2)[0].direction = Eigen::Vector3f::UnitX();
+  }
+  const Matte matte = matte_of_directions(rays, {.half_side = 1.0, .side_px = 200}, 1, true);
+  ASSERT_EQ(matte.modes_per_channel(), 2);
+  EXPECT_FLOAT_EQ(matte.modes(0, 0, 0)[1].weight, 1.0f);
+  EXPECT_FLOAT_EQ(matte.modes(0, 0, 2)[1].weight, 0.25f);
+  EXPECT_FLOAT_EQ(matte.modes(0, 0, 2)[1].xx_px2, 400.0f * 400.0f);
+  EXPECT_EQ(matte.modes(1, 0, 2)[1].weight, 0.0f);  // beside the object
+}
+
 }  // namespace
 }  // namespace glasswing

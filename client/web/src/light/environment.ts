@@ -3,7 +3,7 @@
 // small maps of light that is blurred already.
 import { Program, makeTexture } from "./gl";
 import type { Drawable } from "./compositor";
-import { kBlurFaces, kBlurTwice, kFace, kHalfSide, surrounded } from "./environment_shaders";
+import { kBlurFaces, kBlurTwice, kFace, kHalfSide, kMean, surrounded } from "./environment_shaders";
 import type { Hdr } from "./hdr";
 import { primaryMix, type Matrix, type PrimaryMix } from "./primary_mix";
 import { Pyramids, srgbPicture } from "./pyramid";
@@ -15,7 +15,7 @@ import { Surface, kFreeUnit } from "./surface";
 export type Environment = ImageBitmap | Hdr;
 
 const kFaces = 6;
-const kWideCount = 6;
+const kWideCount = 7; // of 1 to 32 degrees, and all of the sphere
 const kWide = { width: 256, height: 128 };
 const kFirstWidth = Math.PI / 180; // rad, of the first map's bundles; they must be narrow on the faces
 const kMaxDoubled_px = 1024; // faces of smaller pictures have two pixels for one ahead
@@ -116,12 +116,15 @@ class EnvironmentMap {
     gl.uniform1f(first.at("u_variance"), kFirstWidth ** 2 - (Math.PI / height) ** 2 / 6);
     draw(0);
     const twice = new Program(gl, kEverything, kBlurTwice).use();
-    for (let layer = 1; layer < kWideCount; ++layer) {
+    for (let layer = 1; layer < kWideCount - 1; ++layer) {
       twice.bind("u_map", 0, gl.TEXTURE_2D, before);
       gl.uniform1f(twice.at("u_width"), kFirstWidth * 2 ** (layer - 1));
       draw(layer);
     }
-    for (const program of [first, twice]) program.close();
+    const mean = new Program(gl, kEverything, kMean).use();
+    mean.bind("u_map", 0, gl.TEXTURE_2D, before);
+    draw(kWideCount - 1);
+    for (const program of [first, twice, mean]) program.close();
     gl.deleteTexture(before);
     gl.deleteFramebuffer(frame);
   }

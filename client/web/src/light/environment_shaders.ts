@@ -113,10 +113,24 @@ void main() {
   o_light = vec4(sum.rgb / sum.w, 1.0);
 }`;
 
+/** The mean of such a map, which is smooth. */
+export const kMean = `${kHead}
+${kPi}${kFrame}
+uniform sampler2D u_map;
+out vec4 o_light;
+void main() {
+  vec4 sum = vec4(0.0);
+  for (int s = 0; s < 128; ++s) {
+    vec2 at = (vec2(s % 16, s / 16) + 0.5) / vec2(16.0, 8.0);
+    sum += sin(kPi * at.y) * vec4(textureLod(u_map, at, 0.0).rgb, 1.0);
+  }
+  o_light = vec4(sum.rgb / sum.w, 1.0);
+}`;
+
 /** The composite in an environment. */
 export const surrounded = (wideCount: number): string => `${kHead}
 ${kPi}${kFrame}${kNarrow}
-uniform mediump sampler2DArray u_wide;  // maps, each of twice the width of the one before
+uniform mediump sampler2DArray u_wide;  // maps, each of twice the width of the one before; the last is the mean
 uniform float u_first_width;
 uniform vec2 u_turn;  // cosine and sine
 uniform float u_light;  // factor on the environment's

@@ -4,7 +4,7 @@
 //
 // PLAYER is the built player's directory. Prints sizes, the mean difference in 1/255 of sRGB and the PSNR, the time to the first
 // picture and the pictures a second while it turns, and fails if a mean exceeds 1, a PSNR is below 40 dB, or another server is
-// called. KEEP=DIR keeps the pictures there.
+// called. KEEP=DIR keeps the pictures there; LOSSLESS=1 is for clear glass.
 import { execFileSync } from "node:child_process";
 import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -26,8 +26,9 @@ if (keep) mkdirSync(keep, { recursive: true });
 const folder = join(work, "folder");
 const run = (...args) => execFileSync(glasswing, args, { stdio: "pipe", encoding: "utf8" });
 const offered = environments.flatMap((environment) => ["--environment", environment]);
+const clear = process.env.LOSSLESS ? ["--lossless"] : [];
 const facing = ["--environment-turn", `${kTurn_deg}`, "--environment-gain", `${kGain}`];
-const written = JSON.parse(run("--json", "web", rays, "-o", folder, "--player", player, ...offered, ...facing));
+const written = JSON.parse(run("--json", "web", rays, "-o", folder, "--player", player, ...offered, ...facing, ...clear));
 console.log(`${written.width_px}x${written.height_px}: ${written.bytes} bytes, ${written.matte_bytes} of them the rays`);
 const shown = JSON.parse(readFileSync(join(folder, "matte.json"), "utf8"));
 
@@ -78,7 +79,7 @@ try {
       const [ours, theirs] = [join(work, "page.png"), join(work, "composite.png")];
       const crop = `${shown.width_px}x${shown.height_px}+${shown.x_px}+${shown.y_px}`;
       const turned = ["--environment-turn", `${turn_deg}`, "--environment-gain", `${kGain}`];
-      run("composite", rays, "--environment", environment, ...turned, "--crop", crop, "-o", theirs);
+      run("composite", rays, "--environment", environment, ...turned, ...clear, "--crop", crop, "-o", theirs);
       await page.screenshot({ path: ours });
       const { mean, most, psnr_db } = await difference(page, ours, theirs);
       console.log(`${name} turned by ${turn_deg}: mean ${mean.toFixed(2)}, largest ${most}, of 255; ${psnr_db.toFixed(1)} dB`);
