@@ -4,7 +4,7 @@
 //
 // PLAYER is the built player's directory. Prints sizes, the mean difference in 1/255 of sRGB and the PSNR, the time to the first
 // picture and the pictures a second while it turns, and fails if a mean exceeds 1, a PSNR is below 40 dB, or another server is
-// called. KEEP=DIR keeps the pictures there; LOSSLESS=1 is for clear glass.
+// called. KEEP=DIR keeps the pictures there; LOSSLESS=1 is of clear glass.
 import { execFileSync } from "node:child_process";
 import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
