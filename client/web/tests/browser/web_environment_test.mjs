@@ -32,35 +32,31 @@ const written = JSON.parse(run("--json", "web", rays, "-o", folder, "--player", 
 console.log(`${written.width_px}x${written.height_px}: ${written.bytes} bytes, ${written.matte_bytes} of them the rays`);
 const shown = JSON.parse(readFileSync(join(folder, "matte.json"), "utf8"));
 
-/** Pictures a second, and the coarsest step of their pixels, while the environment turns by a degree a picture. */
+/** Pictures a second, each of them whole, while the environment turns by a pixel a picture. */
 function pace(page) {
   return page.evaluate(async (time_ms) => {
     const stage = document.querySelector("#stage");
-    const whole = stage.width;
-    const pointer = (type, x) =>
-      stage.dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX: x, clientY: 9, isPrimary: true }));
+    const pointer = (type, x) => stage.dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX: x }));
     stage.setPointerCapture = () => undefined;
-    // A drawing is done once the page's own frame loop has begun the next one; canvases say so by fences.
-    const draw = WebGL2RenderingContext.prototype.fenceSync;
+    // Without a clock the page does not know that it is slow, and never draws coarsely.
+    const clock = performance.now.bind(performance);
+    performance.now = () => 0;
+    const fence = WebGL2RenderingContext.prototype.fenceSync;
     const times = [];
-    let step = 1;
     WebGL2RenderingContext.prototype.fenceSync = function (...args) {
-      times.push(performance.now());
-      step = Math.max(step, Math.round(whole / stage.width));
-      return draw.apply(this, args);
+      times.push(clock());
+      return fence.apply(this, args);
     };
     pointer("pointerdown", 0);
-    const began = performance.now();
-    for (let x = 1; performance.now() - began < time_ms; ++x) {
+    for (let x = 1; clock() < times[0] + time_ms || x < 10; ++x) {
       pointer("pointermove", x);
       await new Promise(requestAnimationFrame);
     }
     pointer("pointerup", 0);
-    WebGL2RenderingContext.prototype.fenceSync = draw;
-    // The first ones tell the pace.
-    const gaps = times.slice(5).map((time, i) => time - times[i + 4]);
+    // The next picture begins once the one before is done.
+    const gaps = times.slice(2).map((time, i) => time - times[i + 1]);
     gaps.sort((a, b) => a - b);
-    return { fps: 1000 / gaps[gaps.length >> 1], step };
+    return { median: 1000 / gaps[gaps.length >> 1], best: 1000 / gaps[gaps.length >> 4] };
   }, kTurnTime_ms);
 }
 
@@ -107,8 +103,8 @@ try {
     failed = true;
     console.error(`${first} looks different as a visitor's own file`);
   }
-  const { fps, step } = await pace(page);
-  console.log(`${fps.toFixed(1)} pictures a second while it turns, every ${step}. pixel along both sides`);
+  const { median, best } = await pace(page);
+  console.log(`${median.toFixed(1)} whole pictures a second while it turns (median; one of sixteen is of ${best.toFixed(1)} or faster)`);
   for (const complaint of complaints) console.error(complaint);
   failed ||= complaints.length > 0;
 } finally {
