@@ -3,7 +3,7 @@
 // small maps of light that is blurred already.
 import { Program, makeTexture } from "./gl";
 import type { Drawable } from "./compositor";
-import { kBlurFaces, kBlurTwice, kFace, kHalfSide, kMean, surrounded } from "./environment_shaders";
+import { kBlurFaces, kBlurTwice, kFace, kHalfSide, kLight, kMean, surrounded } from "./environment_shaders";
 import type { Hdr } from "./hdr";
 import { primaryMix, type Matrix, type PrimaryMix } from "./primary_mix";
 import { Pyramids, srgbPicture } from "./pyramid";
@@ -71,25 +71,41 @@ class EnvironmentMap {
 
   private drawFaces(picture: Environment, seen: Matrix): void {
     const { gl } = this;
-    const isSrgb = picture instanceof ImageBitmap;
-    const texture = isSrgb ? srgbPicture(gl, picture).texture : makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
-    if (!isSrgb) {
-      const { width, height, codes } = picture;
-      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, codes);
-    }
+    const light = this.lightOf(picture, seen);
     const program = new Program(gl, kEverything, kFace);
     for (let face = 0; face < kFaces; ++face)
       this.faces.draw(face, ({ x, y, width }) => {
-        program.use().bind("u_picture", 0, gl.TEXTURE_2D, texture);
-        gl.uniform1i(program.at("u_exponent"), isSrgb ? 0 : 1);
+        program.use().bind("u_picture", 0, gl.TEXTURE_2D, light);
         gl.uniform1i(program.at("u_face"), face);
         gl.uniform1i(program.at("u_side"), width);
         gl.uniform2i(program.at("u_corner"), x, y);
-        gl.uniformMatrix3fv(program.at("u_seen"), true, seen);
         gl.drawArrays(gl.TRIANGLES, 0, 3);
       });
     program.close();
-    gl.deleteTexture(texture);
+    gl.deleteTexture(light);
+  }
+
+  private lightOf(picture: Environment, seen: Matrix): WebGLTexture {
+    const { gl } = this;
+    const { width, height } = picture;
+    const isSrgb = picture instanceof ImageBitmap;
+    const codes = isSrgb ? srgbPicture(gl, picture).texture : makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    if (!isSrgb) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, picture.codes);
+    const light = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA16F, width, height);
+    const frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, light, 0);
+    gl.viewport(0, 0, width, height);
+    const program = new Program(gl, kEverything, kLight).use();
+    program.bind("u_picture", 0, gl.TEXTURE_2D, codes);
+    gl.uniform1i(program.at("u_exponent"), isSrgb ? 0 : 1);
+    gl.uniformMatrix3fv(program.at("u_seen"), true, seen);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    program.close();
+    gl.deleteTexture(codes);
+    gl.deleteFramebuffer(frame);
+    return light;
   }
 
   private blur(): void {

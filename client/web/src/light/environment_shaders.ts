@@ -10,13 +10,23 @@ const kPi = `const float kPi = 3.14159265;
 vec2 on_map(vec3 d) { return vec2(atan(d.x, d.z) / (2.0 * kPi) + 0.5, acos(clamp(-d.y, -1.0, 1.0)) / kPi); }
 `;
 
+/** The picture's light, in the camera's channels. */
+export const kLight = `${kHead}
+uniform sampler2D u_picture;
+uniform bool u_exponent;  // the picture is Radiance's, with an exponent instead of alpha
+uniform mat3 u_seen;
+out vec4 o_light;
+void main() {
+  vec4 read = texelFetch(u_picture, ivec2(gl_FragCoord.xy), 0);
+  vec3 light = u_exponent ? 255.0 * read.rgb * exp2(255.0 * read.a - 136.0) : read.rgb;
+  o_light = vec4(clamp(u_seen * light, -60000.0, 60000.0), 1.0);  // of 16-bit floats
+}`;
+
 /** A face: each of its pixels is the mean of the picture's, which are flat, at sixteen places. */
 export const kFace = `${kHead}
 uniform sampler2D u_picture;
-uniform bool u_exponent;  // the picture is Radiance's, with an exponent instead of alpha
 uniform int u_face, u_side;
 uniform ivec2 u_corner;
-uniform mat3 u_seen;
 out vec4 o_light;
 ${kPi}
 vec2 on_picture(vec2 pixel) {
@@ -35,10 +45,9 @@ void main() {
   for (int s = 0; s < 16; ++s) {
     vec2 part = (vec2(s % 4, s / 4) + 0.5) / 4.0, at = corner + part.x * across + part.y * down;
     ivec2 place = ivec2(floor(vec2(fract(at.x), clamp(at.y, 0.0, 1.0)) * vec2(size)));
-    vec4 read = texelFetch(u_picture, min(place, size - 1), 0);
-    sum += u_exponent ? 255.0 * read.rgb * exp2(255.0 * read.a - 136.0) : read.rgb;
+    sum += texelFetch(u_picture, min(place, size - 1), 0).rgb;
   }
-  o_light = vec4(min(u_seen * sum / 16.0, 60000.0), 1.0);
+  o_light = vec4(sum / 16.0, 1.0);
 }`;
 
 /** narrow(): the light of a bundle of up to some degrees, whose covariance c is (xx, yy, xy) along e1 and e2. */
