@@ -98,7 +98,7 @@ absl::Status unpack_hdr_row(HdrSource& source, std::span<std::uint8_t> row) {
 }
 
 std::array<std::uint8_t, kBytes> hdr_code_of(const RadianceImage& image, int x, int y) {
-  constexpr float kMaxLight = 0x1p126f;
+  constexpr float kMaxLight = 0x1.fep126f;
   std::array<float, kColours> light{};
   for (int c = 0; c < kColours; ++c)
     light[static_cast<size_t>(c)] = std::clamp(image.at(x, y, c), 0.0f, kMaxLight);

@@ -16,7 +16,7 @@ bool is_hdr(std::string_view bytes);
 // Rows from above, columns from the left (-Y HEIGHT +X WIDTH), RGB. DATA_LOSS: damaged, another order or
 // format, or a side that is not 1 to 16384 px.
 absl::StatusOr<RadianceImage> decode_hdr(std::string_view bytes);
-// To the nearest code; light below 0 is 0, above 2^127 that.
+// To the nearest code; light below 0 is 0, what is above 255 * 2^119 is that.
 std::string encode_hdr(const RadianceImage& image);
 
 }  // namespace glasswing

@@ -1,11 +1,13 @@
-// Pictures from cameras and users, PNG, JPEG and TIFF: their headers, the checks before decoding, and the
-// results.
+// Pictures from cameras and users, PNG, JPEG, TIFF and .hdr: their headers, the checks before decoding, and
+// the results.
+#include <cmath>
 #include <cstring>
 
 #include "camera-node/backends/pixel_format.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "core/frame/jpeg_header.h"
+#include "core/frame/radiance_hdr.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {
@@ -35,10 +37,22 @@ std::vector<std::string> seeds() {
   // Fill bytes and a comment before the rest.
   seeds.push_back(seeds[0].substr(0, 2) + std::string(5, '\xff') + std::string("\xff\xfe\0\x04hi", 6) +
                   seeds[0].substr(2));
+  RadianceImage light(20, 3);
+  for (size_t i = 0; i < light.samples.size(); ++i)
+    light.samples[i] = i % 3 == 0 ? 4.0f : static_cast<float>(i);
+  seeds.push_back(encode_hdr(light));
+  seeds.push_back(encode_hdr(RadianceImage(2, 2)));
   return seeds;
 }
 
 void try_input(std::string_view input) {
+  if (is_hdr(input)) {
+    const absl::StatusOr<RadianceImage> light = decode_radiance(input, Encoding::kDisplay);
+    if (!light.ok()) return;
+    for (const float each : light->samples) FUZZ_CHECK(std::isfinite(each) && each >= 0.0f);
+    FUZZ_CHECK(decode_hdr(encode_hdr(*light)).ok());
+    return;
+  }
   const absl::StatusOr<PictureSize> size = picture_size(input);
   if (size.ok()) {
     FUZZ_CHECK(size->width_px >= 1 && size->width_px <= kMaxSide_px);

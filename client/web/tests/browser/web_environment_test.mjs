@@ -104,7 +104,7 @@ try {
     console.error(`${first} looks different as a visitor's own file`);
   }
   const { median, best } = await pace(page);
-  console.log(`${median.toFixed(1)} whole pictures a second while it turns (median; one of sixteen is of ${best.toFixed(1)} or faster)`);
+  console.log(`${median.toFixed(1)} whole pictures a second while it turns: the median; ${best.toFixed(1)} by the best sixteenth`);
   for (const complaint of complaints) console.error(complaint);
   failed ||= complaints.length > 0;
 } finally {

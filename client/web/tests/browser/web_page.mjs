@@ -4,13 +4,20 @@ import { createServer } from "node:http";
 import { extname, join, normalize } from "node:path";
 import { open_browser } from "./browser.mjs";
 
-const kTypes = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".json": "application/json", ".png": "image/png" };
+const kTypes = {
+  ".html": "text/html",
+  ".js": "text/javascript",
+  ".css": "text/css",
+  ".json": "application/json",
+  ".png": "image/png",
+};
 
 async function served(folder) {
   const server = createServer((request, response) => {
     const path = join(folder, normalize(request.url.replace(/^\/some\/where/, "").replace(/\/$/, "/index.html")));
     try {
-      response.writeHead(200, { "Content-Type": kTypes[extname(path)] ?? "application/octet-stream", "Content-Length": statSync(path).size });
+      const type = kTypes[extname(path)] ?? "application/octet-stream";
+      response.writeHead(200, { "Content-Type": type, "Content-Length": statSync(path).size });
       createReadStream(path).pipe(response);
     } catch {
       response.writeHead(404).end();
