@@ -139,7 +139,7 @@ void main() {
 /** The composite in an environment. */
 export const surrounded = (wideCount: number): string => `${kHead}
 ${kPi}${kFrame}${kNarrow}
-uniform mediump sampler2DArray u_wide;  // maps, each of twice the width of the one before; the last is the mean
+uniform sampler2DArray u_wide;  // maps, each of twice the width of the one before; the last is the mean
 uniform float u_first_width;
 uniform vec2 u_turn;  // cosine and sine
 uniform float u_light;  // factor on the environment's
