@@ -24,6 +24,13 @@ struct Options {
   std::vector<std::string> only, variants;
   bool report_only = false, print_only = false;
   bool some_scenes = false;
+  double full_well = 0.0;  // 0: kNoiseLevels
+
+  std::vector<NoiseLevel> noise_levels() const {
+    if (full_well == 0.0) return {std::begin(kNoiseLevels), std::end(kNoiseLevels)};
+    // Ten electrons of read noise, of a camera of ten thousand.
+    return {{"photons", {.noise_sd = 0.001, .full_well = full_well, .bits = 12}}};
+  }
 };
 
 bool wanted(const Options& options, const Candidate& candidate) {
@@ -51,7 +58,8 @@ absl::Status measure_all(const Options& options, const std::filesystem::path& ke
   const std::vector<Candidate> competing = candidates();
   const auto start = std::chrono::steady_clock::now();
   for (const std::string& name : options.scenes) {
-    const RenderedScene scene(options.directory / name);
+    RenderedScene scene(options.directory / name);
+    if (options.full_well > 0.0) scene.calibrate(options.noise_levels()[0].degradation);
     put(measure_bare(scene), all);
     for (const Candidate& candidate : competing) {
       if (!wanted(options, candidate)) continue;
@@ -62,7 +70,7 @@ absl::Status measure_all(const Options& options, const std::filesystem::path& ke
         continue;
       }
       GW_RETURN_IF_ERROR(capture.status());
-      for (const NoiseLevel& noise : kNoiseLevels) {
+      for (const NoiseLevel& noise : options.noise_levels()) {
         GW_ASSIGN_OR_RETURN(Figures figures, measure(scene, candidate, *capture, noise, options.composites));
         const double since = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         fmt::print(
@@ -108,11 +116,16 @@ int main(int argc, char** argv) {
                  "Variants of these, such as '50 images'; figures of the others are kept");
   app.add_flag("--report", options.report_only, "Measure nothing; only rewrite tables, charts and pictures");
   app.add_flag("--print", options.print_only, "Only print the figures; leaves the pages as they are");
+  app.add_option("--full-well", options.full_well,
+                 "Instead of the levels of noise: photon noise of so many electrons and 0.1 % of read noise, "
+                 "of a camera whose noise is known; prints only")
+      ->check(CLI::Range(10.0, 1e7));
   app.add_option("--docs", options.docs, "Folder with comparison.md")->capture_default_str();
   app.add_option("--composites", options.composites, "Folder for every composite, 16-bit linear PNG")
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   options.some_scenes = scenes->count() > 0;
+  if (options.full_well > 0.0) options.print_only = true;
   const absl::Status status = glasswing::run(options);
   if (!status.ok()) std::cerr << "glasswing-compare: " << status.message() << "\n";
   return status.ok() ? 0 : 1;

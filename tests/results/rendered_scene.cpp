@@ -27,9 +27,10 @@ Image16 degraded(const RadianceImage& light, const Degradation& degradation, uns
   const double levels = std::exp2(degradation.bits) - 1.0;
   Image16 image(light.width_px, light.height_px, light.channels);
   for (size_t i = 0; i < light.samples.size(); ++i) {
-    const double noisy = static_cast<double>(light.samples[i]) +
-                         (degradation.noise_sd > 0.0 ? degradation.noise_sd * normal(random) : 0.0);
-    const double value = std::clamp(noisy, 0.0, 1.0);
+    const auto seen = static_cast<double>(light.samples[i]);
+    const double photons = degradation.full_well > 0.0 ? std::max(seen, 0.0) / degradation.full_well : 0.0;
+    const double sd = std::sqrt(degradation.noise_sd * degradation.noise_sd + photons);
+    const double value = std::clamp(seen + (sd > 0.0 ? sd * normal(random) : 0.0), 0.0, 1.0);
     image.samples[i] = static_cast<std::uint16_t>(std::lround(std::round(value * levels) / levels * 65535.0));
   }
   return image;
@@ -45,6 +46,12 @@ RenderedScene::RenderedScene(fs::path directory)
   nlohmann::json::parse(read_file(directory_ / "manifest.json").value())
       .at("cam_to_mon_affine")
       .get_to(monitor_from_camera_);
+}
+
+void RenderedScene::calibrate(const Degradation& degradation) {
+  manifest_.mutable_camera()->set_read_sd(degradation.noise_sd);
+  manifest_.mutable_camera()->set_gain(degradation.full_well > 0.0 ? 1.0 / degradation.full_well : 0.0);
+  manifest_.mutable_camera()->set_bits(degradation.bits);
 }
 
 std::vector<std::string> RenderedScene::photograph_names() const {

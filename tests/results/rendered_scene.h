@@ -18,7 +18,8 @@ namespace glasswing {
 
 // Degradation of a frame before solving.
 struct Degradation {
-  double noise_sd = 0.0;  // of full scale; clipped to [0, 1]
+  double noise_sd = 0.0;   // of full scale; clipped to [0, 1]
+  double full_well = 0.0;  // electrons at full scale; 0: no photon noise
   int bits = 16;
   unsigned seed = 1;
 };
@@ -35,6 +36,8 @@ class RenderedScene {
   explicit RenderedScene(std::filesystem::path directory);
 
   const std::string& name() const { return name_; }
+  // Tells solvers and designs of the noise, as a camera's calibration does.
+  void calibrate(const Degradation& degradation);
   // All recorded frames.
   const v1::CaptureManifest& manifest() const { return manifest_; }
   std::vector<std::string> photograph_names() const;
