@@ -8,7 +8,6 @@
 
 #include "client/pictures/moving_picture.h"
 #include "client/pictures/picture.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/rays/ray_file.h"
 #include "core/rays/surroundings.h"
@@ -76,15 +75,13 @@ bool holds_rays(const std::string& file) {
 absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& arguments,
                                                 const std::function<void(double)>& progress) {
   GW_RETURN_IF_ERROR(check_options(arguments));
-  GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(arguments.matte));
-  absl::StatusOr<RayMatte> rays = decode_rays(bytes);
-  if (!rays.ok()) return in_file(arguments.matte, rays.status());
-  for (int y = 0; y < rays->height_px(); ++y) {
-    for (int x = 0; x < rays->width_px(); ++x) {
-      for (float& light : rays->foreground(x, y)) light *= arguments.foreground_gain;
+  GW_ASSIGN_OR_RETURN(RayMatte rays, read_rays(arguments.matte));
+  for (int y = 0; y < rays.height_px(); ++y) {
+    for (int x = 0; x < rays.width_px(); ++x) {
+      for (float& light : rays.foreground(x, y)) light *= arguments.foreground_gain;
     }
   }
-  const v1::RayMetadata& metadata = rays->metadata;
+  const v1::RayMetadata& metadata = rays.metadata;
   if (metadata.poses().empty() || metadata.matte().monitors().empty())
     return absl::DataLossError(fmt::format("{} names no pose or no monitor", arguments.matte));
   GW_ASSIGN_OR_RETURN(const v1::MonitorPose* const pose,
@@ -124,7 +121,7 @@ absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& argume
   }
   surroundings.lossless = arguments.lossless;
   GW_ASSIGN_OR_RETURN(const RadianceImage made,
-                      composite_rays(*rays, surroundings, arguments.exact, 0, progress));
+                      composite_rays(rays, surroundings, arguments.exact, 0, progress));
   return cropped(made, arguments.crop);
 }
 

@@ -6,6 +6,7 @@
 
 #include "client/pictures/commands.h"
 #include "client/pictures/picture.h"
+#include "client/sessions/matte_input.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
@@ -21,14 +22,22 @@ struct RaysArguments {
   double object_depth_mm = 0.0;
 };
 
-absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
+absl::StatusOr<Matte> matte_of(const Client& client, const RaysArguments& arguments, size_t which) {
+  const MatteInput input{arguments.mattes[which]};
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, input.open(client, arguments.output));
+  absl::StatusOr<Matte> matte = decode_matte(file->bytes());
+  if (!matte.ok()) return input.error(matte.status());
+  return matte;
+}
+
+absl::StatusOr<RayMatte> rays_of(const Client& client, const RaysArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const v1::RigGeometry geometry, read_geometry(arguments.geometry));
   if (arguments.mattes.size() > 2) {
     return absl::InvalidArgumentError(
         fmt::format("there are {} mattes; rays take two, of two depths, or one", arguments.mattes.size()));
   }
   std::vector<std::string> poses = arguments.poses;
-  GW_ASSIGN_OR_RETURN(const Matte one, read_matte(arguments.mattes[0]));
+  GW_ASSIGN_OR_RETURN(const Matte one, matte_of(client, arguments, 0));
   if (!poses.empty() && poses.size() != arguments.mattes.size()) {
     return absl::InvalidArgumentError(
         fmt::format("--poses has {} names; there are {} mattes, and it must have one "
@@ -47,7 +56,7 @@ absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
   }
   if (arguments.object_depth_mm > 0.0)
     return absl::InvalidArgumentError("--object-depth is for one matte; two show where light goes");
-  GW_ASSIGN_OR_RETURN(const Matte other, read_matte(arguments.mattes[1]));
+  GW_ASSIGN_OR_RETURN(const Matte other, matte_of(client, arguments, 1));
   if (poses.empty()) poses = {one.metadata.session(), other.metadata.session()};
   return match_rays(one, other, geometry, poses);
 }
@@ -57,7 +66,7 @@ absl::Status write_rays(const Client& client, const RaysArguments& arguments) {
     return absl::InvalidArgumentError(
         fmt::format("the output is {}; its name must end in .exr", arguments.output));
   }
-  GW_ASSIGN_OR_RETURN(const RayMatte rays, rays_of(arguments));
+  GW_ASSIGN_OR_RETURN(const RayMatte rays, rays_of(client, arguments));
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_rays(rays));
   GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
   const v1::RayCounts& counts = rays.metadata.counts();
@@ -108,10 +117,13 @@ void add_rays_command(CLI::App& app, Client& client) {
       "One matte and --object-depth give an approximation, which says so: light from far away.\n\n"
       "Examples:\n"
       "  glasswing rays near.exr far.exr --geometry rig.txtpb -o rays.exr\n"
+      "  glasswing rays near far --geometry rig.txtpb -o rays.exr\n"
       "  glasswing rays a.exr b.exr --geometry rig.txtpb --poses near,far -o rays.exr\n"
       "  glasswing rays near.exr --geometry rig.txtpb --object-depth 450 -o rays.exr");
   auto arguments = std::make_shared<RaysArguments>();
-  command.add_option("mattes", arguments->mattes, "one matte or two")->required();
+  command.add_option("mattes", arguments->mattes, "one matte or two: files (.exr), or solved sessions")
+      ->required()
+      ->type_name("MATTE");
   command
       .add_option("--geometry", arguments->geometry, "a text file of the camera and its poses (docs/rays.md)")
       ->required();

@@ -9,19 +9,16 @@
 #include <nlohmann/json.hpp>
 
 #include "client/cli/output.h"
-#include "client/cli/rpc.h"
+#include "client/sessions/matte_input.h"
 #include "core/base/file.h"
-#include "core/base/mapped_file.h"
 #include "core/base/status.h"
 #include "core/geometry/geometry_fit.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/rig_geometry.h"
-#include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
 
-constexpr std::chrono::minutes kFetchTimeout(10);
 constexpr double kMaxPitch_mm = 100.0;
 
 struct GeometryArguments {
@@ -59,26 +56,11 @@ absl::StatusOr<double> pitch_of(const Pitches& pitches, const std::string& monit
       fmt::format("--pitch-mm names no pitch of monitor \"{0}\"; add --pitch-mm {0}:MM", monitor));
 }
 
-absl::StatusOr<StageView> view_in_session(const Client& client, const std::string& session) {
-  const Peer<v1::SessionService> server(client.server_title(), client.server);
-  grpc::ClientContext context;
-  set_deadline(context, kFetchTimeout);
-  v1::FetchMatteRequest request;
-  request.set_name(session);
-  const auto reader = server.stub->FetchMatte(&context, request);
-  std::string matte;
-  for (v1::FetchMatteResponse response; reader->Read(&response);) matte += response.chunk();
-  const grpc::Status status = reader->Finish();
-  if (!status.ok()) return status_from(status, server.title);
-  return sightings_in(matte);
-}
-
-absl::StatusOr<StageView> view_in_file(const std::string& path) {
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte, MappedFile::open(path));
+absl::StatusOr<StageView> view_in(const Client& client, const std::string& pose, const std::string& output) {
+  const MatteInput input{pose};
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte, input.open(client, output));
   absl::StatusOr<StageView> view = sightings_in(matte->bytes());
-  if (!view.ok())
-    return absl::Status(view.status().code(),
-                        fmt::format("{}: {}", path, std::string(view.status().message())));
+  if (!view.ok()) return input.error(view.status());
   return view;
 }
 
@@ -91,8 +73,7 @@ absl::StatusOr<AllViews> all_views(const Client& client, const GeometryArguments
   GW_ASSIGN_OR_RETURN(const Pitches pitches, parse_pitches(arguments.pitches));
   AllViews all;
   for (const std::string& pose : arguments.poses) {
-    GW_ASSIGN_OR_RETURN(StageView stage,
-                        pose.ends_with(".exr") ? view_in_file(pose) : view_in_session(client, pose));
+    GW_ASSIGN_OR_RETURN(StageView stage, view_in(client, pose, arguments.output));
     if (all.views.empty()) {
       all.width_px = stage.width_px;
       all.height_px = stage.height_px;

@@ -12,6 +12,7 @@
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
+#include "client/sessions/matte_input.h"
 #include "core/base/file.h"
 #include "core/base/positioned_file.h"
 #include "core/base/status.h"
@@ -23,7 +24,6 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::chrono::minutes kFetchTimeout(10);
 
 using Sessions = Peer<v1::SessionService>;
 
@@ -80,20 +80,7 @@ absl::StatusOr<Fetched> fetched(const Sessions& server, const v1::FetchMatteRequ
                                 const fs::path& path, Waiting* waiting = nullptr) {
   Unfinished unfinished(path);
   GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(unfinished.path()));
-  grpc::ClientContext context;
-  set_deadline(context, kFetchTimeout);
-  const auto reader = server.stub->FetchMatte(&context, request);
-  absl::Status written;
-  double bytes = 0.0;
-  for (v1::FetchMatteResponse response; written.ok() && reader->Read(&response);) {
-    written = writer.add(response.chunk());
-    bytes += static_cast<double>(response.chunk().size());
-    if (waiting != nullptr) waiting->tell(bytes_text(bytes));
-  }
-  if (!written.ok()) context.TryCancel();
-  const grpc::Status status = reader->Finish();
-  GW_RETURN_IF_ERROR(written);
-  if (!status.ok()) return status_from(status, server.title);
+  GW_RETURN_IF_ERROR(stream_matte(server, request, writer, waiting));
   GW_RETURN_IF_ERROR(writer.flush());
   GW_ASSIGN_OR_RETURN(const PositionedFile file, PositionedFile::open(unfinished.path()));
   absl::StatusOr<Fetched> matte = verified(file);

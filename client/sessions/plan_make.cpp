@@ -4,6 +4,7 @@
 #include <iostream>
 #include <map>
 
+#include "client/cli/output.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/rig_limits.h"
 #include "core/base/status.h"

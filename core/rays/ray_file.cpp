@@ -17,6 +17,7 @@
 #include <cstring>
 
 #include "core/base/checksum.h"
+#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/matte/exr_header.h"
@@ -360,6 +361,16 @@ absl::StatusOr<RayMatte> decode_rays(std::string_view bytes) {
   } catch (const std::exception& error) {
     return absl::DataLossError(fmt::format("it is damaged or no file of rays: {}", error.what()));
   }
+}
+
+absl::StatusOr<RayMatte> read_rays(const std::filesystem::path& path) {
+  GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(path));
+  absl::StatusOr<RayMatte> rays = decode_rays(bytes);
+  if (!rays.ok()) {
+    return absl::Status(rays.status().code(),
+                        fmt::format("{}: {}", path.string(), std::string(rays.status().message())));
+  }
+  return rays;
 }
 
 bool is_ray_file(std::string_view bytes) {

@@ -1,0 +1,36 @@
+// Mattes that a command reads: files, or those of sessions.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "client/cli/client.h"
+#include "client/cli/progress.h"
+#include "client/cli/rpc.h"
+#include "core/base/file.h"
+#include "core/base/mapped_file.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+
+// Adds a matte to a file as it comes. `waiting`: shows how much came.
+absl::Status stream_matte(const Peer<v1::SessionService>& server, const v1::FetchMatteRequest& request,
+                          FileWriter& writer, Waiting* waiting = nullptr);
+
+// A file, or the name of a session.
+struct MatteInput {
+  std::string name;
+  // Sessions' names have neither.
+  bool is_file() const { return name.ends_with(".exr") || name.find('/') != std::string::npos; }
+  // The matte's file, not checked. A session's is streamed to a file beside `output` that has lost its name
+  // when this returns, so mattes of any size are never whole in memory and none stay on the disk.
+  absl::StatusOr<std::shared_ptr<const MappedFile>> open(const Client& client,
+                                                         const std::filesystem::path& output) const;
+  // An error about the matte's content, with its name.
+  absl::Status error(const absl::Status& status) const;
+};
+
+}  // namespace glasswing

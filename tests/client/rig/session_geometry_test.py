@@ -1,0 +1,67 @@
+#!/usr/bin/python3
+"""`glasswing calibrate geometry` and `glasswing rays` of sessions on a server, of a rig of simulated devices. Its camera has
+no perspective, so no pose opens a lens, and rays have a geometry by hand."""
+
+import json
+import pathlib
+import subprocess
+import sys
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "python"))
+import simulated_rig  # noqa: E402
+
+PLANS = simulated_rig.ROOT / "deploy/plans"
+GEOMETRY = "camera { width_px: 160 height_px: 120 fx_px: 250 fy_px: 250 cx_px: 80 cy_px: 60 }\n" + "".join(
+    f'monitors {{ name: "{name}" width_px: 128 height_px: 96 pitch_mm: 1 rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1] '
+    f"translation_mm: [-64, -48, {depth}] }}\n"
+    for name, depth in (("near", 200), ("far", 250))
+)
+
+
+class SessionGeometryTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.rig = simulated_rig.SimulatedRig("--camera-size", "160x120")
+        cls.addClassCleanup(cls.rig.stop)
+        cls.output = cls.rig.work / "output"
+        cls.output.mkdir()
+
+    def solved(self, plan: str, *names: str) -> None:
+        for name in names:
+            self.rig.glasswing("capture", str(PLANS / plan), "--session", name, "--solve", "--watch")
+
+    def refused(self, words: str, *command: object) -> None:
+        program = [simulated_rig.BIN / "glasswing", *map(str, command)]
+        done = subprocess.run(program, env=self.rig.environment, capture_output=True, text=True, timeout=100)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn(words, done.stderr.splitlines()[-1])  # a slow fetch tells that it waits
+        self.assertEqual(list(self.output.iterdir()), [])
+
+    def test_parallel_poses_are_refused_in_plain_words(self):
+        self.solved("hierarchical.txtpb", "one", "two", "three")
+        command = ["calibrate", "geometry", "one", "two", "--pitch-mm", 1, "-o", self.output / "rig.txtpb"]
+        self.refused("there are 2 poses", *command)
+        self.refused("the poses do not determine the lens: all poses are parallel", *command, "three")
+        self.refused('there is no session "four"', *command, "four")
+
+    def test_rays_are_those_of_fetched_files(self):
+        self.solved("quick.txtpb", "near", "far")
+        rig = self.rig.work / "rig.txtpb"
+        rig.write_text(GEOMETRY)
+        mattes = [self.rig.work / f"{name}.exr" for name in ("near", "far")]
+        for matte in mattes:
+            self.rig.glasswing("fetch", matte.stem, "-o", str(matte))
+        made = {}
+        for name, inputs in (("sessions", ("near", "far")), ("files", mattes)):
+            made[name] = self.rig.work / f"{name}.exr"
+            command = ["rays", *map(str, inputs), "--geometry", str(rig), "-o", str(made[name]), "--json"]
+            self.assertGreater(json.loads(self.rig.glasswing(*command))["matched"], 3000)
+        self.assertEqual(made["sessions"].read_bytes(), made["files"].read_bytes())
+        self.assertEqual(list(self.rig.work.glob("*.tmp")), [])
+        out = self.output / "rays.exr"
+        self.refused('there is no session "side"', "rays", "near", "side", "--geometry", rig, "-o", out)
+
+
+if __name__ == "__main__":
+    unittest.main()
