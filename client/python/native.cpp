@@ -1,5 +1,5 @@
-// The C++ part of the Python package: matte files, compositing, and picture files. glasswing/_native.pyi has
-// the types; only the package calls this module, and it checks shapes before.
+// The C++ part of the Python package: files of mattes and of rays, compositing, and picture files.
+// glasswing/_native.pyi has the types; only the package calls this module, and it checks shapes before.
 //
 // Messages cross as bytes, never as objects, so that python3-protobuf and this module share only Debian's
 // libprotobuf, whose descriptor pool works in whatever order they are loaded.
@@ -20,6 +20,7 @@
 #include "core/matte/compositor.h"
 #include "core/matte/fast_compositor.h"
 #include "core/matte/matte_file.h"
+#include "core/rays/ray_file.h"
 
 namespace glasswing {
 namespace {
@@ -119,19 +120,18 @@ py::array view(const py::object& self, const Value& first, std::vector<py::ssize
   return array;
 }
 
-// One value per pixel: height x width.
-template <typename Value>
-py::array of_pixels(const py::object& self, const Value& first) {
-  const Matte& matte = matte_of(self);
+// One value per pixel of a matte or of rays: height x width.
+template <typename Pixels, typename Value>
+py::array of_pixels(const py::object& self, const Pixels& pixels, const Value& first) {
   const py::ssize_t size = sizeof(Value);
-  return view(self, first, {matte.height_px(), matte.width_px()}, {matte.width_px() * size, size});
+  return view(self, first, {pixels.height_px(), pixels.width_px()}, {pixels.width_px() * size, size});
 }
 
-py::array foreground_of(const py::object& self) {
-  Matte& matte = matte_of(self);
+template <typename Pixels>
+py::array foreground_of(const py::object& self, Pixels& pixels) {
   const py::ssize_t size = sizeof(float), pixel = kChannels * size;
-  return view(self, matte.foreground(0, 0).front(), {matte.height_px(), matte.width_px(), kChannels},
-              {matte.width_px() * pixel, pixel, size});
+  return view(self, pixels.foreground(0, 0).front(), {pixels.height_px(), pixels.width_px(), kChannels},
+              {pixels.width_px() * pixel, pixel, size});
 }
 
 // One number per mode: height x width x 3 x modes. The channels of a colourless matte share one memory.
@@ -155,6 +155,19 @@ Floats composite(const NativeMatte& matte, const std::vector<std::optional<Float
   return array_of(without_gil([&] { return matte.composite(std::move(backgrounds), exact, thread_count); }));
 }
 
+// Arrays that mattes and rays share; `pixels_of` finds the pixels of a Python object.
+template <typename Class, typename PixelsOf>
+void def_pixels(Class& bound, PixelsOf pixels_of) {
+  bound.def_property_readonly(
+      "foreground", [pixels_of](const py::object& self) { return foreground_of(self, pixels_of(self)); });
+  bound.def_property_readonly("coverage", [pixels_of](const py::object& self) {
+    return of_pixels(self, pixels_of(self), pixels_of(self).coverage(0, 0));
+  });
+  bound.def_property_readonly("flags", [pixels_of](const py::object& self) {
+    return of_pixels(self, pixels_of(self), pixels_of(self).flags(0, 0));
+  });
+}
+
 void bind_matte(py::module_& module) {
   py::class_<NativeMatte> matte(module, "NativeMatte");
   matte.def_static("read", [](const std::string& path) {
@@ -165,11 +178,7 @@ void bind_matte(py::module_& module) {
   });
   matte.def_property_readonly(
       "metadata", [](NativeMatte& self) { return py::bytes(self.matte().metadata.SerializeAsString()); });
-  matte.def_property_readonly("foreground", &foreground_of);
-  matte.def_property_readonly(
-      "coverage", [](const py::object& self) { return of_pixels(self, matte_of(self).coverage(0, 0)); });
-  matte.def_property_readonly(
-      "flags", [](const py::object& self) { return of_pixels(self, matte_of(self).flags(0, 0)); });
+  def_pixels(matte, &matte_of);
   const auto def_modes = [&matte](const char* name, auto number) {
     matte.def_property_readonly(name, [number](const py::object& self) { return of_modes(self, number); });
   };
@@ -183,6 +192,64 @@ void bind_matte(py::module_& module) {
   def_modes("weight_sd", &Mode::weight_sd);
   def_modes("centre_sd_px", &Mode::centre_sd_px);
   matte.def("composite", &composite);
+}
+
+// Immutable, as NativeMatte.
+class NativeRays {
+ public:
+  explicit NativeRays(RayMatte rays) : rays_(std::move(rays)) {}
+  RayMatte& rays() { return rays_; }
+
+ private:
+  RayMatte rays_;
+};
+
+RayMatte& rays_of(const py::object& self) {
+  return self.cast<NativeRays&>().rays();
+}
+
+// Numbers of each ray: height x width x 3 x rays, then `shape`; `first` is the first of the first ray.
+template <typename Value>
+py::array of_rays(const py::object& self, const Value& first, const std::vector<py::ssize_t>& shape = {}) {
+  const RayMatte& rays = rays_of(self);
+  std::vector<py::ssize_t> shapes{rays.height_px(), rays.width_px(), kChannels, rays.rays_per_channel()};
+  std::vector<py::ssize_t> strides(shapes.size(), sizeof(Ray));
+  shapes.insert(shapes.end(), shape.begin(), shape.end());
+  for (size_t axis = 3; axis-- > 0;) strides[axis] = strides[axis + 1] * shapes[axis + 1];
+  strides.resize(shapes.size(), sizeof(Value));
+  for (size_t axis = shapes.size() - 1; axis-- > 4;) strides[axis] = strides[axis + 1] * shapes[axis + 1];
+  return view(self, first, std::move(shapes), std::move(strides));
+}
+
+void bind_rays(py::module_& module) {
+  py::class_<NativeRays> rays(module, "NativeRays");
+  rays.def_static("read", [](const std::string& path) {
+    return std::make_unique<NativeRays>(without_gil([&] { return value_of(read_rays(path)); }));
+  });
+  rays.def_static("decode", [](std::string_view bytes) {
+    return std::make_unique<NativeRays>(without_gil([&] { return value_of(decode_rays(bytes)); }));
+  });
+  rays.def_property_readonly(
+      "metadata", [](NativeRays& self) { return py::bytes(self.rays().metadata.SerializeAsString()); });
+  def_pixels(rays, &rays_of);
+  const auto def_rays = [&rays](const char* name, auto first, std::vector<py::ssize_t> shape = {}) {
+    rays.def_property_readonly(name, [first, shape = std::move(shape)](const py::object& self) {
+      return of_rays(self, first(rays_of(self).rays(0, 0, 0).front()), shape);
+    });
+  };
+  constexpr py::ssize_t kXyz = 3, kUv = 2;
+  static_assert(sizeof(Ray::origin_spread_mm) == kUv * kXyz * sizeof(float));
+  using Ref = const float&;
+  def_rays("weight", [](const Ray& ray) -> Ref { return ray.weight; });
+  def_rays("origin_mm", [](const Ray& ray) -> Ref { return ray.origin_mm[0]; }, {kXyz});
+  def_rays("direction", [](const Ray& ray) -> Ref { return ray.direction[0]; }, {kXyz});
+  def_rays("origin_spread_mm", [](const Ray& ray) -> Ref { return ray.origin_spread_mm[0][0]; }, {kUv, kXyz});
+  def_rays("direction_spread", [](const Ray& ray) -> Ref { return ray.direction_spread[0][0]; }, {kUv, kXyz});
+  def_rays("origin_sd_mm", [](const Ray& ray) -> Ref { return ray.origin_sd_mm; });
+  def_rays("direction_sd", [](const Ray& ray) -> Ref { return ray.direction_sd; });
+  def_rays("state", [](const Ray& ray) -> const std::uint8_t& {
+    return reinterpret_cast<const std::uint8_t&>(ray.state);
+  });
 }
 
 void bind_pictures(py::module_& module) {
@@ -219,5 +286,6 @@ PYBIND11_MODULE(_native, module) {
     }
   });
   glasswing::bind_matte(module);
+  glasswing::bind_rays(module);
   glasswing::bind_pictures(module);
 }

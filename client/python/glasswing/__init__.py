@@ -51,6 +51,7 @@ from glasswing.plan import (
     SquareWaves,
     Sweep,
 )
+from glasswing.rays import Correspondences, Rays, RayState
 from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Rig, connect
 from glasswing.session import Action, Session, SessionInfo, State, Stopped, UnprovenStep, Waiting
 
@@ -64,6 +65,7 @@ __all__ = [
     "AlreadyExists",
     "CalibrationFrames",
     "Colour",
+    "Correspondences",
     "Damaged",
     "Error",
     "Estimate",
@@ -91,6 +93,8 @@ __all__ = [
     "Plan",
     "PlanMonitor",
     "Ramp",
+    "RayState",
+    "Rays",
     "Refused",
     "Rig",
     "Round",

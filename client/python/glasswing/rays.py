@@ -1,0 +1,270 @@
+"""Rays: for every camera pixel, along which lines its light came, whatever stands behind the object.
+
+    C = F + sum over rays of weight * light of a bundle
+
+per colour channel. A bundle has origin + u origin_spread[0] + v origin_spread[1] and direction + u direction_spread[0]
++ v direction_spread[1], u and v independent with standard deviation 1; docs/rays.md has every convention. The frame is the
+camera's: origin at its centre of projection, x right, y down, z forward, mm. Camera pixel (x, y) is the array's [y, x];
+its centre is at (x + 0.5, y + 0.5).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import os
+
+import numpy as np
+import numpy.typing as npt
+
+from glasswing import _native
+from glasswing.errors import Damaged, Refused
+from glasswing.v1 import rays_pb2
+
+_Floats = npt.NDArray[np.float32]
+_Doubles = npt.NDArray[np.float64]
+
+
+class RayState(enum.IntEnum):
+    """How a ray was found."""
+
+    MATCHED = 0
+    """Through a place that was measured at either depth."""
+    AMBIGUOUS = 1
+    """The same, but another match was about as likely."""
+    EXTRAPOLATED = 2
+    """Measured at one depth; the direction is fitted to neighbours of the same path."""
+    UNKNOWN = 3
+    """Measured at one depth; no direction, but for a spread of half a radian."""
+    STRAIGHT = 4
+    """Outside the object: the camera's own ray."""
+    FAR_LIGHT = 5
+    """Of one matte: the direction from an object taken to be flat to the place on the monitor."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Correspondences:
+    """Points on the near and the far monitor that a camera pixel saw through the object, one row a ray.
+
+    Rows are in the order of pixels, row by row, channels and rays. The line through a row's two points is the ray that left
+    the object.
+    """
+
+    pixel: npt.NDArray[np.int32]
+    """N x 2: x (column) and y (row) of the camera pixel; its centre is at ``pixel + 0.5``."""
+    channel: npt.NDArray[np.int32]
+    """N: 0 red, 1 green, 2 blue."""
+    ray: npt.NDArray[np.int32]
+    """N: index of the ray in its pixel and channel; 0 is the one of the most light, of all states."""
+    monitor: npt.NDArray[np.int32]
+    """N: index in ``Rays.monitors``."""
+    weight: _Floats
+    """N: the part of the monitor's light that arrives; several rays may share one mode's."""
+    near_mm: _Doubles
+    """N x 3: the point on the near monitor, camera frame."""
+    far_mm: _Doubles
+    """N x 3: the point on the far monitor."""
+    near_px: _Doubles
+    """N x 2: the near point in the monitor's pixels, from the outer corner of its top left one."""
+    far_px: _Doubles
+    """N x 2: the far point in the monitor's pixels."""
+    near_sd_mm: _Doubles
+    """N: standard error of the near point, rms of two axes; 0: not known. It does not have the geometry's."""
+    far_sd_mm: _Doubles
+    """N: the same of the far point."""
+    state: npt.NDArray[np.uint8]
+    """N: ``RayState.MATCHED`` or ``RayState.AMBIGUOUS``."""
+    camera_matrix: _Doubles
+    """3 x 3: of continuous pixels, so that OpenCV's functions take ``pixel + 0.5`` with it."""
+    distortion: _Doubles
+    """k1, k2, p1, p2, k3 of OpenCV."""
+
+    def __len__(self) -> int:
+        return len(self.pixel)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes all arrays to a compressed NumPy file under their names here; the name should end in ".npz"."""
+        np.savez_compressed(path, **{field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
+
+
+class _Plane:
+    """The pixels of a monitor at one pose: X = R (x pitch, y pitch, 0) + t."""
+
+    def __init__(self, pose: rays_pb2.MonitorPose) -> None:
+        rotation = np.reshape(np.array(pose.rotation), (3, 3))
+        self.corner = np.array(pose.translation_mm)
+        self.axes, self.normal = rotation[:, :2], rotation[:, 2]
+        self.pitch, self.size_px = pose.pitch_mm, np.array([pose.width_px, pose.height_px])
+
+    def pixels_of(self, points: _Doubles) -> _Doubles:
+        pixels: _Doubles = (points - self.corner) @ self.axes / self.pitch
+        return pixels
+
+    def miss(self, points: _Doubles) -> _Doubles:
+        """How far points are from the monitor's face, mm."""
+        pixels = self.pixels_of(points)
+        beyond = np.maximum(np.maximum(-pixels, pixels - self.size_px), 0.0) * self.pitch
+        distance: _Doubles = np.hypot(np.hypot(beyond[:, 0], beyond[:, 1]), (points - self.corner) @ self.normal)
+        return distance
+
+    def met(self, origins: _Doubles, directions: _Doubles) -> _Doubles:
+        """How far along rays the plane is, mm for unit directions."""
+        along: _Doubles = (self.corner - origins) @ self.normal / (directions @ self.normal)
+        return along
+
+
+class Rays:
+    """The rays of H x W camera pixels, which "glasswing rays" wrote.
+
+    Its arrays are read-only views into one copy of the data, which they keep alive. Rays of a pixel and channel are in the
+    order of their weights; those of weight 0 are unused.
+    """
+
+    def __init__(self, native: _native.NativeRays) -> None:
+        self._native = native
+        self.metadata = rays_pb2.RayMetadata.FromString(native.metadata)
+        """The message RayMetadata (proto/glasswing/v1/rays.proto): geometry, poses, counts, approximation, first matte's."""
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Rays:
+        """Reads rays from a file. NotFound, or Damaged: truncated, altered or not of rays. Both name the path."""
+        return cls(_native.NativeRays.read(os.fspath(path)))
+
+    @classmethod
+    def from_bytes(cls, content: bytes) -> Rays:
+        """Decodes rays from a file's content. Damaged: truncated, altered or not of rays."""
+        return cls(_native.NativeRays.decode(content))
+
+    def __repr__(self) -> str:
+        height, width, _, most = self.weight.shape
+        return f"<rays of session {self.metadata.matte.session}, {width}x{height}, up to {most} a channel>"
+
+    @property
+    def geometry(self) -> rays_pb2.RigGeometry:
+        """The message RigGeometry: the camera, all poses of monitors, and their standard errors."""
+        geometry: rays_pb2.RigGeometry = self.metadata.geometry
+        return geometry
+
+    @property
+    def poses(self) -> tuple[str, ...]:
+        """Names in ``geometry.monitors`` of the near and the far pose; one of rays of one matte."""
+        return tuple(self.metadata.poses)
+
+    @property
+    def monitors(self) -> tuple[str, ...]:
+        """Names of the monitors that the light came from."""
+        return tuple(monitor.name for monitor in self.metadata.matte.monitors)
+
+    @property
+    def camera_matrix(self) -> _Doubles:
+        """3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] of continuous pixels; OpenCV's cx and cy are less by 0.5."""
+        camera = self.geometry.camera
+        return np.array([[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]])
+
+    @property
+    def distortion(self) -> _Doubles:
+        """k1, k2, p1, p2, k3, as OpenCV has them."""
+        camera = self.geometry.camera
+        return np.array([camera.k1, camera.k2, camera.p1, camera.p2, camera.k3])
+
+    @property
+    def foreground(self) -> _Floats:
+        """H x W x 3: F, the light without the surroundings; linear."""
+        return self._native.foreground
+
+    @property
+    def coverage(self) -> _Floats:
+        """H x W: 1 inside the object's silhouette, 0 outside, the larger of both mattes."""
+        return self._native.coverage
+
+    @property
+    def flags(self) -> npt.NDArray[np.uint8]:
+        """H x W: sums of ``PixelFlag``, of both mattes."""
+        return self._native.flags
+
+    @property
+    def weight(self) -> _Floats:
+        """H x W x 3 x rays: the fraction of the radiance that arrives; 0: unused."""
+        return self._native.weight
+
+    @property
+    def origin_mm(self) -> _Floats:
+        """H x W x 3 x rays x 3: the place on the near monitor; of ``STRAIGHT`` rays the camera, of ``FAR_LIGHT`` the object."""
+        return self._native.origin_mm
+
+    @property
+    def direction(self) -> _Floats:
+        """H x W x 3 x rays x 3: a unit vector away from the object."""
+        return self._native.direction
+
+    @property
+    def origin_spread_mm(self) -> _Floats:
+        """H x W x 3 x rays x 2 x 3: how the origin moves with u and with v."""
+        return self._native.origin_spread_mm
+
+    @property
+    def direction_spread(self) -> _Floats:
+        """H x W x 3 x rays x 2 x 3: how the direction moves with u and with v."""
+        return self._native.direction_spread
+
+    @property
+    def origin_sd_mm(self) -> _Floats:
+        """H x W x 3 x rays: standard error of the origin across the ray, rms of two axes; 0: not known."""
+        return self._native.origin_sd_mm
+
+    @property
+    def direction_sd(self) -> _Floats:
+        """H x W x 3 x rays: standard error of the direction, rad, rms of two axes; 0: not known."""
+        return self._native.direction_sd
+
+    @property
+    def state(self) -> npt.NDArray[np.uint8]:
+        """H x W x 3 x rays: a ``RayState``."""
+        return self._native.state
+
+    def correspondences(self) -> Correspondences:
+        """The pairs of points on the two monitors of all rays that were measured at both depths.
+
+        Refused: the rays are of one matte. Damaged: the file lacks a pose that it names.
+        """
+        if len(self.poses) != 2:
+            what = self.metadata.approximation or f"{len(self.poses)} poses"
+            raise Refused(f"correspondences need mattes of two depths; these rays are of one ({what})")
+        rows = np.nonzero((self.weight > 0.0) & (self.state <= RayState.AMBIGUOUS))
+        near_mm = self.origin_mm[rows].astype(np.float64)
+        direction = self.direction[rows].astype(np.float64)
+        near, far = ([self._plane(pose, name) for name in self.monitors] for pose in self.poses)
+        # The file does not say on which monitor a ray lies.
+        monitor = np.argmin([plane.miss(near_mm) for plane in near], axis=0)
+        along = np.choose(monitor, [plane.met(near_mm, direction) for plane in far])
+        far_mm = near_mm + along[:, None] * direction
+        near_px, far_px = np.empty((2, len(monitor), 2))
+        for index, planes in enumerate(zip(near, far)):
+            here = monitor == index
+            near_px[here], far_px[here] = planes[0].pixels_of(near_mm[here]), planes[1].pixels_of(far_mm[here])
+        # The direction's standard error is that of the difference of both points.
+        near_sd = self.origin_sd_mm[rows].astype(np.float64)
+        both_sd = self.direction_sd[rows] * along
+        y, x, channel, ray = (index.astype(np.int32) for index in rows)
+        return Correspondences(
+            pixel=np.stack([x, y], axis=1),
+            channel=channel,
+            ray=ray,
+            monitor=monitor.astype(np.int32),
+            weight=self.weight[rows],
+            near_mm=near_mm,
+            far_mm=far_mm,
+            near_px=near_px,
+            far_px=far_px,
+            near_sd_mm=near_sd,
+            far_sd_mm=np.sqrt(np.maximum(both_sd**2 - near_sd**2, 0.0)),
+            state=self.state[rows],
+            camera_matrix=self.camera_matrix,
+            distortion=self.distortion,
+        )
+
+    def _plane(self, name: str, monitor: str) -> _Plane:
+        for pose in self.geometry.monitors:
+            if pose.name == name and pose.monitor in ("", monitor):
+                return _Plane(pose)
+        raise Damaged(f'the rays are of pose "{name}" of monitor {monitor}, which their geometry does not have')
