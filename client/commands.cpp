@@ -53,6 +53,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_matte_command(app, client);
   add_rays_command(app, client);
   add_stmap_command(app, client);
+  add_nuke_command(app, client);
   add_view_command(app, client);
   add_web_command(app, client);
   app.group("Pictures");

@@ -11,6 +11,7 @@ namespace glasswing {
 void add_composite_command(CLI::App& app, Client& client);
 void add_rays_command(CLI::App& app, Client& client);
 void add_stmap_command(CLI::App& app, Client& client);
+void add_nuke_command(CLI::App& app, Client& client);
 void add_view_command(CLI::App& app, Client& client);
 void add_sheet_command(CLI::App& app, Client& client);
 void add_compare_command(CLI::App& app, Client& client);

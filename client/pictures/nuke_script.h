@@ -1,0 +1,35 @@
+// A matte as a script of Nuke: a graph of its stock nodes that shows the object in front of any picture.
+//
+//   C = F + sum over modes and taps k of R q_k B(c + h_k d; s),    B(x; s) the picture, blurred to s px^2, at
+//   x
+//
+// Footprints are sums of round ones: s is the smaller variance, or the larger over 1 + kMaxSpread^2 if that
+// is more, and five taps along the longer axis make up the rest. B is a ladder of blurs, each the one before
+// averaged with itself, moved by whole pixels; two neighbours are mixed by s. Nuke reads it by STMaps that
+// take single pixels (filter Impulse) of a picture three times as large, so their own filtering, which
+// nothing documents, has no part in it. Beyond a standard deviation of kCell pixels every kCell-th suffices:
+// the ladder goes on there, a band of it for each size.
+//
+// Of Nuke it uses what the Foundry's Reference Guide says of Read, Remove, Reformat, Crop, Transform, Merge,
+// Copy, STMap, Expression, MergeExpression and ColorMatrix, and the layers' names that its example
+// ExrChannelNameToNuke makes of a file's.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <string>
+#include <string_view>
+
+namespace glasswing {
+
+struct NukeScript {
+  std::string text;
+  int node_count = 0;
+};
+
+// `matte`: the bytes of its file; `file`: how the script shall name that file. Boxes are shown as Gaussians
+// of the same covariance. INVALID_ARGUMENT: `file` has a character that Nuke would not take for its own;
+// errors of decode_matte() and PrimaryMix::create().
+absl::StatusOr<NukeScript> nuke_script(std::string_view matte, const std::string& file);
+
+}  // namespace glasswing
