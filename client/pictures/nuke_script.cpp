@@ -19,9 +19,16 @@
 namespace glasswing {
 namespace {
 
-constexpr int kEnlarged = 3;  // odd, as kCell, so that a pixel's middle is that of a pixel of the other size
-constexpr int kCell = 9;      // pixels of a band to one of the next
-constexpr int kBands = 3;     // the last reaches a standard deviation of 249 px
+constexpr int kBands = 3;
+// Pixels of the band before, or of the monitor, to one of a band and back; odd, so that a pixel's middle is
+// that of a pixel of the other size.
+constexpr int kEnlarged = 3;
+constexpr std::array<int, kBands> kReduced{1, 3, 9};
+// The steps of each band's blurs in its pixels: a variance about doubles, and a step is at most twice the
+// standard deviation that is there. Each band above the first begins at three pixels, so that the nearest is
+// near enough; the last ends at 286 px of the monitor.
+const std::array<std::vector<int>, kBands> kSteps{
+    {{1, 1, 2, 2, 4, 4, 8, 8}, {4, 6, 8, 11, 16, 22, 32}, {4, 6, 8, 11, 16, 22, 32}}};
 constexpr double kMaxSpread = 2.2;  // of the taps, in standard deviations of what each of them sees
 
 // Places in standard deviations and weights of the taps; their variance is 1.
@@ -42,27 +49,17 @@ constexpr double kContrast = 0.01;
 
 constexpr std::array<const char*, kChannels> kColours{"red", "green", "blue"};
 
-// The levels of a band: variances, px^2, and the steps in pixels that lead to each but the first.
-struct Band {
-  std::vector<double> variances_px2;
-  std::vector<int> steps;
-};
+// The variances of a band's levels, px^2 of the monitor; the first is the last of the band before.
+using Band = std::vector<double>;
 
 std::vector<Band> ladder() {
   std::vector<Band> bands;
-  double variance_px2 = 0.0, cell_px = 1.0 / kEnlarged;
-  for (int b = 0; b < kBands; ++b, cell_px *= kCell) {
-    Band band;
-    band.variances_px2.push_back(variance_px2);
-    for (const int step : {1, 2, 4, 8}) {
-      if (b > 0 && step == 1) continue;  // the band before has blurred by a cell
-      for (int twice = 0; twice < 2; ++twice) {
-        variance_px2 += 0.5 * std::pow(step * cell_px, 2);  // of 1 2 1
-        band.variances_px2.push_back(variance_px2);
-        band.steps.push_back(step);
-      }
-    }
-    bands.push_back(std::move(band));
+  double variance_px2 = 0.0, pixel_px = 1.0 / kEnlarged;
+  for (size_t b = 0; b < kBands; ++b) {
+    pixel_px *= kReduced[b];
+    bands.push_back({variance_px2});
+    for (const int step : kSteps[b])
+      bands.back().push_back(variance_px2 += 0.5 * std::pow(step * pixel_px, 2));  // of 1 2 1
   }
   return bands;
 }
@@ -88,7 +85,7 @@ void count(const Mode& mode, const std::vector<Band>& bands, Need& need) {
                mean = (xx + yy) / 2, apart = std::hypot((xx - yy) / 2, static_cast<double>(mode.xy_px2)),
                round = std::max(mean - apart, (mean + apart) / (1 + kMaxSpread * kMaxSpread));
   size_t band = 0;
-  while (band + 1 < kBands && round > bands[band].variances_px2.back()) ++band;
+  while (band + 1 < kBands && round > bands[band].back()) ++band;
   const double square = std::pow(static_cast<double>(mode.weight), 2);
   need.reached[band] += square;
   need.longish[band] += square * std::pow(2 * apart / (mean + apart + 0.1), 2);
@@ -197,8 +194,9 @@ Id add_reformat(Nodes& nodes, const std::string& name, Id input, int width, int 
 }
 
 Id add_move(Nodes& nodes, const std::string& name, Id input, int x, int y) {
-  return nodes.add("Transform", name, {input},
-                   fmt::format(" translate {{{} {}}}\n center {{0 0}}\n filter Impulse\n", x, y));
+  return nodes.add(
+      "Transform", name, {input},
+      fmt::format(" translate {{{} {}}}\n center {{0 0}}\n filter Impulse\n black_outside true\n", x, y));
 }
 
 Id add_merge(Nodes& nodes, const std::string& name, const std::string& operation, Id b, Id a) {
@@ -233,14 +231,13 @@ std::string level_channel(size_t level, const char* colour) {
   return level == 0 ? std::string("rgba.") + colour : fmt::format("gw{}.{}", level, colour);
 }
 
-Blurs add_blurs(Nodes& nodes, const v1::Monitor& monitor, const std::string& name, Id picture,
-                const std::vector<Band>& ladder, size_t bands) {
+Blurs add_blurs(Nodes& nodes, const v1::Monitor& monitor, const std::string& name, Id picture, size_t bands) {
   // Light that spreads beyond the picture's edge is kept as far as footprints may be centred there.
   const int longer_px = std::max(monitor.width_px(), monitor.height_px()),
             margin_px = bands < 2   ? 32
                         : bands < 3 ? 96
                                     : 96 + longer_px / 2;
-  constexpr int kWhole = kCell * kCell;
+  constexpr int kWhole = kReduced[1] * kReduced[2];
   const auto whole = [](int pixels) { return (pixels + kWhole - 1) / kWhole * kWhole; };
   Blurs blurs;
   blurs.left = blurs.bottom = kEnlarged * margin_px;
@@ -254,14 +251,14 @@ Blurs add_blurs(Nodes& nodes, const v1::Monitor& monitor, const std::string& nam
   int width = blurs.width, height = blurs.height;
   for (size_t b = 0; b < bands; ++b) {
     if (b > 0) {
-      width /= kCell, height /= kCell;
+      width /= kReduced[b], height /= kReduced[b];
       level = add_reformat(nodes, fmt::format("{}_band{}", name, b), level, width, height,
-                           "distort\n filter Impulse");
+                           "distort\n black_outside true\n filter Impulse");
     }
     Id band = level;
-    for (size_t i = 0; i < ladder[b].steps.size(); ++i) {
+    for (size_t i = 0; i < kSteps[b].size(); ++i) {
       const std::string here = fmt::format("{}_blur{}_{}", name, b, i + 1);
-      level = add_blur(nodes, here, level, ladder[b].steps[i]);
+      level = add_blur(nodes, here, level, kSteps[b][i]);
       std::string copied;
       for (size_t c = 0; c < kChannels; ++c)
         copied += fmt::format(" from{0} rgba.{1}\n to{0} gw{2}.{1}\n", c, kColours[c], i + 1);
@@ -272,16 +269,21 @@ Blurs add_blurs(Nodes& nodes, const v1::Monitor& monitor, const std::string& nam
   return blurs;
 }
 
-// The light of a band's levels for a width, of which B's red is the variance: the mix of two neighbours, as a
-// sum of differences that the width has passed. Bands above the first add to those below.
-std::string level_mix(const Band& band, size_t b, const char* colour) {
-  std::string mix = b == 0 ? fmt::format("A{}", level_channel(0, colour)) : "0";
-  for (size_t i = 1; i < band.variances_px2.size(); ++i) {
-    const double from = band.variances_px2[i - 1], to = band.variances_px2[i];
-    mix += fmt::format("+clamp((Br-{:.7g})*{:.7g})*(A{}-A{})", from, 1.0 / (to - from),
-                       level_channel(i, colour), level_channel(i - 1, colour));
-  }
-  return mix;
+// How far a width, of which B's red is the variance, has passed from the level before `level` to it.
+std::string passed(const Band& band, size_t level) {
+  const double from = band[level - 1], to = band[level];
+  return fmt::format("clamp((Br-{:.7g})*{:.7g})", from, 1.0 / (to - from));
+}
+
+// The light of a band's levels for a width: the mix of two neighbours, as a sum of differences that the width
+// has passed. Beyond the last level `next`, the band above, takes over.
+std::string level_mix(const Band& band, size_t b, const Band* next, const char* colour) {
+  std::string mix = b == 0 ? fmt::format("A{}", level_channel(0, colour))
+                           : fmt::format("{}*A{}", passed(band, 1), level_channel(1, colour));
+  for (size_t i = b == 0 ? 1 : 2; i < band.size(); ++i)
+    mix +=
+        fmt::format("+{}*(A{}-A{})", passed(band, i), level_channel(i, colour), level_channel(i - 1, colour));
+  return next ? fmt::format("({})*(1-{})", mix, passed(*next, 1)) : mix;
 }
 
 // One channel of a mode, or all of a colourless matte's.
@@ -327,9 +329,12 @@ Id add_mode(Nodes& nodes, const ChannelOfMode& which, const std::array<int, kBan
                                 " channels all\n uv rgb\n filter Impulse\n");
       const double weight = taps[b] > 1 ? kTaps[k].weight : 1.0;
       std::array<std::string, 4> values{"0", "0", "0", "0"};
-      for (const int c : which.colours)
-        values[static_cast<size_t>(c)] =
-            fmt::format("{:.9g}*Ba*({})", weight, level_mix(ladder[b], b, kColours[static_cast<size_t>(c)]));
+      const Band* const next = b + 1 < blurs.bands.size() && taps[b + 1] > 0 ? &ladder[b + 1] : nullptr;
+      for (const int c : which.colours) {
+        const auto colour = static_cast<size_t>(c);
+        values[colour] =
+            fmt::format("{:.9g}*Ba*({})", weight, level_mix(ladder[b], b, next, kColours[colour]));
+      }
       const Id light =
           add_expression(nodes, "MergeExpression", fmt::format("{}_light{}", tap, b), {shape, seen}, values);
       sum =
@@ -363,7 +368,7 @@ class Graph {
 
   Nodes nodes() {
     const Id matte = nodes_.add("Input", "matte", {}, "");
-    for (int level = 1; level <= static_cast<int>(ladder_[0].steps.size()); ++level)
+    for (int level = 1; level <= static_cast<int>(kSteps[0].size()); ++level)
       nodes_.text += fmt::format("add_layer {{gw{0} gw{0}.red gw{0}.green gw{0}.blue}}\n", level);
     Id sum = add_expression(nodes_, "Expression", "F", {matte}, foreground());
     for (int t = 0; t < outline_.metadata.monitors_size(); ++t) sum = add_monitor(t, matte, sum);
@@ -430,7 +435,7 @@ class Graph {
       for (size_t c = 0; c < kChannels; ++c) columns[c] = mix_.seen(texture, unit(c));
       picture = nodes_.add("ColorMatrix", name + "_seen", {picture}, matrix_knob(columns));
     }
-    const Blurs blurs = add_blurs(nodes_, monitor, name, picture, ladder_, bands);
+    const Blurs blurs = add_blurs(nodes_, monitor, name, picture, bands);
     for (int mode = 0; mode < outline_.modes_per_channel; ++mode) {
       nodes_.begin_column();
       Id light = Nodes::kNone;

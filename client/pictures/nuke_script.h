@@ -1,14 +1,13 @@
 // A matte as a script of Nuke: a graph of its stock nodes that shows the object in front of any picture.
 //
-//   C = F + sum over modes and taps k of R q_k B(c + h_k d; s),    B(x; s) the picture, blurred to s px^2, at
-//   x
+//   C = F + sum over modes and taps k of R q_k B(c + h_k d; s),    B(x; s): the picture, blurred by s px^2
 //
 // Footprints are sums of round ones: s is the smaller variance, or the larger over 1 + kMaxSpread^2 if that
 // is more, and five taps along the longer axis make up the rest. B is a ladder of blurs, each the one before
-// averaged with itself, moved by whole pixels; two neighbours are mixed by s. Nuke reads it by STMaps that
-// take single pixels (filter Impulse) of a picture three times as large, so their own filtering, which
-// nothing documents, has no part in it. Beyond a standard deviation of kCell pixels every kCell-th suffices:
-// the ladder goes on there, a band of it for each size.
+// averaged with itself, moved by whole pixels; two neighbours are mixed by s. STMaps take single pixels of it
+// (filter Impulse), three times as many as the monitor's each way, so that their own filtering, which nothing
+// documents, has no part in it. Wide blurs need fewer: the ladder has three bands, and each goes on with
+// every third or ninth pixel of the one before.
 //
 // Of Nuke it uses what the Foundry's Reference Guide says of Read, Remove, Reformat, Crop, Transform, Merge,
 // Copy, STMap, Expression, MergeExpression and ColorMatrix, and the layers' names that its example

@@ -147,6 +147,8 @@ TEST_F(Completion, BashOffersWhatMayFollow) {
   EXPECT_EQ(bash("glasswing composite --format=p"), "png");
   EXPECT_EQ(bash("glasswing composite va"), "vase.exr");
   EXPECT_EQ(bash("glasswing blur vase.exr -o n"), "notes.txt");
+  EXPECT_EQ(bash("glasswing nu"), "nuke");
+  EXPECT_EQ(bash("glasswing nuke va"), "vase.exr");
   EXPECT_EQ(bash("glasswing import v --archive v"), "views");
   EXPECT_EQ(bash("glasswing completion "), "bash zsh fish");
   EXPECT_EQ(bash("glasswing preview --fps "), "");
@@ -168,6 +170,7 @@ TEST_F(Completion, BashOffersTheServersSessions) {
 TEST_F(Completion, FishOffersWhatMayFollow) {
   if (!has("fish")) GTEST_SKIP() << "fish is not installed";
   EXPECT_EQ(fish("glasswing exp"), "export");
+  EXPECT_EQ(fish("glasswing nuk"), "nuke");
   EXPECT_EQ(fish("glasswing plan "), "check design estimate make");
   EXPECT_EQ(fish("glasswing --server 127.0.0.1:1 comple"), "completion");
   EXPECT_EQ(fish("glasswing composite --format "), "exr png tif");

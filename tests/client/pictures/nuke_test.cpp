@@ -108,7 +108,7 @@ TEST_F(Nuke, ScriptsAreNoLargerThanTheMatteNeeds) {
       round = nuke_script(encode_matte(pane()).value(), "pane.exr").value().node_count,
       mixed = nuke_script(encode_matte(mixed_matte(kWidth, kHeight)).value(), "vase.exr").value().node_count;
   EXPECT_LT(round, 110);
-  EXPECT_GT(mixed, 4 * round);
+  EXPECT_GT(mixed, 2 * round);
 }
 
 TEST_F(Nuke, SaysWhatIsWrong) {
