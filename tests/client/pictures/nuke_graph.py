@@ -1,3 +1,4 @@
+#!/usr/bin/python3
 """What Nuke would make of a script, by what the Foundry's Reference Guide says of the nodes in it.
 
     nuke_graph.py SCRIPT OUTPUT [NAME=PICTURE.exr ...] [--expected PICTURE.exr]
