@@ -29,7 +29,7 @@ constexpr std::array<int, kBands> kReduced{1, 3, 9};
 // near enough; the last ends at 286 px of the monitor.
 const std::array<std::vector<int>, kBands> kSteps{
     {{1, 1, 2, 2, 4, 4, 8, 8}, {4, 6, 8, 11, 16, 22, 32}, {4, 6, 8, 11, 16, 22, 32}}};
-constexpr double kMaxSpread = 2.2;  // of the taps, in standard deviations of what each of them sees
+constexpr double kMaxSpread = 3.0;  // of the taps, in standard deviations of what each of them sees
 
 // Places in standard deviations and weights of the taps; their variance is 1.
 struct Tap {
