@@ -93,7 +93,7 @@ void count(const Mode& mode, const std::vector<Band>& bands, Need& need) {
 
 // By mode, channel (only the first of a colourless matte) and monitor.
 struct Needs {
-  Needs(const MatteOutline& outline)
+  explicit Needs(const MatteOutline& outline)
       : channels(outline.colourless ? 1 : kChannels),
         monitors(static_cast<size_t>(outline.metadata.monitors_size())),
         all(static_cast<size_t>(outline.modes_per_channel) * channels * monitors) {}
@@ -293,57 +293,6 @@ struct ChannelOfMode {
   std::vector<int> colours;  // that it stands for
 };
 
-// What a monitor's picture sends by one mode; rgb, alpha 0.
-Id add_mode(Nodes& nodes, const ChannelOfMode& which, const std::array<int, kBands>& taps, int texture,
-            const v1::Monitor& monitor, const std::string& name, Id matte, const Blurs& blurs,
-            const std::vector<Band>& ladder, Id sum) {
-  const auto layer = [&which](const char* of) {
-    return fmt::format("mode{}_{}.{}", which.mode + 1, of, which.channel);
-  };
-  const bool longish = taps[0] > 1;
-  const double share = 1 / (1 + kMaxSpread * kMaxSpread);
-  // r: variance of what each tap sees, px^2; g, b: the taps' standard deviation, px right and up; a: weight
-  const std::string variance = longish ? fmt::format("max(mean-apart,{:.9g}*(mean+apart))", share) : "mean";
-  const auto spread = [&](const char* part) {
-    return longish ? fmt::format("sqrt(min(2*apart,{:.9g}*(mean+apart)))*{}", 1 - share, part) : "0";
-  };
-  const Id shape = add_expression(
-      nodes, "Expression", name + "_shape", {matte},
-      {variance, spread("cos(angle)"), spread("-sin(angle)"),
-       fmt::format("{}*(abs({}-{})<0.5)*(fmod(trunc(foreground_flags.Y/8),2)<0.5)", layer("weight"),
-                   layer("texture"), texture)},
-      {{"mean", fmt::format("0.5*({}+{})", layer("xx"), layer("yy"))},
-       {"apart", fmt::format("hypot(0.5*({}-{}),{})", layer("xx"), layer("yy"), layer("xy"))},
-       {"angle", fmt::format("0.5*atan2(2*{},{}-{})", layer("xy"), layer("xx"), layer("yy"))}});
-  for (size_t k = 0; k < static_cast<size_t>(taps[0]); ++k) {
-    const std::string tap = fmt::format("{}_tap{}", name, k + 1);
-    const int place = kTaps[k].place;
-    const Id map = add_expression(
-        nodes, "Expression", tap + "_uv", {shape},
-        {fmt::format("({}+{}*({}+({})*g))/{}", blurs.left, kEnlarged, layer("x"), place, blurs.width),
-         fmt::format("({}+{}*({}-{}+({})*b))/{}", blurs.bottom, kEnlarged, monitor.height_px(), layer("y"),
-                     place, blurs.height),
-         "0", "0"});
-    for (size_t b = 0; b < blurs.bands.size() && static_cast<int>(k) < taps[b]; ++b) {
-      const Id seen = nodes.add("STMap", fmt::format("{}_band{}", tap, b), {blurs.bands[b], map},
-                                " channels all\n uv rgb\n filter Impulse\n");
-      const double weight = taps[b] > 1 ? kTaps[k].weight : 1.0;
-      std::array<std::string, 4> values{"0", "0", "0", "0"};
-      const Band* const next = b + 1 < blurs.bands.size() && taps[b + 1] > 0 ? &ladder[b + 1] : nullptr;
-      for (const int c : which.colours) {
-        const auto colour = static_cast<size_t>(c);
-        values[colour] =
-            fmt::format("{:.9g}*Ba*({})", weight, level_mix(ladder[b], b, next, kColours[colour]));
-      }
-      const Id light =
-          add_expression(nodes, "MergeExpression", fmt::format("{}_light{}", tap, b), {shape, seen}, values);
-      sum =
-          sum == Nodes::kNone ? light : add_merge(nodes, fmt::format("{}_sum{}", tap, b), "plus", sum, light);
-    }
-  }
-  return sum;
-}
-
 // What Nuke allows in a name.
 std::string node_name(std::string name) {
   std::ranges::replace_if(
@@ -405,8 +354,8 @@ class Graph {
     return channels;
   }
 
-  std::array<int, kBands> taps(int mode, int channel, int texture) {
-    const Need& need = needs_.at(mode, channel, texture);
+  std::array<int, kBands> taps_of(const ChannelOfMode& which, int texture) {
+    const Need& need = needs_.at(which.mode, which.colours[0], texture);
     if (need.light <= 0.0) return {};
     return taps_for(need, static_cast<double>(outline_.width_px) * outline_.height_px);
   }
@@ -419,10 +368,8 @@ class Graph {
     Id picture = nodes_.add("Input", name, {}, fmt::format(" number {}\n", texture + 1));
     size_t bands = 0;
     for (int mode = 0; mode < outline_.modes_per_channel; ++mode) {
-      for (int c = 0; c < static_cast<int>(needs_.channels); ++c) {
-        const std::array<int, kBands> needed = taps(mode, c, texture);
-        bands = std::max(bands, static_cast<size_t>(kBands - std::ranges::count(needed, 0)));
-      }
+      for (const ChannelOfMode& which : channels_of(mode))
+        bands = std::max(bands, static_cast<size_t>(kBands - std::ranges::count(taps_of(which, texture), 0)));
     }
     if (bands == 0) return sum;  // no mode looks at this monitor
     picture = nodes_.add("Remove", name + "_rgb", {picture}, " operation keep\n channels rgb\n");
@@ -439,15 +386,64 @@ class Graph {
     for (int mode = 0; mode < outline_.modes_per_channel; ++mode) {
       nodes_.begin_column();
       Id light = Nodes::kNone;
-      for (const ChannelOfMode& which : channels_of(mode)) {
-        const std::array<int, kBands> needed = taps(mode, which.colours[0], texture);
-        if (needed[0] == 0) continue;
-        light = add_mode(nodes_, which, needed, texture, monitor,
-                         fmt::format("{}_mode{}_{}", name, mode + 1, which.channel), matte, blurs, ladder_,
-                         light);
-      }
+      for (const ChannelOfMode& which : channels_of(mode))
+        light = add_mode(which, texture, matte, blurs, light);
       if (light != Nodes::kNone)
         sum = add_merge(nodes_, fmt::format("{}_mode{}_added", name, mode + 1), "plus", sum, light);
+    }
+    return sum;
+  }
+
+  // Adds to `sum` what a monitor's picture sends by one mode: rgb, alpha 0.
+  Id add_mode(const ChannelOfMode& which, int texture, Id matte, const Blurs& blurs, Id sum) {
+    const std::array<int, kBands> taps = taps_of(which, texture);
+    if (taps[0] == 0) return sum;
+    const v1::Monitor& monitor = outline_.metadata.monitors(texture);
+    const std::string name =
+        fmt::format("{}_mode{}_{}", node_name(monitor.name()), which.mode + 1, which.channel);
+    const auto layer = [&which](const char* of) {
+      return fmt::format("mode{}_{}.{}", which.mode + 1, of, which.channel);
+    };
+    const bool longish = taps[0] > 1;
+    const double share = 1 / (1 + kMaxSpread * kMaxSpread);
+    // r: variance of what each tap sees, px^2; g, b: the taps' standard deviation, px right and up; a: weight
+    const std::string variance = longish ? fmt::format("max(mean-apart,{:.9g}*(mean+apart))", share) : "mean";
+    const auto spread = [&](const char* part) {
+      return longish ? fmt::format("sqrt(min(2*apart,{:.9g}*(mean+apart)))*{}", 1 - share, part) : "0";
+    };
+    const Id shape = add_expression(
+        nodes_, "Expression", name + "_shape", {matte},
+        {variance, spread("cos(angle)"), spread("-sin(angle)"),
+         fmt::format("{}*(abs({}-{})<0.5)*(fmod(trunc(foreground_flags.Y/8),2)<0.5)", layer("weight"),
+                     layer("texture"), texture)},
+        {{"mean", fmt::format("0.5*({}+{})", layer("xx"), layer("yy"))},
+         {"apart", fmt::format("hypot(0.5*({}-{}),{})", layer("xx"), layer("yy"), layer("xy"))},
+         {"angle", fmt::format("0.5*atan2(2*{},{}-{})", layer("xy"), layer("xx"), layer("yy"))}});
+    for (size_t k = 0; k < static_cast<size_t>(taps[0]); ++k) {
+      const std::string tap = fmt::format("{}_tap{}", name, k + 1);
+      const int place = kTaps[k].place;
+      const Id map = add_expression(
+          nodes_, "Expression", tap + "_uv", {shape},
+          {fmt::format("({}+{}*({}+({})*g))/{}", blurs.left, kEnlarged, layer("x"), place, blurs.width),
+           fmt::format("({}+{}*({}-{}+({})*b))/{}", blurs.bottom, kEnlarged, monitor.height_px(), layer("y"),
+                       place, blurs.height),
+           "0", "0"});
+      for (size_t b = 0; b < blurs.bands.size() && static_cast<int>(k) < taps[b]; ++b) {
+        const Id seen = nodes_.add("STMap", fmt::format("{}_band{}", tap, b), {blurs.bands[b], map},
+                                   " channels all\n uv rgb\n filter Impulse\n");
+        const double weight = taps[b] > 1 ? kTaps[k].weight : 1.0;
+        std::array<std::string, 4> values{"0", "0", "0", "0"};
+        const Band* const next = b + 1 < blurs.bands.size() && taps[b + 1] > 0 ? &ladder_[b + 1] : nullptr;
+        for (const int c : which.colours) {
+          const auto colour = static_cast<size_t>(c);
+          values[colour] =
+              fmt::format("{:.9g}*Ba*({})", weight, level_mix(ladder_[b], b, next, kColours[colour]));
+        }
+        const Id light = add_expression(nodes_, "MergeExpression", fmt::format("{}_light{}", tap, b),
+                                        {shape, seen}, values);
+        sum = sum == Nodes::kNone ? light
+                                  : add_merge(nodes_, fmt::format("{}_sum{}", tap, b), "plus", sum, light);
+      }
     }
     return sum;
   }

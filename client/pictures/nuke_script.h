@@ -11,7 +11,8 @@
 //
 // Of Nuke it uses what the Foundry's Reference Guide says of Read, Remove, Reformat, Crop, Transform, Merge,
 // Copy, STMap, Expression, MergeExpression and ColorMatrix, and the layers' names that its example
-// ExrChannelNameToNuke makes of a file's.
+// ExrChannelNameToNuke makes of a file's. That STMap's input 0 is the source, and its result as large as the
+// map, the guide does not say; scripts in use take it so.
 #pragma once
 
 #include <absl/status/statusor.h>
