@@ -76,8 +76,7 @@ absl::Status check_pictures(const WebArguments& arguments, bool rays) {
 }
 
 absl::StatusOr<Shown> shown_rays(const WebArguments& arguments) {
-  GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(arguments.matte));
-  GW_ASSIGN_OR_RETURN(const RayMatte rays, decode_rays(bytes));
+  GW_ASSIGN_OR_RETURN(const RayMatte rays, read_rays(arguments.matte));
   const int step = sampling_step(rays.width_px(), rays.height_px(), arguments.max_pixels());
   const v1::CameraGeometry& camera = rays.metadata.geometry().camera();
   const double view_rad = 2.0 * std::atan2(0.5 * camera.width_px(), camera.fx_px());
@@ -88,8 +87,9 @@ absl::StatusOr<Shown> shown_rays(const WebArguments& arguments) {
 
 absl::StatusOr<Shown> shown_matte(const WebArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(arguments.matte));
-  GW_ASSIGN_OR_RETURN(SampledMatte sampled, sample_matte(file->bytes(), arguments.max_pixels()));
-  return Shown{.matte = std::move(sampled.matte), .step = sampled.step, .view_deg = std::nullopt};
+  absl::StatusOr<SampledMatte> sampled = sample_matte(file->bytes(), arguments.max_pixels());
+  if (!sampled.ok()) return in_file(arguments.matte, sampled.status());
+  return Shown{.matte = std::move(sampled->matte), .step = sampled->step, .view_deg = std::nullopt};
 }
 
 nlohmann::ordered_json description_of(const WebArguments& arguments, const Shown& shown, const WebMatte& web,
@@ -211,10 +211,9 @@ absl::Status write_web_folder(const Client& client, WebArguments arguments) {
   }
   const bool rays = holds_rays(arguments.matte);
   GW_RETURN_IF_ERROR(check_pictures(arguments, rays));
-  const absl::StatusOr<Shown> shown = rays ? shown_rays(arguments) : shown_matte(arguments);
-  if (!shown.ok()) return in_file(arguments.matte, shown.status());
-  GW_ASSIGN_OR_RETURN(const WebMatte web, encode_web_matte(shown->matte));
-  if (arguments.title.empty()) arguments.title = shown->matte.metadata.session();
+  GW_ASSIGN_OR_RETURN(const Shown shown, rays ? shown_rays(arguments) : shown_matte(arguments));
+  GW_ASSIGN_OR_RETURN(const WebMatte web, encode_web_matte(shown.matte));
+  if (arguments.title.empty()) arguments.title = shown.matte.metadata.session();
   GW_RETURN_IF_ERROR(make_directory_durably(folder));
   fs::remove(folder / kDescription, ignored);  // the folder is whole once it is there again
   fs::remove_all(folder / "assets", ignored);
@@ -223,21 +222,21 @@ absl::Status write_web_folder(const Client& client, WebArguments arguments) {
   GW_ASSIGN_OR_RETURN(const std::vector<std::string> pictures, copy_pictures(arguments, folder));
   GW_RETURN_IF_ERROR(write_file_flushed(folder / kPlanes, web.bytes));
   GW_RETURN_IF_ERROR(write_file_durably(folder / kDescription,
-                                        description_of(arguments, *shown, web, pictures).dump(1) + "\n"));
+                                        description_of(arguments, shown, web, pictures).dump(1) + "\n"));
   const std::uintmax_t bytes = size_of(folder);
   if (client.json) {
     const nlohmann::ordered_json written = {
         {"folder", folder.string()},         {"bytes", bytes},
         {"matte_bytes", web.bytes.size()},   {"width_px", web.region.width_px},
-        {"height_px", web.region.height_px}, {"sampling_px", shown->step}};
+        {"height_px", web.region.height_px}, {"sampling_px", shown.step}};
     std::cout << written.dump(1) << "\n";
     return absl::OkStatus();
   }
   std::cout << fmt::format("{}: {}x{}, {:.1f} MB, {:.1f} of them the matte\n", folder.string(),
                            web.region.width_px, web.region.height_px, static_cast<double>(bytes) / 1e6,
                            static_cast<double>(web.bytes.size()) / 1e6);
-  if (shown->step > 1)
-    std::cout << fmt::format("of {0} x {0} pixels one is in it; --megapixels allows more\n", shown->step);
+  if (shown.step > 1)
+    std::cout << fmt::format("of {0} x {0} pixels one is in it; --megapixels allows more\n", shown.step);
   std::cout << fmt::format("to look at it here: python3 -m http.server --directory {}\n", folder.string());
   return absl::OkStatus();
 }

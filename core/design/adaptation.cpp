@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/base/evenly.h"
 #include "core/base/status.h"
 #include "core/design/plan_design.h"
 #include "core/frame/archive.h"
@@ -15,14 +14,44 @@
 namespace glasswing {
 namespace {
 
+constexpr size_t kJudged = 500;   // of the object's pixels
 constexpr size_t kDesigned = 64;  // of the pixels that are not known well enough
 constexpr double kShare = 0.95;   // of the object's pixels
 constexpr int kMinWaves = 6;      // of a round
+
+// So many of them, evenly, or all.
+template <typename T>
+std::vector<T> some_of(std::vector<T> all, size_t count) {
+  if (all.size() <= count) return all;
+  std::vector<T> some;
+  for (size_t i = 0; i < count; ++i) some.push_back(std::move(all[i * all.size() / count]));
+  return some;
+}
 
 double light_of(std::span<const Mode> modes) {
   double light = 0.0;
   for (const Mode& mode : modes) light += mode.weight;
   return light;
+}
+
+JudgedPixel judged_pixel(const Matte& matte, int x, int y, size_t monitors) {
+  int strongest = 0;
+  const int channels = matte.is_colourless() ? 1 : kChannels;
+  for (int c = 1; c < channels; ++c) {
+    if (light_of(matte.modes(x, y, c)) > light_of(matte.modes(x, y, strongest))) strongest = c;
+  }
+  JudgedPixel pixel(monitors);
+  // In order of weight.
+  for (const Mode& mode : matte.modes(x, y, strongest)) {
+    if (!(mode.weight > 0.0f) || static_cast<size_t>(mode.texture) >= monitors) continue;
+    KnownPixel& known = pixel[static_cast<size_t>(mode.texture)];
+    if (known.modes.size() == kMaxFootprints) continue;
+    const auto at = static_cast<size_t>(known.modes.size());
+    known.weight_sd[at] = mode.weight_sd;
+    known.centre_sd_px[at] = mode.centre_sd_px;
+    known.modes.push_back(footprint_of(mode));
+  }
+  return pixel;
 }
 
 RoundTarget target_of(const v1::Adapt& adapt) {
@@ -145,28 +174,16 @@ v1::Round round_of(std::vector<DesignedWave> waves, const RoundTarget& target,
 
 }  // namespace
 
-JudgedPixel judged_pixel(const Matte& matte, int x, int y, size_t monitors) {
-  int strongest = 0;
-  const int channels = matte.is_colourless() ? 1 : kChannels;
-  for (int c = 1; c < channels; ++c) {
-    if (light_of(matte.modes(x, y, c)) > light_of(matte.modes(x, y, strongest))) strongest = c;
+void add_pixels_of_object(const Matte& rows, int first_x, int step, size_t monitors,
+                          std::vector<JudgedPixel>& pixels) {
+  for (int y = 0; y < rows.height_px(); ++y) {
+    for (int x = first_x; x < rows.width_px(); x += step) {
+      if (!(rows.coverage(x, y) > 0.0f)) continue;
+      JudgedPixel pixel = judged_pixel(rows, x, y, monitors);
+      if (std::ranges::any_of(pixel, [](const KnownPixel& on) { return !on.modes.empty(); }))
+        pixels.push_back(std::move(pixel));
+    }
   }
-  JudgedPixel pixel(monitors);
-  // In order of weight.
-  for (const Mode& mode : matte.modes(x, y, strongest)) {
-    if (!(mode.weight > 0.0f) || static_cast<size_t>(mode.texture) >= monitors) continue;
-    KnownPixel& known = pixel[static_cast<size_t>(mode.texture)];
-    if (known.modes.size() == kMaxFootprints) continue;
-    const auto at = static_cast<size_t>(known.modes.size());
-    known.weight_sd[at] = mode.weight_sd;
-    known.centre_sd_px[at] = mode.centre_sd_px;
-    known.modes.push_back(footprint_of(mode));
-  }
-  return pixel;
-}
-
-bool sees_a_monitor(const JudgedPixel& pixel) {
-  return std::ranges::any_of(pixel, [](const KnownPixel& on) { return !on.modes.empty(); });
 }
 
 absl::StatusOr<Adaptation> adapt(std::vector<JudgedPixel> pixels, const v1::Plan& plan,
@@ -175,7 +192,7 @@ absl::StatusOr<Adaptation> adapt(std::vector<JudgedPixel> pixels, const v1::Plan
   const RoundTarget target = target_of(plan.adapt());
   const CameraNoise noise = noise_of(camera);
   GW_ASSIGN_OR_RETURN(const Judgement judgement,
-                      judge(std::move(pixels), plan, monitors, noise, target.kind));
+                      judge(some_of(std::move(pixels), kJudged), plan, monitors, noise, target.kind));
   GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(plan, monitors));
   Adaptation adaptation;
   const int images = images_of(steps);

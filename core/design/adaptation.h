@@ -16,19 +16,20 @@
 
 namespace glasswing {
 
-// What a solve knows of one pixel's strongest channel, by texture. Of a pixel that sees no monitor none has
-// modes.
+// What a solve knows of one pixel's strongest channel, by texture. Of a monitor that it does not see it has
+// no modes.
 using JudgedPixel = std::vector<KnownPixel>;
-JudgedPixel judged_pixel(const Matte& matte, int x, int y, size_t monitors);
-bool sees_a_monitor(const JudgedPixel& pixel);
+// Adds the object's pixels of some of a matte's rows, every `step`-th from column `first_x` on.
+void add_pixels_of_object(const Matte& rows, int first_x, int step, size_t monitors,
+                          std::vector<JudgedPixel>& pixels);
 
 struct Adaptation {
   v1::AdaptedRound found;
   std::optional<v1::Round> next;  // none: the target holds, or there may be no more images
 };
 
-// `pixels`: 500 of the object's, evenly, judge as well as all. `waves`: what may be shown next; empty: any.
-// INVALID_ARGUMENT: the monitors do not fit the plan. `pixels` must not be empty.
+// `pixels`: of the object; of more than 500 as many are judged, evenly. `waves`: what may be shown next;
+// empty: any. INVALID_ARGUMENT: the monitors do not fit the plan. `pixels` must not be empty.
 absl::StatusOr<Adaptation> adapt(std::vector<JudgedPixel> pixels, const v1::Plan& plan,
                                  const std::vector<v1::Monitor>& monitors, const v1::Camera& camera,
                                  std::span<const DesignedWave> waves = {});

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <vector>
 
-#include "core/base/evenly.h"
 #include "core/base/pause.h"
 #include "core/base/positioned_file.h"
 #include "core/base/status.h"
@@ -20,9 +19,8 @@ namespace {
 
 constexpr std::chrono::milliseconds kPoll(50);
 constexpr int kLooked = 20'000;  // pixels of the draft, of which the object's are taken
-constexpr size_t kJudged = 500;  // of the object's
 
-// Of the object, evenly.
+// The object's, evenly.
 absl::StatusOr<std::vector<JudgedPixel>> read_pixels(const std::filesystem::path& path, size_t monitors) {
   GW_ASSIGN_OR_RETURN(const PositionedFile file, PositionedFile::open(path));
   GW_ASSIGN_OR_RETURN(const PackedMatteReader reader, PackedMatteReader::open(file));
@@ -32,16 +30,11 @@ absl::StatusOr<std::vector<JudgedPixel>> read_pixels(const std::filesystem::path
   GW_RETURN_IF_ERROR(reader.for_rows(
       step / 2, (height - step / 2 + step - 1) / step,
       [&](const Matte& rows) {
-        for (int y = 0; y < rows.height_px(); ++y) {
-          for (int x = step / 2; x < width; x += step) {
-            JudgedPixel pixel = judged_pixel(rows, x, y, monitors);
-            if (rows.coverage(x, y) > 0.0f && sees_a_monitor(pixel)) pixels.push_back(std::move(pixel));
-          }
-        }
+        add_pixels_of_object(rows, step / 2, step, monitors, pixels);
         return absl::OkStatus();
       },
       step));
-  return some_of(std::move(pixels), kJudged);
+  return pixels;
 }
 
 }  // namespace

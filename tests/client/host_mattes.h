@@ -1,9 +1,10 @@
-// Mattes for the tests of hosts.
+// Mattes and a picture for the tests of hosts.
 #pragma once
 
 #include <cmath>
 #include <random>
 
+#include "core/frame/image.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {
@@ -70,6 +71,18 @@ inline Matte pane() {
     }
   }
   return matte;
+}
+
+// A picture of fine waves whose colours differ.
+inline RadianceImage picture_of_waves(int width_px, int height_px) {
+  RadianceImage image(width_px, height_px);
+  for (int y = 0; y < height_px; ++y) {
+    for (int x = 0; x < width_px; ++x) {
+      for (int c = 0; c < 3; ++c)
+        image.at(x, y, c) = static_cast<float>(0.5 + 0.5 * std::sin(0.2 * (c + 1) * x + 0.15 * y));
+    }
+  }
+  return image;
 }
 
 }  // namespace glasswing

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <optional>
 
-#include "core/base/evenly.h"
 #include "core/base/status.h"
 #include "core/design/adaptation.h"
 #include "core/design/plan_design.h"
@@ -22,7 +21,6 @@ namespace glasswing {
 namespace {
 
 constexpr double kLess_db = 0.5;
-constexpr size_t kJudged = 500;
 
 bool same_pattern(const v1::Stimulus& a, const v1::Stimulus& b) {
   return a.kind() == b.kind() && std::ranges::equal(a.colour(), b.colour()) && a.orient() == b.orient() &&
@@ -67,17 +65,6 @@ std::vector<DesignedWave> possible_waves(const v1::Monitor& monitor, StripeSums&
     if (sums.parts(stimulus, wave.phi_deg).ok()) waves.push_back(wave);
   }
   return waves;
-}
-
-std::vector<JudgedPixel> judged_pixels(const Matte& matte, size_t monitors) {
-  std::vector<JudgedPixel> pixels;
-  for (int y = 0; y < matte.height_px(); ++y) {
-    for (int x = 0; x < matte.width_px(); ++x) {
-      JudgedPixel pixel = judged_pixel(matte, x, y, monitors);
-      if (matte.coverage(x, y) > 0.0f && sees_a_monitor(pixel)) pixels.push_back(std::move(pixel));
-    }
-  }
-  return some_of(std::move(pixels), kJudged);
 }
 
 struct Tried {
@@ -126,9 +113,11 @@ absl::Status compare(const RenderedScene& scene, const Wish& wish) {
   std::optional<int> images;
   while (true) {
     GW_ASSIGN_OR_RETURN(const SynthesizedCapture capture, shown(scene, plan, sums));
-    GW_ASSIGN_OR_RETURN(Tried tried, attempt(scene, capture, wish.noise_sd));
-    GW_ASSIGN_OR_RETURN(Adaptation adaptation, adapt(judged_pixels(tried.matte, monitors.size()), plan,
-                                                     monitors, recorded.camera(), waves));
+    GW_ASSIGN_OR_RETURN(const Tried tried, attempt(scene, capture, wish.noise_sd));
+    std::vector<JudgedPixel> pixels;
+    add_pixels_of_object(tried.matte, 0, 1, monitors.size(), pixels);
+    GW_ASSIGN_OR_RETURN(Adaptation adaptation,
+                        adapt(std::move(pixels), plan, monitors, recorded.camera(), waves));
     const v1::AdaptedRound& found = adaptation.found;
     fmt::print("{}: {} images, {:.1f} dB; {:.0f} % known to {:.1f} dB, 95 % to {:.1f} dB\n", scene.name(),
                found.image_count(), tried.psnr_db, 100.0 * found.known_share(), plan.adapt().target_db(),

@@ -23,17 +23,6 @@ using nlohmann::json;
 
 constexpr int kWidth = 64, kHeight = 48;
 
-RadianceImage waves(int width_px, int height_px) {
-  RadianceImage image(width_px, height_px);
-  for (int y = 0; y < height_px; ++y) {
-    for (int x = 0; x < width_px; ++x) {
-      for (int c = 0; c < 3; ++c)
-        image.at(x, y, c) = static_cast<float>(0.5 + 0.5 * std::sin(0.2 * (c + 1) * x + 0.15 * y));
-    }
-  }
-  return image;
-}
-
 // Where the goal is 40 dB.
 double psnr_db(const RadianceImage& picture, const RadianceImage& expected) {
   EXPECT_EQ(picture.width_px, expected.width_px);
@@ -115,7 +104,7 @@ TEST_F(BlenderAddOn, CompositesAsGlasswingDoes) {
     v1::Crosstalk& mix = *leaks.metadata.add_crosstalk();
     for (int i = 0; i < 9; ++i) mix.add_share(i % 4 == 0 ? 0.9f : 0.02f * static_cast<float>(i % 3 + t));
   }
-  const RadianceImage back = waves(2 * kWidth, 2 * kHeight), left = waves(90, 70);
+  const RadianceImage back = picture_of_waves(2 * kWidth, 2 * kHeight), left = picture_of_waves(90, 70);
   const std::string back_file = write_picture("back.exr", back), left_file = write_picture("left.png", left);
   const json pictures = {{"back", {{"image", back_file}}}, {"left", {{"image", left_file}}}};
   add_case("gaussians", {{"matte", write_matte("gaussians.exr", gaussians)}}, pictures);
@@ -142,7 +131,7 @@ TEST_F(BlenderAddOn, CompositesAsGlasswingDoes) {
 
 TEST_F(BlenderAddOn, MovesAndScalesPictures) {
   const Matte matte = mixed_matte(kWidth, kHeight);
-  const RadianceImage back = waves(2 * kWidth, 2 * kHeight);
+  const RadianceImage back = picture_of_waves(2 * kWidth, 2 * kHeight);
   const std::string file = write_picture("back.exr", back);
   const std::string matte_file = write_matte("vase.exr", matte);
   add_case("moved", {{"matte", matte_file}},
@@ -169,7 +158,7 @@ TEST_F(BlenderAddOn, MovesAndScalesPictures) {
 }
 
 TEST_F(BlenderAddOn, APaneThatBendsNothingIsInvisibleInFootage) {
-  const RadianceImage footage = waves(160, 96);
+  const RadianceImage footage = picture_of_waves(160, 96);
   add_case("footage",
            {{"matte", write_matte("pane.exr", pane())},
             {"view", "FOOTAGE"},
@@ -182,7 +171,7 @@ TEST_F(BlenderAddOn, APaneThatBendsNothingIsInvisibleInFootage) {
 
 TEST_F(BlenderAddOn, TheObjectAloneIsPremultiplied) {
   const Matte matte = mixed_matte(kWidth, kHeight);
-  const RadianceImage back = waves(2 * kWidth, 2 * kHeight);
+  const RadianceImage back = picture_of_waves(2 * kWidth, 2 * kHeight);
   add_case("object", {{"matte", write_matte("vase.exr", matte)}, {"view", "OBJECT"}},
            {{"back", {{"image", write_picture("back.exr", back)}}}});
   run();
@@ -213,7 +202,7 @@ TEST_F(BlenderAddOn, WritesTheScenesFrames) {
     write_matte(fmt::format("video/000{}.exr", i), matte);
   }
   for (int i = 0; i < 2; ++i) {
-    pictures.push_back(waves(2 * kWidth, 2 * kHeight));
+    pictures.push_back(picture_of_waves(2 * kWidth, 2 * kHeight));
     for (float& light : pictures.back().samples) light *= 1.0f - 0.5f * static_cast<float>(i);
     write_picture(fmt::format("back_0{}.exr", 8 + i), pictures.back());
   }
@@ -235,7 +224,7 @@ TEST_F(BlenderAddOn, SaysWhatIsWrong) {
   const std::string whole = encode_matte(mixed_matte(kWidth, kHeight)).value();
   ASSERT_TRUE(
       write_file_durably(path("short.exr"), std::string_view(whole).substr(0, whole.size() / 2)).ok());
-  write_picture("picture.exr", waves(8, 8));
+  write_picture("picture.exr", picture_of_waves(8, 8));
   for (const char* const name : {"none", "text", "rays", "short", "picture"})
     add_case(name, {{"matte", path(name + std::string(".exr"))}}, json::object());
   add_case("no picture", {{"matte", write_matte("pane.exr", pane())}, {"view", "FOOTAGE"}}, json::object());

@@ -22,17 +22,6 @@ namespace {
 
 constexpr int kWidth = 48, kHeight = 36;
 
-RadianceImage waves(int width_px, int height_px) {
-  RadianceImage image(width_px, height_px);
-  for (int y = 0; y < height_px; ++y) {
-    for (int x = 0; x < width_px; ++x) {
-      for (int c = 0; c < 3; ++c)
-        image.at(x, y, c) = static_cast<float>(0.5 + 0.5 * std::sin(0.2 * (c + 1) * x + 0.15 * y));
-    }
-  }
-  return image;
-}
-
 class Nuke : public ScratchTest {
  protected:
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }
@@ -71,7 +60,8 @@ class Nuke : public ScratchTest {
 // Long footprints on two monitors, whose light leaks into the camera's channels.
 TEST_F(Nuke, ShowsAllModesAsGlasswingComposites) {
   Matte matte = mixed_matte(kWidth, kHeight);
-  const RadianceImage back = waves(2 * kWidth, 2 * kHeight), left = waves(2 * kWidth, 2 * kHeight);
+  const RadianceImage back = picture_of_waves(2 * kWidth, 2 * kHeight),
+                      left = picture_of_waves(2 * kWidth, 2 * kHeight);
   EXPECT_GT(psnr_db(matte, back, left), 40.0);
   for (int t = 0; t < 2; ++t) {
     v1::Crosstalk& mix = *matte.metadata.add_crosstalk();
@@ -97,7 +87,7 @@ TEST_F(Nuke, ShowsAllWidthsOfAColourlessMatte) {
                                  .yy_px2 = sigma_px * sigma_px};
     }
   }
-  EXPECT_GT(psnr_db(matte, waves(96, 80), RadianceImage(96, 80)), 40.0);
+  EXPECT_GT(psnr_db(matte, picture_of_waves(96, 80), RadianceImage(96, 80)), 40.0);
   // Nobody looks at the other monitor.
   EXPECT_EQ(read_file(path("vase.nk")).value().find("left_enlarged"), std::string::npos);
 }
