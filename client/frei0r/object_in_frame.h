@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "core/composite/fast_compositor.h"
 #include "core/frame/image.h"
-#include "core/matte/fast_compositor.h"
 
 namespace glasswing {
 

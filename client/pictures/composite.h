@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "client/pictures/moving_picture.h"
+#include "core/composite/histogram_match.h"
 #include "core/frame/image.h"
 #include "core/frame/image_file.h"
-#include "core/matte/histogram_match.h"
 #include "glasswing/v1/matte.pb.h"
 
 namespace glasswing {

@@ -13,8 +13,8 @@
 #include "client/pictures/video_file.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/composite/compositor.h"
 #include "core/footprint/composite_error.h"
-#include "core/matte/compositor.h"
 
 namespace glasswing {
 namespace {

@@ -16,9 +16,9 @@
 #include "client/cli/client.h"
 #include "client/pictures/composite.h"
 #include "core/base/mapped_file.h"
+#include "core/composite/fast_compositor.h"
+#include "core/composite/fill_unsolved.h"
 #include "core/frame/image_file.h"
-#include "core/matte/fast_compositor.h"
-#include "core/matte/fill_unsolved.h"
 #include "core/matte/matte.h"
 #include "core/matte/matte_file.h"
 

@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "core/composite/stmap.h"
 #include "core/frame/image_file.h"
-#include "core/matte/stmap.h"
 
 namespace glasswing {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/matte/stmap.h"
+#include "core/composite/stmap.h"
 
 #include <fmt/format.h>
 #include <unistd.h>

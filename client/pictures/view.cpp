@@ -14,8 +14,8 @@
 #include "core/base/file.h"
 #include "core/base/mapped_file.h"
 #include "core/base/status.h"
+#include "core/composite/stmap.h"
 #include "core/matte/matte_file.h"
-#include "core/matte/stmap.h"
 
 namespace glasswing {
 namespace {

@@ -15,10 +15,10 @@
 #include <utility>
 #include <vector>
 
+#include "core/composite/compositor.h"
+#include "core/composite/fast_compositor.h"
 #include "core/frame/image.h"
 #include "core/frame/image_file.h"
-#include "core/matte/compositor.h"
-#include "core/matte/fast_compositor.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/ray_file.h"
 

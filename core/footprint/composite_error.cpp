@@ -8,9 +8,9 @@
 
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
+#include "core/composite/compositor.h"
 #include "core/footprint/light_slopes.h"
 #include "core/footprint/matte_covariance.h"
-#include "core/matte/compositor.h"
 #include "core/matte/exr_writer.h"
 #include "core/radiometry/primary_mix.h"
 

@@ -3,14 +3,14 @@
 //   I = \int G(x; c, Sigma) T(x) dx      dI/dc = \int dG/dc T dx      dI/dSigma_xx = 1/2 d^2I/dc_x^2
 //
 // and likewise for xy (without the half) and yy: G obeys the equation of heat. The sums run over the samples
-// of a pyramid's level (core/matte/pyramid.h) that are a little closer than the footprint is wide.
+// of a pyramid's level (core/composite/pyramid.h) that are a little closer than the footprint is wide.
 #pragma once
 
 #include <vector>
 
+#include "core/composite/pyramid.h"
 #include "core/footprint/footprint.h"
 #include "core/frame/image.h"
-#include "core/matte/pyramid.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {

@@ -10,9 +10,9 @@
 
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
+#include "core/composite/compositor.h"
+#include "core/composite/footprint_rows.h"
 #include "core/footprint/normal_rectangle.h"
-#include "core/matte/compositor.h"
-#include "core/matte/footprint_rows.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {

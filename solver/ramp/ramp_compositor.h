@@ -1,5 +1,5 @@
-// Live composites of ramp frames in front of a picture. Tests compare them with core/matte/compositor.h on
-// the same mattes:
+// Live composites of ramp frames in front of a picture. Tests compare them with core/composite/compositor.h
+// on the same mattes:
 //
 //   C = f W + (1 - alpha) B + rho M(T, A(c, w))                         (Chuang et al. 2000, eq. 30)
 #pragma once
@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/composite/summed_area_table.h"
 #include "core/frame/image.h"
 #include "core/matte/matte.h"
-#include "core/matte/summed_area_table.h"
 #include "solver/ramp/smoother/ramp_frame.h"
 
 namespace glasswing {

@@ -13,8 +13,8 @@
 #include <string>
 #include <thread>
 
-#include "core/matte/compositor.h"
-#include "core/matte/fast_compositor.h"
+#include "core/composite/compositor.h"
+#include "core/composite/fast_compositor.h"
 #include "core/matte/matte_file.h"
 #include "tests/bench/rows.h"
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "core/base/status.h"
+#include "core/composite/compositor.h"
 #include "core/frame/image_file.h"
-#include "core/matte/compositor.h"
 #include "solver/methods.h"
 #include "tests/results/solved.h"
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <thread>
 
-#include "core/matte/compositor.h"
+#include "core/composite/compositor.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/stimulus_kind.h"
 #include "core/sim/sensor.h"

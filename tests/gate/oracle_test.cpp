@@ -8,10 +8,10 @@
 #include <random>
 #include <set>
 
+#include "core/composite/compositor.h"
 #include "core/footprint/footprint.h"
 #include "core/footprint/lit_area.h"
 #include "core/footprint/wave_answer.h"
-#include "core/matte/compositor.h"
 #include "solver/gaussian/joint_batch.h"
 #include "solver/gaussian/joint_fit.h"
 #include "solver/hierarchical/wave_axis.h"

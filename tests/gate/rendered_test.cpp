@@ -3,7 +3,7 @@
 
 #include <cstdlib>
 
-#include "core/matte/fast_compositor.h"
+#include "core/composite/fast_compositor.h"
 #include "solver/methods.h"
 #include "solver/worker/parallel_solve.h"
 #include "tests/compare/candidate.h"

@@ -6,7 +6,7 @@
 
 #include <cstdlib>
 
-#include "core/matte/compositor.h"
+#include "core/composite/compositor.h"
 #include "solver/methods.h"
 #include "solver/worker/parallel_solve.h"
 #include "tests/gate/floors.h"

@@ -13,9 +13,9 @@
 #include <numbers>
 #include <optional>
 
+#include "core/composite/compositor.h"
 #include "core/frame/image_file.h"
 #include "core/import/mapped_archive.h"
-#include "core/matte/compositor.h"
 #include "core/matte/matte_file.h"
 #include "solver/method/method.h"
 

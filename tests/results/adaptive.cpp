@@ -8,9 +8,9 @@
 #include <optional>
 
 #include "core/base/status.h"
+#include "core/composite/fast_compositor.h"
 #include "core/design/adaptation.h"
 #include "core/design/plan_design.h"
-#include "core/matte/fast_compositor.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/stimulus_kind.h"
 #include "solver/methods.h"

@@ -6,8 +6,8 @@
 #include <chrono>
 #include <cmath>
 
-#include "core/matte/compositor.h"
-#include "core/matte/fast_compositor.h"
+#include "core/composite/compositor.h"
+#include "core/composite/fast_compositor.h"
 #include "solver/methods.h"
 #include "tests/results/rendered_scene.h"
 #include "tests/results/solved.h"

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "core/base/status.h"
+#include "core/composite/compositor.h"
 #include "core/frame/image_file.h"
-#include "core/matte/compositor.h"
 #include "solver/methods.h"
 #include "solver/ramp/video_layout.h"
 

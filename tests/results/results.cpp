@@ -5,8 +5,8 @@
 #include <CLI/CLI.hpp>
 #include <map>
 
+#include "core/composite/compositor.h"
 #include "core/frame/image_file.h"
-#include "core/matte/compositor.h"
 #include "core/pattern/method_options.h"
 #include "solver/methods.h"
 #include "tests/results/rendered_scene.h"

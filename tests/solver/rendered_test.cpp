@@ -4,10 +4,10 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "core/composite/compositor.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "core/import/foreign_manifest.h"
-#include "core/matte/compositor.h"
 #include "solver/method/method.h"
 #include "solver/methods.h"
 

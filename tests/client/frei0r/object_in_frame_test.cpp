@@ -7,8 +7,8 @@
 #include <numbers>
 
 #include "core/base/file.h"
+#include "core/composite/compositor.h"
 #include "core/frame/image_file.h"
-#include "core/matte/compositor.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/ray_file.h"
 #include "tests/client/host_mattes.h"

@@ -1,5 +1,5 @@
 // STMaps in other programs: oiiotool --st_warp, and Blender's Map UV if installed.
-#include "core/matte/stmap.h"
+#include "core/composite/stmap.h"
 
 #include <fmt/format.h>
 
@@ -11,8 +11,8 @@
 #include <sstream>
 
 #include "core/base/file.h"
+#include "core/composite/compositor.h"
 #include "core/frame/image_file.h"
-#include "core/matte/compositor.h"
 #include "core/matte/matte_file.h"
 #include "tests/client/run_glasswing.h"
 #include "tests/core/matte/other_program.h"

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/matte/fill_unsolved.h"
+#include "core/composite/fill_unsolved.h"
 #include "tests/core/edit/object.h"
 
 namespace glasswing {

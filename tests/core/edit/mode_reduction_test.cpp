@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "core/matte/compositor.h"
+#include "core/composite/compositor.h"
 #include "tests/core/edit/object.h"
 
 namespace glasswing {

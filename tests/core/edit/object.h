@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "core/matte/compositor.h"
+#include "core/composite/compositor.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {

@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "core/composite/compositor.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "core/import/foreign_manifest.h"
-#include "core/matte/compositor.h"
 #include "solver/background/empty_stage.h"
 #include "solver/gaussian/stack_layout.h"
 #include "solver/method/exposure_merge.h"

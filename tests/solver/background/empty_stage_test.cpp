@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "core/matte/compositor.h"
+#include "core/composite/compositor.h"
 #include "core/pattern/pattern.h"
 #include "solver/method/sample_noise.h"
 #include "tests/solver/stack_of.h"

@@ -5,9 +5,9 @@
 #include <numbers>
 #include <random>
 
+#include "core/composite/compositor.h"
 #include "core/footprint/faddeeva.h"
 #include "core/footprint/wave_answer.h"
-#include "core/matte/compositor.h"
 #include "solver/fringe/fringe_layout.h"
 #include "solver/fringe/fringe_unwrap.h"
 #include "solver/fringe/spectrum_fit.h"

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/composite/compositor.h"
 #include "core/footprint/light_slopes.h"
-#include "core/matte/compositor.h"
 #include "tests/solver/gaussian/simulated_pixel.h"
 
 namespace glasswing {

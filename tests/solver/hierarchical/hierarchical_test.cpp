@@ -5,8 +5,8 @@
 #include <functional>
 #include <random>
 
-#include "core/matte/compositor.h"
-#include "core/matte/summed_area_table.h"
+#include "core/composite/compositor.h"
+#include "core/composite/summed_area_table.h"
 #include "core/pattern/pattern.h"
 #include "solver/hierarchical/wave_axis.h"
 #include "solver/methods.h"

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <random>
 
+#include "core/composite/compositor.h"
+#include "core/composite/summed_area_table.h"
 #include "core/frame/image_file.h"
-#include "core/matte/compositor.h"
-#include "core/matte/summed_area_table.h"
 #include "solver/ramp/ramp_footprint.h"
 
 namespace glasswing {

@@ -1,7 +1,7 @@
 // The levels of a picture's pyramid in one texture: the picture at the left, the coarser levels one under another at its
 // right. Each has a border of kBorder samples.
 //
-//   level_l[j] = sum over k of h[k] level_{l-1}[2j + k - 2],   h = [1 5 10 10 5 1] / 32    (core/matte/pyramid.h)
+//   level_l[j] = sum over k of h[k] level_{l-1}[2j + k - 2],   h = [1 5 10 10 5 1] / 32    (core/composite/pyramid.h)
 //
 // A sample of level l is centred on 2^l x 2^l pixels; its filter has the variance 5 (4^l - 1) / 12 px^2.
 

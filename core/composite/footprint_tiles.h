@@ -21,9 +21,9 @@
 #include <span>
 #include <vector>
 
+#include "core/composite/pyramid.h"
+#include "core/composite/tile_kernel.h"
 #include "core/matte/matte.h"
-#include "core/matte/pyramid.h"
-#include "core/matte/tile_kernel.h"
 
 namespace glasswing {
 

@@ -1,4 +1,4 @@
-#include "core/matte/fast_compositor.h"
+#include "core/composite/fast_compositor.h"
 
 #include <algorithm>
 #include <atomic>
@@ -7,7 +7,7 @@
 
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
-#include "core/matte/compositor.h"
+#include "core/composite/compositor.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {

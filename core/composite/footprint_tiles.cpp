@@ -1,10 +1,10 @@
-#include "core/matte/footprint_tiles.h"
+#include "core/composite/footprint_tiles.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "core/matte/footprint_quadrature.h"
+#include "core/composite/footprint_quadrature.h"
 
 namespace glasswing {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/matte/light_paths.h"
+#include "core/composite/light_paths.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "core/matte/stmap.h"
+#include "core/composite/stmap.h"
 
 namespace glasswing {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/matte/fast_compositor.h"
+#include "core/composite/fast_compositor.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/matte/compositor.h"
+#include "core/composite/compositor.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {

@@ -1,4 +1,4 @@
-#include "core/matte/histogram_match.h"
+#include "core/composite/histogram_match.h"
 
 #include <gtest/gtest.h>
 

@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/composite/footprint_rows.h"
 #include "core/frame/image.h"
-#include "core/matte/footprint_rows.h"
 #include "core/matte/matte.h"
 #include "core/radiometry/primary_mix.h"
 

@@ -1,10 +1,10 @@
-#include "core/matte/pyramid.h"
+#include "core/composite/pyramid.h"
 
 #include <algorithm>
 #include <array>
 
 #include "core/base/for_rows.h"
-#include "core/matte/tile_kernel.h"
+#include "core/composite/tile_kernel.h"
 
 namespace glasswing {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/matte/footprint_rows.h"
+#include "core/composite/footprint_rows.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "core/matte/summed_area_table.h"
+#include "core/composite/summed_area_table.h"
 
 #include <gtest/gtest.h>
 

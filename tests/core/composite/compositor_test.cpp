@@ -1,4 +1,4 @@
-#include "core/matte/compositor.h"
+#include "core/composite/compositor.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/matte/stmap.h"
+#include "core/composite/stmap.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -11,8 +11,8 @@
 
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/composite/light_paths.h"
 #include "core/matte/exr_writer.h"
-#include "core/matte/light_paths.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {

@@ -1,4 +1,4 @@
-#include "core/matte/compositor.h"
+#include "core/composite/compositor.h"
 
 #include <fmt/format.h>
 
@@ -9,8 +9,8 @@
 #include <thread>
 
 #include "core/base/status.h"
-#include "core/matte/footprint_quadrature.h"
-#include "core/matte/summed_area_table.h"
+#include "core/composite/footprint_quadrature.h"
+#include "core/composite/summed_area_table.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {

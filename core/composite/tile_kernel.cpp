@@ -1,12 +1,12 @@
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/matte/tile_kernel.cpp"
+#define HWY_TARGET_INCLUDE "core/composite/tile_kernel.cpp"
 #include <hwy/foreach_target.h>
 //
 #include <half.h>
 #include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
 
-#include "core/matte/tile_kernel.h"
+#include "core/composite/tile_kernel.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace glasswing {

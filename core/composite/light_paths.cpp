@@ -1,11 +1,11 @@
-#include "core/matte/light_paths.h"
+#include "core/composite/light_paths.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <queue>
 
-#include "core/matte/stmap.h"
+#include "core/composite/stmap.h"
 
 namespace glasswing {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/matte/fill_unsolved.h"
+#include "core/composite/fill_unsolved.h"
 
 #include <gtest/gtest.h>
 

@@ -9,12 +9,12 @@
 #include <span>
 #include <vector>
 
+#include "core/composite/footprint_tiles.h"
+#include "core/composite/pyramid.h"
+#include "core/composite/summed_area_table.h"
+#include "core/composite/tile_kernel.h"
 #include "core/frame/image.h"
-#include "core/matte/footprint_tiles.h"
 #include "core/matte/matte.h"
-#include "core/matte/pyramid.h"
-#include "core/matte/summed_area_table.h"
-#include "core/matte/tile_kernel.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {
