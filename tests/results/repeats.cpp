@@ -1,14 +1,14 @@
 // Solves rendered scenes again and again, each time with other noise, and holds the scatter of the
 // composites, and what they are off from the photographs, against the error that their mattes predict
-// (core/footprint/composite_error.h).
+// (core/footprint/composite_error.h). PSNR without scatter is what a perfect filter of mattes could reach.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 
+#include "core/composite/fast_compositor.h"
 #include "core/footprint/composite_error.h"
-#include "core/matte/fast_compositor.h"
 #include "solver/methods.h"
 #include "tests/results/rendered_scene.h"
 #include "tests/results/solved.h"
@@ -54,10 +54,13 @@ void report(const RenderedScene& scene, int repeats, double noise_sd) {
   fmt::print(stderr, "\n");
   for (size_t i = 0; i < photographs.size(); ++i) {
     std::vector<double> scatter_ratios, error_ratios;
+    double off = 0.0, scattered = 0.0;  // mean squares, summed over samples
     for (const Scatter& scatter : scatters[i]) {
       if (scatter.count < std::max(2, 9 * repeats / 10)) continue;
       const double n = scatter.count, mean = scatter.sum / n;
       const double variance = std::max(scatter.squares / n - mean * mean, 0.0) * n / (n - 1.0);
+      off += scatter.off / n;
+      scattered += variance;
       scatter_ratios.push_back(std::sqrt(variance / (scatter.predicted / n)));
       error_ratios.push_back(std::sqrt(scatter.off / scatter.predicted));
     }
@@ -71,8 +74,12 @@ void report(const RenderedScene& scene, int repeats, double noise_sd) {
                          ratios.empty() ? NAN : ratios[ratios.size() / 2], within(0.0, 0.7), within(0.7, 1.4),
                          within(1.4, INFINITY));
     };
-    fmt::print("| {} | {} | {} | {} | {} |\n", scene.name(), photographs[i].name, scatter_ratios.size(),
-               text(scatter_ratios), text(error_ratios));
+    const auto psnr = [&](double squares) {
+      return -10.0 * std::log10(squares / static_cast<double>(scatter_ratios.size()));
+    };
+    fmt::print("| {} | {} | {} | {} | {} | {:.1f} | {:.1f} |\n", scene.name(), photographs[i].name,
+               scatter_ratios.size(), text(scatter_ratios), text(error_ratios), psnr(off),
+               psnr(off - scattered));
   }
 }
 
@@ -89,8 +96,8 @@ int run(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   fmt::print(
       "| scene | photograph | samples | scatter over predicted | below 0.7, 0.7 to 1.4, above | error over "
-      "predicted | |\n"
-      "| --- | --- | --- | --- | --- | --- | --- |\n");
+      "predicted | | PSNR, dB | without scatter |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
   for (const std::string& name : scenes)
     report(RenderedScene(std::filesystem::path(directory) / name), repeats, noise_sd);
   return 0;
