@@ -16,5 +16,6 @@ void add_matte_flip_command(CLI::App& matte, Client& client);
 void add_matte_grade_command(CLI::App& matte, Client& client);
 void add_matte_merge_command(CLI::App& matte, Client& client);
 void add_matte_fill_command(CLI::App& matte, Client& client);
+void add_matte_deliver_command(CLI::App& matte, Client& client);
 
 }  // namespace glasswing

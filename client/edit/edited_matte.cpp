@@ -35,6 +35,17 @@ absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments) {
   return read_matte(arguments.matte);
 }
 
+void print_edited(const Client& client, const std::string& output, int width_px, int height_px,
+                  const std::string& words, const nlohmann::ordered_json& figures) {
+  if (client.json) {
+    nlohmann::ordered_json written = {{"file", output}, {"width_px", width_px}, {"height_px", height_px}};
+    written.update(figures);
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: {}x{}{}\n", output, width_px, height_px, words);
+  }
+}
+
 absl::Status write_edited(const Client& client, const std::string& output, Matte matte,
                           const std::string& edit, Digits digits, const std::string& words,
                           const nlohmann::ordered_json& figures) {
@@ -42,14 +53,7 @@ absl::Status write_edited(const Client& client, const std::string& output, Matte
   matte.metadata.add_edits(edit);
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
   GW_RETURN_IF_ERROR(write_file_durably(output, bytes));
-  if (client.json) {
-    nlohmann::ordered_json written = {
-        {"file", output}, {"width_px", matte.width_px()}, {"height_px", matte.height_px()}};
-    written.update(figures);
-    std::cout << written.dump(1) << "\n";
-  } else {
-    std::cout << fmt::format("{}: {}x{}{}\n", output, matte.width_px(), matte.height_px(), words);
-  }
+  print_edited(client, output, matte.width_px(), matte.height_px(), words, figures);
   return absl::OkStatus();
 }
 

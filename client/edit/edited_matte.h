@@ -41,8 +41,11 @@ absl::Status check_edit_output(const std::string& output);
 // Whether an edit makes digits that errors hide, which are dropped (core/matte/matte_rounding.h).
 enum class Digits { kAsTheyAre, kNew };
 
-// Writes the matte, with `edit` added to what was done to it ("crop 640x480+10+20"), and reports it: "OUT:
-// 640x480" and `words` after it, or as JSON with the members of `figures`.
+// Reports a written matte: "OUT: 640x480" and `words` after it, or as JSON with the members of `figures`.
+void print_edited(const Client& client, const std::string& output, int width_px, int height_px,
+                  const std::string& words, const nlohmann::ordered_json& figures);
+
+// Writes the matte, with `edit` added to what was done to it ("crop 640x480+10+20"), and reports it.
 absl::Status write_edited(const Client& client, const std::string& output, Matte matte,
                           const std::string& edit, Digits digits, const std::string& words,
                           const nlohmann::ordered_json& figures);

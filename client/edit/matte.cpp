@@ -3,21 +3,23 @@
 namespace glasswing {
 
 void add_matte_command(CLI::App& app, Client& client) {
-  CLI::App& matte =
-      *app.add_subcommand("matte", "Edit mattes: crop, resize, flip, grade, merge or fill them.");
+  CLI::App& matte = *app.add_subcommand(
+      "matte", "Edit mattes: crop, resize, flip, grade, merge or fill them; deliver them to other programs.");
   matte.require_subcommand(1);
   matte.footer(
       "A composite of the edited matte is the edited composite of the matte. The file says what was done to "
       "it.\n\n"
       "Examples:\n"
       "  glasswing matte resize vase.exr 1920x1080 -o vase_hd.exr\n"
-      "  glasswing matte merge vase.exr glass.exr -o both.exr");
+      "  glasswing matte merge vase.exr glass.exr -o both.exr\n"
+      "  glasswing matte deliver vase.exr --half --hug -o vase_delivery.exr");
   add_matte_crop_command(matte, client);
   add_matte_resize_command(matte, client);
   add_matte_flip_command(matte, client);
   add_matte_grade_command(matte, client);
   add_matte_merge_command(matte, client);
   add_matte_fill_command(matte, client);
+  add_matte_deliver_command(matte, client);
 }
 
 }  // namespace glasswing

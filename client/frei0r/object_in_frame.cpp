@@ -22,17 +22,8 @@ namespace {
 
 constexpr int kSamples = 4;  // of a pixel: r, g, b, a
 
-// Linear light of each code, and the code of each light (code16_of).
-using Lights = std::array<float, 256>;
+// The code of each light (code16_of).
 using Codes = std::array<std::uint8_t, 65536>;
-const Lights& lights_of_codes() {
-  static const Lights kLights = [] {
-    Lights lights{};
-    for (size_t i = 0; i < lights.size(); ++i) lights[i] = linear_of_srgb(static_cast<float>(i) / 255.0f);
-    return lights;
-  }();
-  return kLights;
-}
 const Codes& codes_of_lights() {
   static const Codes kCodes = [] {
     Codes codes{};
@@ -46,7 +37,7 @@ const Codes& codes_of_lights() {
 }
 
 RadianceImage light_of_frame(int width_px, int height_px, std::span<const std::uint8_t> frame) {
-  const Lights& lights = lights_of_codes();
+  const auto& lights = light_of_srgb_codes();
   RadianceImage light(width_px, height_px);
   for_rows(height_px, 0, [&](int first, int last) {
     const size_t width = static_cast<size_t>(width_px), end = static_cast<size_t>(last) * width;
@@ -185,7 +176,7 @@ void lay_over(const cv::Mat& layer, const Eigen::Vector2d& corner, int width_px,
   const auto down = static_cast<float>(corner.y() - std::floor(corner.y()));
   const int first_x = std::max(0, left + 1), end_x = std::min(width_px, left + layer.cols);
   const int first_y = std::max(0, top + 1), end_y = std::min(height_px, top + layer.rows);
-  const Lights& lights = lights_of_codes();
+  const auto& lights = light_of_srgb_codes();
   const Codes& codes = codes_of_lights();
   for_rows(std::max(0, end_y - first_y), 0, [&](int first, int last) {
     for (int y = first_y + first; y < first_y + last; ++y) {

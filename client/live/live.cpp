@@ -60,7 +60,9 @@ class Live {
     GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments_.settings));
     GW_RETURN_IF_ERROR(OptionValues::read(kRampMethod, options).status());
     GW_ASSIGN_OR_RETURN(MovingPicture background,
-                        MovingPicture::open(arguments_.background, Encoding::kDisplay));
+                        MovingPicture::open(arguments_.background, [](const auto& file) {
+                          return read_radiance(file, Encoding::kDisplay);
+                        }));
     GW_ASSIGN_OR_RETURN(const RadianceImage first, background.next());
     GW_ASSIGN_OR_RETURN(target_, LiveTarget::create(arguments_.output));
     if (target_->takes_standard_output() && client_.json)

@@ -46,13 +46,16 @@ void print_composite(const Client& client, const CompositeArguments& arguments, 
 
 absl::Status composite_rays_still(const Client& client, const CompositeArguments& arguments) {
   GW_RETURN_IF_ERROR(check_output(arguments.output, arguments.bits));
+  GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
   absl::StatusOr<RadianceImage> picture;
   {
     Progress progress("compositing");
-    picture = composite_of_rays(arguments, [&progress](double fraction) { progress.update(fraction); });
+    picture =
+        composite_of_rays(arguments, colours, [&progress](double fraction) { progress.update(fraction); });
   }
   GW_RETURN_IF_ERROR(picture.status());
-  GW_RETURN_IF_ERROR(write_radiance(arguments.output, *picture, arguments.encoding(), arguments.bits));
+  GW_RETURN_IF_ERROR(
+      colours.write(arguments.output, *picture, arguments.encoding(), arguments.bits, PictureColour()));
   print_composite(client, arguments, *picture, 0);
   return absl::OkStatus();
 }
@@ -79,15 +82,18 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
         fmt::format("--error {} must be an .exr: other formats cannot say where the error is not known",
                     arguments.error));
   }
+  GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
   absl::StatusOr<RadianceImage> picture, error;
+  PictureColour colour;
   std::int64_t unsolved = 0;
   {
     Progress progress("compositing");
     const auto report = [&progress](double fraction) { progress.update(fraction); };
     GW_ASSIGN_OR_RETURN(ObjectInFront object,
                         ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kOne));
-    GW_ASSIGN_OR_RETURN(Backgrounds backgrounds,
-                        Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
+    GW_ASSIGN_OR_RETURN(Backgrounds backgrounds, Backgrounds::open(arguments.backgrounds, object.metadata(),
+                                                                   colours, arguments.encoding()));
+    colour = backgrounds.colour_of_composite();
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
     picture = object.composite(*behind, report);
     unsolved = object.unsolved_count();
@@ -98,7 +104,7 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
     }
   }
   GW_RETURN_IF_ERROR(picture.status());
-  GW_RETURN_IF_ERROR(write_radiance(arguments.output, *picture, arguments.encoding(), arguments.bits));
+  GW_RETURN_IF_ERROR(colours.write(arguments.output, *picture, arguments.encoding(), arguments.bits, colour));
   if (!arguments.error.empty()) {
     GW_ASSIGN_OR_RETURN(const std::string bytes, encode_composite_error(*error));
     GW_RETURN_IF_ERROR(write_file_durably(arguments.error, bytes));
@@ -199,6 +205,7 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
                    "the object absorbs nothing: light that no monitor showed is the environment's mean");
   command.add_flag("--exact", arguments.exact,
                    "integrate every footprint, slowly; the default is within 0.002 rms of that");
+  add_colour_options(command, arguments.colours);
   command.add_flag("--linear", arguments.linear,
                    "PNG and TIFF values are linear radiance, value / full scale");
 }
@@ -223,9 +230,15 @@ absl::StatusOr<BackgroundArgument> parse_background(const std::string& argument,
 }
 
 absl::StatusOr<Backgrounds> Backgrounds::open(const BackgroundArguments& arguments,
-                                              const v1::MatteMetadata& metadata, Encoding encoding) {
+                                              const v1::MatteMetadata& metadata,
+                                              const PictureColours& colours, Encoding encoding) {
   if (metadata.monitors().empty()) return absl::DataLossError("the matte's header names no monitors");
+  const auto read = [colours, encoding](const std::filesystem::path& file) {
+    return colours.read(file, encoding);
+  };
   Backgrounds backgrounds;
+  backgrounds.calibrated_ = std::ranges::any_of(
+      metadata.crosstalk(), [](const v1::Crosstalk& seen) { return !seen.share().empty(); });
   for (const v1::Monitor& monitor : metadata.monitors()) {
     backgrounds.screens_.emplace_back();
     backgrounds.screens_.back().width_px = monitor.width_px();
@@ -239,7 +252,14 @@ absl::StatusOr<Backgrounds> Backgrounds::open(const BackgroundArguments& argumen
           fmt::format("--background names the texture \"{}\" twice; each takes one picture",
                       metadata.monitors(background.texture).name()));
     }
-    GW_ASSIGN_OR_RETURN(screen.picture, MovingPicture::open(background.file, encoding));
+    if (colours.reads() && is_video_file(background.file)) {
+      return absl::InvalidArgumentError(
+          fmt::format("--background {} is a video, which is sRGB; --ocio and --ocio-in are of pictures",
+                      background.file));
+    }
+    GW_ASSIGN_OR_RETURN(screen.picture, MovingPicture::open(background.file, read));
+    backgrounds.are_rec709_ =
+        backgrounds.are_rec709_ && (colours.reads() || screen.picture->colour(encoding) == linear_rec709());
   }
   const auto each = [&](const std::vector<std::string>& all, std::string_view option,
                         const auto& take) -> absl::Status {
@@ -257,7 +277,7 @@ absl::StatusOr<Backgrounds> Backgrounds::open(const BackgroundArguments& argumen
   };
   GW_RETURN_IF_ERROR(each(arguments.matches, "--match",
                           [&](const BackgroundArgument& match, Screen& screen) -> absl::Status {
-                            GW_ASSIGN_OR_RETURN(screen.photograph, read_radiance(match.file, encoding));
+                            GW_ASSIGN_OR_RETURN(screen.photograph, read(match.file));
                             return absl::OkStatus();
                           }));
   GW_RETURN_IF_ERROR(each(arguments.shifts, "--shift", [](const BackgroundArgument& shift, Screen& screen) {
@@ -304,6 +324,10 @@ bool Backgrounds::is_over() const {
          });
 }
 
+PictureColour Backgrounds::colour_of_composite() const {
+  return calibrated_ && are_rec709_ ? linear_rec709() : PictureColour();
+}
+
 int Backgrounds::announced_frames() const {
   int max_frames = 0;
   for (const Screen& screen : screens_) {
@@ -337,6 +361,7 @@ void add_composite_command(CLI::App& app, Client& client) {
       "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png -o vase.png --error vase_error.exr\n"
+      "  glasswing composite vase.exr --background plate.exr --ocio ACEScg -o vase_acescg.exr\n"
       "  glasswing composite rays.exr --environment street.exr --environment-turn 30 -o vase.png\n"
       "  glasswing composite rays.exr --plane 850:harbour.png --environment street.exr -o vase.png");
   auto arguments = std::make_shared<CompositeArguments>();

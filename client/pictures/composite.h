@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "client/colour/picture_colours.h"
 #include "client/pictures/moving_picture.h"
 #include "core/composite/histogram_match.h"
 #include "core/frame/image.h"
@@ -37,9 +38,11 @@ struct BackgroundArguments {
 // The pictures behind the object, frame by frame.
 class Backgrounds {
  public:
-  // INVALID_ARGUMENT: a texture is named twice, or --match, --shift or --pan names one without a background.
+  // INVALID_ARGUMENT: a texture is named twice, --match, --shift or --pan names one without a background, or
+  // a background is a video, which is sRGB, and `colours` is to convert it.
   static absl::StatusOr<Backgrounds> open(const BackgroundArguments& arguments,
-                                          const v1::MatteMetadata& metadata, Encoding encoding);
+                                          const v1::MatteMetadata& metadata, const PictureColours& colours,
+                                          Encoding encoding);
 
   // One picture for each texture, scaled to its monitor; empty where no argument names it. Valid until the
   // next call.
@@ -50,6 +53,9 @@ class Backgrounds {
   // True once all of those have started over.
   bool is_over() const;
   int announced_frames() const;  // of the longest; 0: not known
+  // What is known of the colours of a composite over them: linear Rec. 709 where the matte's monitors are
+  // calibrated, so that its channels become their primaries, and the pictures are of it.
+  PictureColour colour_of_composite() const;
 
  private:
   struct Screen {
@@ -63,6 +69,7 @@ class Backgrounds {
   };
   Backgrounds() = default;
 
+  bool calibrated_ = false, are_rec709_ = true;
   std::vector<Screen> screens_;
   std::vector<RadianceImage> now_;
 };

@@ -73,6 +73,7 @@ bool holds_rays(const std::string& file) {
 }
 
 absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& arguments,
+                                                const PictureColours& colours,
                                                 const std::function<void(double)>& progress) {
   GW_RETURN_IF_ERROR(check_options(arguments));
   GW_ASSIGN_OR_RETURN(RayMatte rays, read_rays(arguments.matte));
@@ -89,7 +90,7 @@ absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& argume
   const MonitorPlane monitor(*pose);
   Surroundings surroundings;
   const auto add_plane = [&](double depth_mm, const std::string& file) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(const RadianceImage picture, read_radiance(file, arguments.encoding()));
+    GW_ASSIGN_OR_RETURN(const RadianceImage picture, colours.read(file, arguments.encoding()));
     surroundings.planes.push_back(
         {monitor.at_depth(depth_mm), resized(picture, pose->width_px(), pose->height_px())});
     return absl::OkStatus();
@@ -114,7 +115,7 @@ absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& argume
   }
   if (!behind.empty() && !taken) GW_RETURN_IF_ERROR(add_plane(monitor.depth_mm(), behind));
   if (!arguments.environment.empty()) {
-    GW_ASSIGN_OR_RETURN(RadianceImage picture, read_radiance(arguments.environment, arguments.encoding()));
+    GW_ASSIGN_OR_RETURN(RadianceImage picture, colours.read(arguments.environment, arguments.encoding()));
     for (float& light : picture.samples) light *= arguments.environment_gain;
     surroundings.environment =
         Environment{std::move(picture), arguments.environment_turn_deg * std::numbers::pi / 180.0};

@@ -17,6 +17,7 @@ bool holds_rays(const std::string& file);
 // One picture. INVALID_ARGUMENT: an option that rays do not take, a plane that is not of the form
 // DEPTH_MM[:PICTURE], or nothing to show.
 absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& arguments,
+                                                const PictureColours& colours,
                                                 const std::function<void(double)>& progress);
 
 }  // namespace glasswing

@@ -47,7 +47,12 @@ class Output {
  public:
   static absl::StatusOr<Output> create(const CompositeArguments& arguments) {
     Output output(arguments);
+    GW_ASSIGN_OR_RETURN(output.colours_, PictureColours::open(arguments.colours));
     if (is_video_output(arguments.output)) {
+      if (output.colours_.writes()) {
+        return absl::InvalidArgumentError(fmt::format(
+            "{} is a video, which is sRGB; --ocio and --ocio-out are of pictures", arguments.output));
+      }
       if (arguments.bits != 0 && arguments.bits != 8) {
         return absl::InvalidArgumentError(fmt::format(
             "--bits is {}; a video has 8, a directory of pictures may have more", arguments.bits));
@@ -66,10 +71,12 @@ class Output {
     return output;
   }
 
-  absl::Status add(const std::string& name, const RadianceImage& picture) {
+  const PictureColours& colours() const { return colours_; }
+
+  absl::Status add(const std::string& name, const RadianceImage& picture, const PictureColour& colour) {
     if (!is_video_output(arguments_.output)) {
       const fs::path file = fs::path(arguments_.output) / (name + "." + arguments_.format);
-      return write_radiance(file, picture, arguments_.encoding(), arguments_.bits);
+      return colours_.write(file, picture, arguments_.encoding(), arguments_.bits, colour);
     }
     if (!video_) {
       GW_ASSIGN_OR_RETURN(VideoWriter video,
@@ -85,6 +92,7 @@ class Output {
   explicit Output(const CompositeArguments& arguments) : arguments_(arguments) {}
 
   const CompositeArguments& arguments_;
+  PictureColours colours_;
   std::optional<VideoWriter> video_;
 };
 
@@ -109,14 +117,15 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
                         ObjectInFront::create(files[i], arguments, ObjectInFront::Pictures::kOne));
     if (!backgrounds) {
       first = object.metadata();
-      GW_ASSIGN_OR_RETURN(backgrounds, Backgrounds::open(arguments.backgrounds, first, arguments.encoding()));
+      GW_ASSIGN_OR_RETURN(backgrounds, Backgrounds::open(arguments.backgrounds, first, output.colours(),
+                                                         arguments.encoding()));
     } else if (!same_monitors(first, object.metadata())) {
       return absl::InvalidArgumentError(fmt::format(
           "{} has other monitors than {}; they are not of one video", files[i].string(), files[0].string()));
     }
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds->next());
     GW_ASSIGN_OR_RETURN(const RadianceImage picture, object.composite(*behind));
-    GW_RETURN_IF_ERROR(output.add(files[i].stem().string(), picture));
+    GW_RETURN_IF_ERROR(output.add(files[i].stem().string(), picture, backgrounds->colour_of_composite()));
     progress.update(static_cast<double>(i + 1) / static_cast<double>(files.size()),
                     fmt::format("{} of {} frames", i + 1, files.size()));
   }
@@ -129,8 +138,8 @@ absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
   Progress progress("compositing");
   GW_ASSIGN_OR_RETURN(ObjectInFront object,
                       ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kMany));
-  GW_ASSIGN_OR_RETURN(Backgrounds backgrounds,
-                      Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
+  GW_ASSIGN_OR_RETURN(Backgrounds backgrounds, Backgrounds::open(arguments.backgrounds, object.metadata(),
+                                                                 output.colours(), arguments.encoding()));
   if (arguments.frame_count == 0 && !backgrounds.has_video()) {
     return absl::InvalidArgumentError(
         "--frames is not given; it must give the number of pictures unless a --background is a video or a "
@@ -141,7 +150,7 @@ absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
     if (arguments.frame_count == 0 && backgrounds.is_over()) break;
     GW_ASSIGN_OR_RETURN(const RadianceImage picture, object.composite(*behind));
-    GW_RETURN_IF_ERROR(output.add(fmt::format("{:04d}", count), picture));
+    GW_RETURN_IF_ERROR(output.add(fmt::format("{:04d}", count), picture, backgrounds.colour_of_composite()));
     const double all = arguments.frame_count > 0 ? arguments.frame_count : backgrounds.announced_frames();
     progress.update(all > 0.0 ? std::min((count + 1) / all, 1.0) : 0.0, fmt::format("{} frames", count + 1));
   }

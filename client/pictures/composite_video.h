@@ -27,6 +27,7 @@ namespace glasswing {
 struct CompositeArguments {
   std::string matte;  // a file, or a directory
   BackgroundArguments backgrounds;
+  ColourArguments colours;
   std::string output;
   std::string format = "exr";
   int bits = 0;         // as for write_radiance()

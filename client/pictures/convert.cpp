@@ -12,15 +12,17 @@ struct ConvertArguments {
   std::string output;
   std::string crop;
   bool linear = false;
+  ColourArguments colours;
 };
 
 absl::StatusOr<RadianceImage> converted(const ConvertArguments& arguments) {
   const Waiting waiting("converting");
+  GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
   GW_ASSIGN_OR_RETURN(
-      const RadianceImage whole,
-      read_picture(arguments.input, arguments.linear ? Encoding::kLinear : Encoding::kDisplay));
-  GW_ASSIGN_OR_RETURN(const RadianceImage picture, cropped(whole, arguments.crop));
-  GW_RETURN_IF_ERROR(write_radiance(arguments.output, picture, Encoding::kDisplay));
+      const CapturedPicture whole,
+      read_picture(arguments.input, colours, arguments.linear ? Encoding::kLinear : Encoding::kDisplay));
+  GW_ASSIGN_OR_RETURN(const RadianceImage picture, cropped(whole.light, arguments.crop));
+  GW_RETURN_IF_ERROR(colours.write(arguments.output, picture, Encoding::kDisplay, 0, whole.colour));
   return picture;
 }
 
@@ -36,14 +38,18 @@ absl::Status convert(const Client& client, const ConvertArguments& arguments) {
 void add_convert_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("convert", "Convert a frame or a picture into one for viewing.");
   command.footer(
-      "The output is sRGB (PNG, TIFF) or linear (EXR).\n\n"
-      "Example:\n  glasswing convert --linear archive/frames/000310.tif look.png");
+      "The output is sRGB (PNG, TIFF) or linear (EXR), or of --ocio-out. An EXR says in its header what is\n"
+      "known of its colours.\n\n"
+      "Examples:\n"
+      "  glasswing convert --linear archive/frames/000310.tif look.png\n"
+      "  glasswing convert harbour.png harbour.exr --ocio-config studio.ocio --ocio-out ACEScg");
   auto arguments = std::make_shared<ConvertArguments>();
   command.add_option("input", arguments->input, "the picture to read")->required();
   command.add_option("output", arguments->output, "the picture to write: .png, .tif or .exr")->required();
   command.add_option("--crop", arguments->crop, kCropHelp);
   command.add_flag("--linear", arguments->linear,
                    "the input's PNG or TIFF values are linear radiance, as frames are");
+  add_colour_options(command, arguments->colours);
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return convert(client, *arguments); }; });
 }

@@ -19,22 +19,18 @@ bool is_picture(const fs::path& path) {
 }
 
 RadianceImage light_of(const Image16& codes) {
-  static const std::vector<float> kLight = [] {
-    std::vector<float> light;
-    for (int code = 0; code < 256; ++code) light.push_back(linear_of_srgb(static_cast<float>(code) / 255.0f));
-    return light;
-  }();
+  const std::array<float, 256>& lights = light_of_srgb_codes();
   RadianceImage light(codes.width_px, codes.height_px);
-  for (size_t i = 0; i < codes.samples.size(); ++i) light.samples[i] = kLight[codes.samples[i] / 257];
+  for (size_t i = 0; i < codes.samples.size(); ++i) light.samples[i] = lights[codes.samples[i] / 257u];
   return light;
 }
 
 }  // namespace
 
-absl::StatusOr<MovingPicture> MovingPicture::open(const fs::path& path, Encoding encoding) {
+absl::StatusOr<MovingPicture> MovingPicture::open(const fs::path& path, PictureReader read) {
   MovingPicture picture;
   picture.path_ = path;
-  picture.encoding_ = encoding;
+  picture.read_ = std::move(read);
   std::error_code error;
   if (fs::is_directory(path, error)) {
     for (const fs::directory_entry& entry : fs::directory_iterator(path, error)) {
@@ -52,10 +48,14 @@ absl::StatusOr<MovingPicture> MovingPicture::open(const fs::path& path, Encoding
   return picture;
 }
 
+PictureColour MovingPicture::colour(Encoding encoding) const {
+  return video_ ? linear_rec709() : colour_of_file(files_.front(), encoding);
+}
+
 absl::StatusOr<RadianceImage> MovingPicture::next() {
   if (!video_) {
     begun_again_ = place_ >= files_.size();
-    return read_radiance(files_[place_++ % files_.size()], encoding_);
+    return read_(files_[place_++ % files_.size()]);
   }
   std::optional<Image16> frame = video_->next();
   if (!frame) {

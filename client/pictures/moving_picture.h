@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -13,10 +14,16 @@
 
 namespace glasswing {
 
+// Reads a picture as linear radiance.
+using PictureReader = std::function<absl::StatusOr<RadianceImage>(const std::filesystem::path&)>;
+
 class MovingPicture {
  public:
-  // `encoding`: of PNG and TIFF; videos are sRGB. NOT_FOUND: no such file, or a directory without pictures.
-  static absl::StatusOr<MovingPicture> open(const std::filesystem::path& path, Encoding encoding);
+  // `read`: of pictures; videos are sRGB. NOT_FOUND: no such file, or a directory without pictures.
+  static absl::StatusOr<MovingPicture> open(const std::filesystem::path& path, PictureReader read);
+
+  // What is known of the (first) picture's colours, if it is read by read_radiance().
+  PictureColour colour(Encoding encoding) const;
 
   bool is_still() const { return files_.size() == 1; }
   // True once next() has started over.
@@ -32,7 +39,7 @@ class MovingPicture {
   MovingPicture() = default;
 
   std::filesystem::path path_;
-  Encoding encoding_ = Encoding::kDisplay;
+  PictureReader read_;
   std::vector<std::filesystem::path> files_;  // empty: a video
   size_t place_ = 0;
   bool begun_again_ = false;

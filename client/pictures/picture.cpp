@@ -48,17 +48,33 @@ absl::Status in_file(const std::string& file, const absl::Status& status) {
   return absl::Status(status.code(), fmt::format("{}: {}", file, std::string(status.message())));
 }
 
-absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding) {
+absl::StatusOr<CapturedPicture> read_picture(const std::filesystem::path& file, const PictureColours& colours,
+                                             Encoding encoding) {
   const std::filesystem::path archive = file.parent_path().parent_path();
   const std::string name = (file.parent_path().filename() / file.filename()).string();
-  if (!std::filesystem::exists(archive / "manifest.json")) return read_radiance(file, encoding);
+  const auto plain = [&]() -> absl::StatusOr<CapturedPicture> {
+    GW_ASSIGN_OR_RETURN(RadianceImage picture, colours.read(file, encoding));
+    return CapturedPicture{std::move(picture),
+                           colours.reads() ? linear_rec709() : colour_of_file(file, encoding)};
+  };
+  if (!std::filesystem::exists(archive / "manifest.json")) return plain();
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_any_manifest(archive));
   if (std::ranges::none_of(manifest.frames(), [&](const v1::Frame& frame) { return frame.file() == name; }))
-    return read_radiance(file, encoding);
+    return plain();
+  if (colours.reads()) {
+    return absl::InvalidArgumentError(
+        fmt::format("{} is a frame of an archive, whose colours are the camera's; --ocio-in is for other "
+                    "pictures",
+                    file.string()));
+  }
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
   GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(manifest));
+  const PictureColour colour = mix.is_unit() ? PictureColour() : linear_rec709();
   const std::optional<Mosaic> mosaic = mosaic_of(manifest.camera());
-  if (light.is_identity() && mix.is_unit() && !mosaic) return read_radiance(file, encoding);
+  if (light.is_identity() && mix.is_unit() && !mosaic) {
+    GW_ASSIGN_OR_RETURN(RadianceImage picture, read_radiance(file, encoding));
+    return CapturedPicture{std::move(picture), colour};
+  }
   GW_ASSIGN_OR_RETURN(const Shading shading, Shading::create(manifest));
   GW_ASSIGN_OR_RETURN(const Image16 stored, read_frame_file(file, shape_of(manifest.camera())));
   const Image16 frame = interpolated(stored, mosaic);
@@ -72,7 +88,12 @@ absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, En
       for (int c = 0; c < 3; ++c) picture.at(x, y, c) = primaries[static_cast<size_t>(c)];
     }
   }
-  return picture;
+  return CapturedPicture{std::move(picture), colour};
+}
+
+absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding) {
+  GW_ASSIGN_OR_RETURN(CapturedPicture picture, read_picture(file, PictureColours(), encoding));
+  return std::move(picture.light);
 }
 
 absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::string& region) {

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "client/cli/client.h"
+#include "client/colour/picture_colours.h"
 #include "core/frame/image.h"
 #include "core/frame/image_file.h"
 
@@ -27,6 +28,14 @@ absl::Status in_file(const std::string& file, const absl::Status& status);
 // like the composite of its matte; any other picture by `encoding`. Errors: as read_radiance(), and of the
 // calibrations.
 absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding);
+// The same, with what is known of its colours; a picture that is no frame by `colours`. INVALID_ARGUMENT,
+// too: they are to convert a frame, whose colours are the camera's.
+struct CapturedPicture {
+  RadianceImage light;
+  PictureColour colour;
+};
+absl::StatusOr<CapturedPicture> read_picture(const std::filesystem::path& file, const PictureColours& colours,
+                                             Encoding encoding);
 
 // The region "WIDTHxHEIGHT+X+Y" of a picture, px from its top-left corner; all of it if `region` is empty.
 // INVALID_ARGUMENT: `region` is not of that form, or reaches beyond the picture.

@@ -151,6 +151,26 @@ absl::Status named(const fs::path& path, const absl::Status& status) {
   return absl::Status(status.code(), fmt::format("{}: {}", path.string(), std::string(status.message())));
 }
 
+constexpr const char* kOiioSpace = "oiio:ColorSpace";
+constexpr const char* kInteropId = "colorInteropID";
+
+PictureColour colour_in(const Imf::Header& header) {
+  PictureColour colour;
+  if (const auto* id = header.findTypedAttribute<Imf::StringAttribute>(kInteropId))
+    colour.interop_id = id->value();
+  if (const auto* space = header.findTypedAttribute<Imf::StringAttribute>(kOiioSpace))
+    colour.space = space->value();
+  if (Imf::hasChromaticities(header)) {
+    const auto& [red, green, blue, white] = Imf::chromaticities(header);
+    colour.chromaticities = {red.x, red.y, green.x, green.y, blue.x, blue.y, white.x, white.y};
+    // Where a file has nothing but these, its samples are linear, as OpenEXR says of them.
+    if (colour.chromaticities == linear_rec709().chromaticities && colour.interop_id == "unknown" &&
+        colour.space.empty())
+      return linear_rec709();
+  }
+  return colour;
+}
+
 absl::StatusOr<RadianceImage> read_exr(const fs::path& path) {
   try {
     Imf::RgbaInputFile file(path.c_str());
@@ -179,15 +199,18 @@ absl::StatusOr<RadianceImage> read_exr(const fs::path& path) {
   }
 }
 
-absl::Status write_exr(const fs::path& path, const RadianceImage& image, bool half) {
+absl::Status write_exr(const fs::path& path, const RadianceImage& image, bool half,
+                       const PictureColour& colour) {
   const fs::path partial = fmt::format("{}.{}.tmp", path.string(), ::getpid());
   try {
     Imf::Header header(image.width_px, image.height_px);
     header.compression() = Imf::ZIP_COMPRESSION;
-    // The primaries that all pictures are taken to have: linear Rec. 709, which are sRGB's.
-    Imf::addChromaticities(header, Imf::Chromaticities());
-    header.insert("oiio:ColorSpace", Imf::StringAttribute("lin_rec709"));
-    header.insert("colorInteropID", Imf::StringAttribute("lin_rec709_scene"));
+    if (colour.chromaticities) {
+      const auto& [rx, ry, gx, gy, bx, by, wx, wy] = *colour.chromaticities;
+      Imf::addChromaticities(header, Imf::Chromaticities({rx, ry}, {gx, gy}, {bx, by}, {wx, wy}));
+    }
+    if (!colour.space.empty()) header.insert(kOiioSpace, Imf::StringAttribute(colour.space));
+    header.insert(kInteropId, Imf::StringAttribute(colour.interop_id));
     std::vector<Imath::half> halves(half ? image.samples.size() : 0);
     std::ranges::transform(image.samples.begin(),
                            image.samples.begin() + static_cast<std::ptrdiff_t>(halves.size()), halves.begin(),
@@ -255,14 +278,37 @@ float linear_of_srgb(float code) {
   return code <= 0.04045f ? code / 12.92f : std::pow((code + 0.055f) / 1.055f, 2.4f);
 }
 
-absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding encoding) {
-  if (is_hdr(bytes)) return decode_hdr(bytes);
-  GW_ASSIGN_OR_RETURN(const cv::Mat mat, decode_any(bytes));
+const std::array<float, 256>& light_of_srgb_codes() {
   static const std::array<float, 256> kLight = [] {
     std::array<float, 256> light{};
     for (size_t code = 0; code < 256; ++code) light[code] = linear_of_srgb(static_cast<float>(code) / 255.0f);
     return light;
   }();
+  return kLight;
+}
+
+const PictureColour& linear_rec709() {
+  static const PictureColour kColour{
+      .interop_id = "lin_rec709_scene",
+      .space = "lin_rec709",
+      .chromaticities = {{0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f}}};
+  return kColour;
+}
+
+PictureColour colour_of_file(const fs::path& path, Encoding encoding) {
+  const std::string suffix = suffix_of(path);
+  if (suffix == ".hdr" || (suffix != ".exr" && encoding == Encoding::kLinear)) return {};
+  if (suffix != ".exr") return linear_rec709();
+  try {
+    return colour_in(Imf::RgbaInputFile(path.c_str()).header());
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
+absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding encoding) {
+  if (is_hdr(bytes)) return decode_hdr(bytes);
+  GW_ASSIGN_OR_RETURN(const cv::Mat mat, decode_any(bytes));
   const bool coded = encoding == Encoding::kDisplay;
   RadianceImage image(mat.cols, mat.rows);
   for (int y = 0; y < mat.rows; ++y) {
@@ -271,7 +317,7 @@ absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding e
         float& light = image.at(x, y, c);
         if (mat.depth() == CV_8U) {
           const std::uint8_t code = mat.at<cv::Vec3b>(y, x)[2 - c];
-          light = coded ? kLight[code] : static_cast<float>(code) / 255.0f;
+          light = coded ? light_of_srgb_codes()[code] : static_cast<float>(code) / 255.0f;
         } else if (mat.depth() == CV_16U) {
           const float value = static_cast<float>(mat.at<cv::Vec3w>(y, x)[2 - c]) / 65535.0f;
           light = coded ? linear_of_srgb(value) : value;
@@ -308,10 +354,11 @@ absl::Status check_picture_file(const fs::path& path, int bits) {
                   floats ? "an EXR has 16 or 32" : "PNG and TIFF have 8 or 16"));
 }
 
-absl::Status write_radiance(const fs::path& path, const RadianceImage& image, Encoding encoding, int bits) {
+absl::Status write_radiance(const fs::path& path, const RadianceImage& image, Encoding encoding, int bits,
+                            const PictureColour& colour) {
   GW_RETURN_IF_ERROR(check_picture_file(path, bits));
   const std::string suffix = suffix_of(path);
-  if (suffix == ".exr") return write_exr(path, image, bits == 16);
+  if (suffix == ".exr") return write_exr(path, image, bits == 16, colour);
   if (bits == 0) bits = encoding == Encoding::kLinear ? 16 : 8;
   const absl::StatusOr<std::string> bytes =
       encode_picture(suffix, bits == 16 ? codes_of<std::uint16_t>(image, encoding)

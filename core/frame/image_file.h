@@ -5,6 +5,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -32,12 +33,28 @@ absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding e
 // sRGB code to linear light and back (IEC 61966-2-1), both 0 to 1; srgb_of_linear clamps its argument.
 float linear_of_srgb(float code);
 float srgb_of_linear(float light);
+// Linear light of each code of 8 bits.
+const std::array<float, 256>& light_of_srgb_codes();
+
+// What is known of the R, G and B of a picture, as EXR files say it in their headers.
+struct PictureColour {
+  std::string interop_id = "unknown";  // colorInteropID: a name of the Color Interop Forum
+  std::string space;                   // oiio:ColorSpace; empty: not told
+  // x and y of red, green, blue and white; absent: not told.
+  std::optional<std::array<float, 8>> chromaticities;
+  bool operator==(const PictureColour&) const = default;
+};
+// Linear light of the primaries of ITU-R BT.709, which are sRGB's.
+const PictureColour& linear_rec709();
+// Of the light that read_radiance() gives: linear Rec. 709 of a file of sRGB codes, of an EXR what its header
+// says, and else, or where the file cannot be read, unknown.
+PictureColour colour_of_file(const std::filesystem::path& path, Encoding encoding);
 
 // Linear radiance to .exr (ZIP; 16 or 32 bit floats), .png or .tif/.tiff (8 or 16 bit), by the path's suffix.
-// `bits` 0: 32 for EXR, 8 for sRGB, 16 for linear codes. The file is written atomically. INVALID_ARGUMENT:
-// another suffix, or bits that the format does not support.
+// `bits` 0: 32 for EXR, 8 for sRGB, 16 for linear codes. An EXR's header says `colour`. The file is written
+// atomically. INVALID_ARGUMENT: another suffix, or bits that the format does not support.
 absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding,
-                            int bits = 0);
+                            int bits = 0, const PictureColour& colour = {});
 // Returns that error before a picture is computed.
 absl::Status check_picture_file(const std::filesystem::path& path, int bits);
 

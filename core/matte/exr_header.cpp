@@ -57,13 +57,35 @@ class HeaderWalk {
     }
     return false;
   }
+  static std::uint32_t word(std::string_view value, size_t at) {
+    std::uint32_t number = 0;
+    std::memcpy(&number, value.data() + at, sizeof number);
+    return number;
+  }
+  // Sides, then the mode of levels, which is 0 where there is one.
+  static bool are_tiles(std::string_view value) {
+    const auto good = [](std::uint32_t side) { return side >= 1 && side <= kMaxTile_px; };
+    return good(word(value, 0)) && good(word(value, 4)) && value[8] == 0;
+  }
+  // Sides, then four bytes for each pixel.
+  static bool is_preview(std::string_view value) {
+    constexpr std::uint32_t kMaxSide = 1024;
+    if (value.size() < 8) return false;
+    const std::uint32_t width = word(value, 0), height = word(value, 4);
+    return width <= kMaxSide && height <= kMaxSide && value.size() == 8 + size_t{4} * width * height;
+  }
   bool take_attribute(std::string_view name) {
     struct Type {
       std::string_view name;
       std::int32_t size;
     };
-    constexpr std::array<Type, 6> kTypes{
-        {{"box2i", 16}, {"compression", 1}, {"float", 4}, {"int", 4}, {"lineOrder", 1}, {"v2f", 8}}};
+    constexpr std::array<Type, 7> kTypes{{{"box2i", 16},
+                                          {"compression", 1},
+                                          {"float", 4},
+                                          {"int", 4},
+                                          {"lineOrder", 1},
+                                          {"tiledesc", 9},
+                                          {"v2f", 8}}};
     std::string_view type, value;
     std::int32_t size = 0;
     if (!take_name(&type) || !take_int(&size) || size < 0) return false;
@@ -71,8 +93,10 @@ class HeaderWalk {
     const size_t start = at_;
     if (!take(static_cast<size_t>(size), &value)) return false;
     if (type == "string") return true;
+    if (type == "preview") return is_preview(value);
     const auto known = std::ranges::find(kTypes, type, &Type::name);
     if (known == kTypes.end() || known->size != size) return false;
+    if (type == "tiledesc" && !are_tiles(value)) return false;
     if (name == "chunkCount") {
       std::int32_t count = 0;
       std::memcpy(&count, &bytes_[start], sizeof count);

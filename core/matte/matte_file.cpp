@@ -6,6 +6,7 @@
 #include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfTileDescription.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -71,32 +72,38 @@ absl::Status check(const Matte& matte, int first, int rows) {
 // Reads the rows of a file a block at a time and verifies their checksums.
 class RowReader {
  public:
-  RowReader(Imf::MultiPartInputFile& file, const MatteOutline& outline)
-      : window_(file.header(0).dataWindow()),
-        parts_(matte_parts(outline.modes_per_channel, outline.colourless)),
-        block_(outline.modes_per_channel, outline.colourless, outline.width_px) {
+  RowReader(Imf::MultiPartInputFile& file, const MatteHead& head)
+      : outline_(head.outline),
+        row_checksums_(head.row_checksums),
+        stored_(file.header(0).dataWindow()),
+        parts_(matte_parts(outline_.modes_per_channel, outline_.colourless)),
+        block_(outline_.modes_per_channel, outline_.colourless, outline_.width_px) {
     for (int i = 0; i < file.parts(); ++i) inputs_.emplace_back(file, i);
   }
 
-  // Reads `rows` rows, at most a block, from `row` on, counted from the file's first. `checksums`: of all
-  // rows of the file.
-  absl::Status read(int row, int rows, std::string_view checksums) {
-    const int y = window_.min.y + row;
-    const Imath::Box2i pixels({window_.min.x, y}, {window_.max.x, y + rows - 1});
+  // Reads `rows` rows, at most a block, from `row` on, counted from the outline's first. Pixels that the file
+  // does not have are 0.
+  absl::Status read(int row, int rows) {
+    const int top = outline_.y0_px + row, bottom = top + rows - 1;
+    const int first = std::max(top, stored_.min.y), last = std::min(bottom, stored_.max.y);
+    if (first > top || last < bottom) block_.clear();
+    if (first > last) return absl::OkStatus();
+    const Imath::Box2i pixels({outline_.x0_px, top}, {outline_.x0_px + outline_.width_px - 1, bottom});
     for (size_t part = 0; part < parts_.size(); ++part) {
       Imf::FrameBuffer buffer;
       for (size_t c = 0; c < parts_[part].channels.size(); ++c)
         buffer.insert(parts_[part].channels[c], Imf::Slice::Make(Imf::FLOAT, block_.planes(part)[c], pixels));
       inputs_[part].setFrameBuffer(buffer);
-      inputs_[part].readPixels(y, y + rows - 1);
+      inputs_[part].readPixels(first, last);
     }
-    const std::string found = row_checksums(block_.checksums(rows));
-    for (size_t i = 0; i < static_cast<size_t>(rows); ++i) {
-      const size_t at = i * kRowChecksumDigits;
-      if (std::string_view(found).substr(at, kRowChecksumDigits) !=
-          checksums.substr(static_cast<size_t>(row) * kRowChecksumDigits + at, kRowChecksumDigits))
-        return absl::DataLossError(
-            fmt::format("its row {} does not agree with its checksum", y + static_cast<int>(i)));
+    const std::string found = row_checksums(block_.checksums(
+        first - top, last - first + 1, stored_.min.x - outline_.x0_px, stored_.max.x - stored_.min.x + 1));
+    for (int y = first; y <= last; ++y) {
+      const auto digits = [](std::string_view all, int i) {
+        return all.substr(static_cast<size_t>(i) * kRowChecksumDigits, kRowChecksumDigits);
+      };
+      if (digits(found, y - first) != digits(row_checksums_, y - stored_.min.y))
+        return absl::DataLossError(fmt::format("its row {} does not agree with its checksum", y));
     }
     return absl::OkStatus();
   }
@@ -104,11 +111,21 @@ class RowReader {
   const MatteBlock& block() const { return block_; }
 
  private:
-  const Imath::Box2i window_;
+  const MatteOutline& outline_;
+  const std::string& row_checksums_;
+  const Imath::Box2i stored_;
   const std::vector<ExrPart> parts_;
   std::vector<Imf::InputPart> inputs_;
   MatteBlock block_;
 };
+
+// Rows that one thread reads in a row: a file of tiles is unpacked by rows of tiles.
+int rows_at_a_time(const Imf::MultiPartInputFile& file) {
+  const Imf::Header& header = file.header(0);
+  if (!header.hasTileDescription()) return kMaxBlockRows;
+  const int tile = static_cast<int>(header.tileDescription().ySize);
+  return (tile + kMaxBlockRows - 1) / kMaxBlockRows * kMaxBlockRows;
+}
 
 // Calls `use` with the head of a matte file and the open file.
 template <typename Use>
@@ -123,14 +140,6 @@ auto with_matte_file(std::string_view bytes, const Use& use)
   } catch (const std::exception& error) {
     return absl::DataLossError(fmt::format("it is damaged or no matte: {}", error.what()));
   }
-}
-
-// Overwrites the text of an attribute, which must exist and have the same length.
-void put_attribute(std::string& exr, std::string_view name, std::string_view text) {
-  using namespace std::string_literals;
-  const std::string before = std::string(name) + "\0string\0"s;
-  const size_t at = exr.find(before) + before.size() + sizeof(std::int32_t);
-  exr.replace(at, text.size(), text);
 }
 
 }  // namespace
@@ -168,10 +177,10 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
                            Matte matte(outline.x0_px, outline.y0_px, outline.width_px, outline.height_px,
                                        outline.modes_per_channel, outline.colourless);
                            matte.metadata = outline.metadata;
-                           RowReader reader(file, outline);
+                           RowReader reader(file, head);
                            for (int y = 0; y < matte.height_px(); y += kMaxBlockRows) {
                              const int rows = std::min(kMaxBlockRows, matte.height_px() - y);
-                             GW_RETURN_IF_ERROR(reader.read(y, rows, head.row_checksums));
+                             GW_RETURN_IF_ERROR(reader.read(y, rows));
                              reader.block().give(matte, y, rows);
                              GW_RETURN_IF_ERROR(check(matte, y, rows));
                            }
@@ -192,16 +201,20 @@ absl::Status for_blocks_of_matte(std::string_view bytes, int thread_count,
   std::mutex mutex;
   absl::Status failed;
   const auto read_blocks = [&](const MatteHead&, Imf::MultiPartInputFile& file) -> absl::Status {
-    RowReader reader(file, outline);
-    for (int y = next.fetch_add(kMaxBlockRows); y < outline.height_px; y = next.fetch_add(kMaxBlockRows)) {
-      const int count = std::min(kMaxBlockRows, outline.height_px - y);
-      GW_RETURN_IF_ERROR(reader.read(y, count, head.row_checksums));
-      Matte rows(outline.x0_px, outline.y0_px + y, outline.width_px, count, outline.modes_per_channel,
-                 outline.colourless);
-      rows.metadata = outline.metadata;
-      reader.block().give(rows, 0, count);
-      GW_RETURN_IF_ERROR(check(rows, 0, count));
-      GW_RETURN_IF_ERROR(use(rows));
+    RowReader reader(file, head);
+    const int span = rows_at_a_time(file);
+    for (int top = next.fetch_add(span); top < outline.height_px; top = next.fetch_add(span)) {
+      const int bottom = std::min(top + span, outline.height_px);
+      for (int y = top; y < bottom; y += kMaxBlockRows) {
+        const int count = std::min(kMaxBlockRows, bottom - y);
+        GW_RETURN_IF_ERROR(reader.read(y, count));
+        Matte rows(outline.x0_px, outline.y0_px + y, outline.width_px, count, outline.modes_per_channel,
+                   outline.colourless);
+        rows.metadata = outline.metadata;
+        reader.block().give(rows, 0, count);
+        GW_RETURN_IF_ERROR(check(rows, 0, count));
+        GW_RETURN_IF_ERROR(use(rows));
+      }
     }
     return absl::OkStatus();
   };

@@ -1,4 +1,5 @@
-// Matte files: multi-part OpenEXR, float32, ZIPS. docs/matte.md lists the parts and layers.
+// Matte files: multi-part OpenEXR, float32, ZIPS. docs/matte.md lists the parts and layers. Files that
+// core/delivery writes for other programs are read as well.
 #pragma once
 
 #include <absl/functional/function_ref.h>
@@ -39,6 +40,9 @@ struct MatteOutline {
   int x0_px = 0, y0_px = 0, width_px = 0, height_px = 0;
   int modes_per_channel = 0;
   bool colourless = false;
+  // A file for other programs (core/delivery). It is read like any other; where it has no pixels, the picture
+  // is blank. It is not stored, and its rows are not joined or copied.
+  bool delivery = false;
   v1::MatteMetadata metadata;
 };
 

@@ -9,6 +9,8 @@
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
+
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/matte/matte_layers.h"
@@ -20,9 +22,33 @@ bool is_colourless(const Imf::MultiPartInputFile& file) {
   return file.header(kFirstModePart).channels().findChannel(colourless_channel()) != nullptr;
 }
 
+// Of deflate: 258 bytes from two bits.
+constexpr size_t kMaxExpansion = 1032;
+// A file may describe a blank picture around its pixels, which takes memory but no bytes: 4 GB decoded.
+constexpr size_t kLeastFile_bytes = 4 << 20;
+
+bool is_delivery(const Imf::MultiPartInputFile& file) {
+  return file.header(0).findTypedAttribute<Imf::StringAttribute>(kMatteDelivery) != nullptr;
+}
+
+// Whether a part is packed as mattes are, or as files for other programs may be.
+bool is_well_packed(const Imf::Header& header, bool delivery) {
+  if (!header.hasType()) return false;
+  const Imf::Compression compression = header.compression();
+  if (!delivery) return header.type() == Imf::SCANLINEIMAGE && compression == Imf::ZIPS_COMPRESSION;
+  const bool tiled = header.type() == Imf::TILEDIMAGE;
+  return (tiled ? header.hasTileDescription() : header.type() == Imf::SCANLINEIMAGE) &&
+         (compression == Imf::ZIPS_COMPRESSION || compression == Imf::ZIP_COMPRESSION);
+}
+
+struct Parts {
+  std::vector<ExrPart> parts;
+  size_t layer_count = 0;
+};
+
 // Checks that the file has the parts of a matte, and no more pixels than `file_bytes` can hold, so that later
 // reads are bounded by the file's size, whatever its header promises.
-absl::StatusOr<std::vector<ExrPart>> checked_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
+absl::StatusOr<Parts> checked_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
   const int modes = file.parts() - static_cast<int>(kFirstModePart);
   if (modes < 1 || modes > kMaxModes) return absl::DataLossError("it does not have the parts of a matte");
   const Imath::Box2i window = file.header(0).dataWindow();
@@ -31,31 +57,31 @@ absl::StatusOr<std::vector<ExrPart>> checked_parts(const Imf::MultiPartInputFile
       window.max.y >= kMaxSide) {
     return absl::DataLossError("its size is out of range");
   }
-  size_t layer_count = 0;
-  std::vector<ExrPart> parts = matte_parts(modes, is_colourless(file));
+  const bool delivery = is_delivery(file);
+  size_t pixel_bytes = 0;
+  Parts checked{.parts = matte_parts(modes, is_colourless(file))};
   for (int i = 0; i < file.parts(); ++i) {
     const Imf::Header& header = file.header(i);
     if (header.dataWindow() != window) return absl::DataLossError("its parts differ in size");
     std::vector<std::string> layers;
-    bool plain = header.compression() == Imf::ZIPS_COMPRESSION && header.hasType() &&
-                 header.type() == Imf::SCANLINEIMAGE;
+    bool plain = is_well_packed(header, delivery);
     for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel) {
       layers.emplace_back(channel.name());
-      plain = plain && channel.channel().type == Imf::FLOAT && channel.channel().xSampling == 1 &&
-              channel.channel().ySampling == 1;
+      const Imf::PixelType type = channel.channel().type;
+      plain = plain && (type == Imf::FLOAT || (delivery && type == Imf::HALF)) &&
+              channel.channel().xSampling == 1 && channel.channel().ySampling == 1;
+      pixel_bytes += type == Imf::HALF ? 2 : sizeof(float);
     }
-    const ExrPart& part = parts[static_cast<size_t>(i)];
+    const ExrPart& part = checked.parts[static_cast<size_t>(i)];
     if (!plain || layers != part.channels || !header.hasName() || header.name() != part.name)
       return absl::DataLossError(fmt::format("its part {} does not have the layers of a matte", i));
-    layer_count += layers.size();
+    checked.layer_count += layers.size();
   }
   const size_t pixels = static_cast<size_t>(window.max.x - window.min.x + 1) *
                         static_cast<size_t>(window.max.y - window.min.y + 1);
-  constexpr size_t kMaxExpansion = 1032;  // of deflate: 258 bytes from two bits
-  if (pixels * layer_count * sizeof(float) / kMaxExpansion > file_bytes) {
+  if (pixels * pixel_bytes / kMaxExpansion > file_bytes)
     return absl::DataLossError("it is too short for its size");
-  }
-  return parts;
+  return checked;
 }
 
 absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2i& window) {
@@ -91,7 +117,7 @@ absl::StatusOr<std::string> text_of(const Imf::Header& header, const char* attri
 }  // namespace
 
 absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, size_t file_bytes) {
-  GW_ASSIGN_OR_RETURN(const std::vector<ExrPart> parts, checked_parts(file, file_bytes));
+  GW_ASSIGN_OR_RETURN(const Parts checked, checked_parts(file, file_bytes));
   const Imf::Header& header = file.header(0);
   const Imath::Box2i window = header.dataWindow();
   MatteHead head;
@@ -102,10 +128,11 @@ absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, s
   outline.height_px = window.max.y - window.min.y + 1;
   outline.modes_per_channel = file.parts() - static_cast<int>(kFirstModePart);
   outline.colourless = is_colourless(file);
+  outline.delivery = is_delivery(file);
   GW_ASSIGN_OR_RETURN(const std::string metadata, text_of(header, kMatteMetadata));
   GW_ASSIGN_OR_RETURN(head.row_checksums, text_of(header, kMatteRows));
   GW_ASSIGN_OR_RETURN(const std::string checksum, text_of(header, kMatteChecksum));
-  if (matte_checksum(metadata, parts, head.row_checksums) != checksum ||
+  if (matte_checksum(metadata, checked.parts, head.row_checksums) != checksum ||
       head.row_checksums.size() != static_cast<size_t>(outline.height_px) * kRowChecksumDigits)
     return absl::DataLossError("its checksum does not agree with what it says of itself");
   google::protobuf::util::JsonParseOptions options;
@@ -113,6 +140,13 @@ absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, s
   if (!google::protobuf::util::JsonStringToMessage(metadata, &outline.metadata, options).ok())
     return absl::DataLossError("its metadata cannot be read");
   GW_RETURN_IF_ERROR(check_metadata(outline.metadata, window));
+  if (!outline.delivery) return head;
+  outline.x0_px = outline.y0_px = 0;
+  outline.width_px = outline.metadata.width_px();
+  outline.height_px = outline.metadata.height_px();
+  const size_t pixels = static_cast<size_t>(outline.width_px) * static_cast<size_t>(outline.height_px);
+  if (pixels * checked.layer_count * sizeof(float) / kMaxExpansion > std::max(file_bytes, kLeastFile_bytes))
+    return absl::DataLossError("it is too short for its picture");
   return head;
 }
 

@@ -72,6 +72,13 @@ std::string matte_checksum(const std::string& metadata, const std::vector<ExrPar
   return checksum_of(bytes + rows);
 }
 
+void put_attribute(std::string& exr, std::string_view name, std::string_view text) {
+  using namespace std::string_literals;
+  const std::string before = std::string(name) + "\0string\0"s;
+  const size_t at = exr.find(before) + before.size() + sizeof(std::int32_t);
+  exr.replace(at, text.size(), text);
+}
+
 void describe(std::vector<ExrPart>& parts, const std::string& metadata, const std::string& rows) {
   const std::string checksum = matte_checksum(metadata, parts, rows);
   for (ExrPart& part : parts)
@@ -195,15 +202,17 @@ void MatteBlock::give(Matte& matte, int y, int rows) const {
   }
 }
 
-std::vector<std::uint64_t> MatteBlock::checksums(int rows) const {
+std::vector<std::uint64_t> MatteBlock::checksums(int first_row, int rows, int first_column,
+                                                 int columns) const {
   RunningChecksum checksum;
-  const auto width = static_cast<size_t>(width_px_);
   std::vector<std::uint64_t> checksums;
-  for (size_t row = 0; row < static_cast<size_t>(rows); ++row) {
+  for (int row = first_row; row < first_row + rows; ++row) {
     checksum.start();
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(row) * width_px_ + first_column;
     for (const std::vector<float*>& part : planes_) {
       for (const float* plane : part)
-        checksum.add({reinterpret_cast<const char*>(plane + row * width), width * sizeof(float)});
+        checksum.add(
+            {reinterpret_cast<const char*>(plane + at), static_cast<size_t>(columns) * sizeof(float)});
     }
     checksums.push_back(checksum.value());
   }

@@ -1,9 +1,12 @@
 // The names of parts, layers and attributes in a matte file; docs/matte.md lists them.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/matte/exr_writer.h"
@@ -16,6 +19,8 @@ inline constexpr const char* kMatteMetadata = "glasswing";
 inline constexpr const char* kMatteConventions = "glasswing:conventions";
 inline constexpr const char* kMatteRows = "glasswing:rows";
 inline constexpr const char* kMatteChecksum = "glasswing:checksum";
+inline constexpr const char* kMatteDelivery =
+    "glasswing:delivery";  // of files for other programs: how written
 
 // Parts of a file: the preview, the foreground, then one part per mode.
 inline constexpr size_t kPreviewPart = 0, kForegroundPart = 1, kFirstModePart = 2;
@@ -46,6 +51,8 @@ inline constexpr size_t kRowChecksumDigits = 16;
 std::string row_checksums(std::span<const std::uint64_t> rows);
 std::string matte_checksum(const std::string& metadata, const std::vector<ExrPart>& parts,
                            const std::string& rows);
+// Overwrites the text of an attribute in a file's headers, which must be there with a text of this length.
+void put_attribute(std::string& exr, std::string_view name, std::string_view text);
 // Sets the attributes of all parts.
 void describe(std::vector<ExrPart>& parts, const std::string& metadata, const std::string& rows);
 
@@ -60,7 +67,10 @@ class MatteBlock {
   // Copies rows between matte and planes, from y on, counted from the matte's first.
   void take(const Matte& matte, int y, int rows);
   void give(Matte& matte, int y, int rows) const;
-  std::vector<std::uint64_t> checksums(int rows) const;
+  std::vector<std::uint64_t> checksums(int rows) const { return checksums(0, rows, 0, width_px_); }
+  // Of a part of each row.
+  std::vector<std::uint64_t> checksums(int first_row, int rows, int first_column, int columns) const;
+  void clear() { std::ranges::fill(values_, 0.0f); }
   // Pointers to the first pixel of each channel of a part, in the order of matte_parts().
   std::span<float* const> planes(size_t part) const { return planes_[part]; }
   // The same for one row.

@@ -91,6 +91,12 @@ Matte columns_of(const Matte& rows, int left, int step, int x0_px, int y0_px, in
   return part;
 }
 
+absl::Status check_packing(const MatteOutline& outline) {
+  if (!outline.delivery) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      "it was written for other programs (glasswing matte deliver); its rows cannot be copied");
+}
+
 }  // namespace
 
 absl::StatusOr<PackedMatteReader> PackedMatteReader::open(const PositionedFile& file) {
@@ -98,6 +104,7 @@ absl::StatusOr<PackedMatteReader> PackedMatteReader::open(const PositionedFile& 
   GW_ASSIGN_OR_RETURN(const std::uint64_t size_bytes, file.size_bytes());
   GW_ASSIGN_OR_RETURN(const Head head, read_head(file, size_bytes));
   GW_ASSIGN_OR_RETURN(MatteHead parsed, parse_head(head.bytes, size_bytes));
+  GW_RETURN_IF_ERROR(check_packing(parsed.outline));
   reader.outline_ = std::move(parsed.outline);
   reader.row_checksums_ = std::move(parsed.row_checksums);
   reader.table_.resize(part_count(reader.outline_) * static_cast<size_t>(reader.outline_.height_px));
@@ -193,6 +200,7 @@ absl::Status PackedMatteWriter::add(std::string_view tile) {
   GW_ASSIGN_OR_RETURN(const size_t tables_at, check_exr_header(tile));
   GW_ASSIGN_OR_RETURN(const MatteHead head, read_matte_head(tile));
   const MatteOutline& outline = head.outline;
+  GW_RETURN_IF_ERROR(check_packing(outline));
   GW_RETURN_IF_ERROR(check_next(outline));
   const auto rows = static_cast<size_t>(outline.height_px), all_rows = static_cast<size_t>(whole_.height_px);
   // Everything after the tables is rows, which are copied as one block.

@@ -19,7 +19,7 @@ namespace glasswing {
 
 class PackedMatteReader {
  public:
-  // Reads the headers. Borrows the file. Errors as outline_of().
+  // Reads the headers. Borrows the file. Errors as outline_of(), and FAILED_PRECONDITION: a delivery file.
   static absl::StatusOr<PackedMatteReader> open(const PositionedFile& file);
 
   const MatteOutline& outline() const { return outline_; }
@@ -51,7 +51,8 @@ class PackedMatteWriter {
   // A file of `whole`'s data window, layers and metadata.
   static absl::StatusOr<PackedMatteWriter> begin(const MatteOutline& whole, Put put);
   // Appends the rows of a tile. DATA_LOSS: damaged headers, partial rows, other layers than the outline's, or
-  // rows that do not follow those before, which are named. Compressed rows are copied as they are, unchecked.
+  // rows that do not follow those before, which are named; FAILED_PRECONDITION: a delivery file. Compressed
+  // rows are copied as they are, unchecked.
   absl::Status add(std::string_view tile);
   // Writes the headers; the file then equals encode_matte() of the whole matte, byte for byte, with the
   // metadata of `whole`. DATA_LOSS: rows are missing.

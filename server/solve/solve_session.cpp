@@ -63,6 +63,9 @@ void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& sessio
 }
 
 absl::Status check_rows(const MatteOutline& matte, const TileRange& rows, const v1::Session& session) {
+  if (matte.delivery)
+    return absl::InvalidArgumentError(fmt::format(
+        "the tile of session \"{}\" is packed for other programs, not as a tile", session.name()));
   if (matte.y0_px == rows.first && matte.height_px == rows.count && matte.x0_px == 0 &&
       std::int64_t{matte.width_px} * matte.metadata.height_px() == session.pixel_count())
     return absl::OkStatus();

@@ -1,7 +1,12 @@
-// decode_matte, and joining of tiles.
+// decode_matte, of mattes and of delivery files, and joining of tiles.
+#include <unistd.h>
+
 #include <cmath>
+#include <filesystem>
 #include <limits>
 
+#include "core/base/file.h"
+#include "core/delivery/delivery_file.h"
 #include "core/frame/archive.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/packed_matte.h"
@@ -48,6 +53,14 @@ std::vector<std::string> seeds() {
   matte = matte_of(3, 2, 1);
   matte.metadata.set_height_px(-5);
   seeds.push_back(encode_matte(matte).value());
+  for (const DeliveryOptions& options : {DeliveryOptions{.half = true, .hug = true, .tile_px = 16},
+                                         DeliveryOptions{.half = true, .hug = true, .tile_px = 0}}) {
+    const std::filesystem::path file =
+        std::filesystem::temp_directory_path() / ("matte_fuzz." + std::to_string(::getpid()) + ".exr");
+    if (write_delivery(encode_matte(matte_of(20, 18, 2)).value(), options, file).ok())
+      seeds.push_back(read_file(file).value());
+    std::filesystem::remove(file);
+  }
   return seeds;
 }
 

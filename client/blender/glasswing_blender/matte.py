@@ -72,7 +72,7 @@ def read_matte(path):
         raise ValueError(f"{path} has format {metadata.get('format_version')}; this add-on reads 1")
     if metadata.get("footprint", "gaussian") not in ("", "gaussian", "box"):
         raise ValueError(f"{path} has footprints of the kind \"{metadata['footprint']}\"; gaussian and box are known")
-    planes = {part.name: of for part, of in parts if of}
+    planes = {part.name: _whole(part, of, metadata) for part, of in parts if of}
     if "foreground" not in planes:
         raise ValueError(f"{path} has no part \"foreground\"")
 
@@ -99,6 +99,17 @@ def read_matte(path):
         )
     except KeyError as error:
         raise ValueError(f"{path} lacks {error.args[0]}") from None
+
+
+def _whole(part, planes, metadata):
+    """The planes of the camera's picture: 0 around the data window of a file that hugs the object."""
+    if "glasswing:delivery" not in part.text:
+        return planes
+    right = metadata["width_px"] - part.left - part.width
+    below = metadata["height_px"] - part.top - part.height
+    if min(part.left, part.top, right, below) < 0:
+        raise ValueError("its pixels reach beyond the camera's picture")
+    return {name: np.pad(plane, ((part.top, below), (part.left, right))) for name, plane in planes.items()}
 
 
 def _crosstalk(metadata, count):

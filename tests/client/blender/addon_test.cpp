@@ -9,6 +9,7 @@
 
 #include "core/base/file.h"
 #include "core/composite/compositor.h"
+#include "core/delivery/delivery_file.h"
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/ray_file.h"
@@ -110,6 +111,17 @@ TEST_F(BlenderAddOn, CompositesAsGlasswingDoes) {
   add_case("gaussians", {{"matte", write_matte("gaussians.exr", gaussians)}}, pictures);
   add_case("boxes", {{"matte", write_matte("boxes.exr", boxes)}}, pictures);
   add_case("leaks", {{"matte", write_matte("leaks.exr", leaks)}}, pictures);
+  // A file of 16 bits whose data window hugs the object.
+  Matte beside = gaussians;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      if (x < 7 || y < 5 || x > kWidth - 4 || y > kHeight - 9) beside.coverage(x, y) = 0.0f;
+    }
+  }
+  ASSERT_TRUE(
+      write_delivery(encode_matte(beside).value(), {.half = true, .hug = true}, path("hugged.exr")).ok());
+  const Matte hugged = read_matte(path("hugged.exr")).value();
+  add_case("hugged", {{"matte", path("hugged.exr")}}, pictures);
   add_case("bright", {{"matte", path("leaks.exr")}, {"foreground_gain", 3.0}}, pictures);
   run();
 
@@ -121,8 +133,11 @@ TEST_F(BlenderAddOn, CompositesAsGlasswingDoes) {
       for (float& light : bright.foreground(x, y)) light *= 3.0f;
     }
   }
-  for (const auto& [name, matte] :
-       {std::pair{"gaussians", &gaussians}, {"boxes", &boxes}, {"leaks", &leaks}, {"bright", &bright}}) {
+  for (const auto& [name, matte] : {std::pair<const char*, const Matte*>{"gaussians", &gaussians},
+                                    {"boxes", &boxes},
+                                    {"leaks", &leaks},
+                                    {"hugged", &hugged},
+                                    {"bright", &bright}}) {
     const double db = psnr_db(picture_of(name, kWidth, kHeight), composite(*matte, behind).value());
     EXPECT_GT(db, 40.0) << name;
     RecordProperty(name, std::to_string(db));

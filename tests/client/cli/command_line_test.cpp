@@ -138,7 +138,7 @@ TEST_F(Completion, BashOffersWhatMayFollow) {
   if (!has("bash")) GTEST_SKIP() << "bash is not installed";
   EXPECT_EQ(bash("glasswing exp"), "export");
   EXPECT_EQ(bash("glasswing plan "), "make design check estimate");
-  EXPECT_EQ(bash("glasswing matte "), "crop resize flip grade merge fill");
+  EXPECT_EQ(bash("glasswing matte "), "crop resize flip grade merge fill deliver");
   EXPECT_EQ(bash("glasswing matte grade vase.exr --only "), "passing foreground");
   EXPECT_EQ(bash("glasswing --server 127.0.0.1:1 comple"), "completion");
   EXPECT_EQ(bash("glasswing capture --se"), "--session --server");

@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/file.h"
+#include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
 #include "tests/client/run_glasswing.h"
 #include "tests/core/edit/object.h"
@@ -89,6 +90,34 @@ TEST_F(MatteCommand, TheFirstOfSeveralIsInFront) {
   EXPECT_EQ(all.coverage(7, 2), 0.0f);
 }
 
+// A file for other programs gives the same composites, by the verbs that read mattes.
+TEST_F(MatteCommand, DeliveredMattesAreMattes) {
+  Matte matte = random_object(kWidth, kHeight, 2, 1);
+  matte.metadata.mutable_monitors(0)->set_width_px(16);
+  for (int x = 0; x < kWidth; ++x) matte.coverage(x, 0) = matte.coverage(x, 1) = 0.0f;
+  write("vase.exr", matte);
+  const std::string out = path("out.exr");
+  const Outcome told = run({"deliver", path("vase.exr"), "--half", "--hug", "--tile", "16", "-o", out});
+  EXPECT_EQ(told.out.find(out + ": 8x6; pixels 8x4+0+2; 16 bits: preview, F"), 0u) << told.out << told.err;
+  const Outcome json = run_glasswing({"matte", "deliver", path("vase.exr"), "--hug", "-o", out, "--json"});
+  EXPECT_EQ(nlohmann::json::parse(json.out)["window"], "8x4+0+2");
+  EXPECT_EQ(nlohmann::json::parse(json.out)["bytes"], std::filesystem::file_size(out));
+  ASSERT_TRUE(write_radiance(path("behind.exr"), random_pictures().front(), Encoding::kLinear).ok());
+  for (const char* name : {"vase", "out"}) {
+    const Outcome shown = run_glasswing({"composite", path(name + std::string(".exr")), "--background",
+                                         path("behind.exr"), "-o", path(name + std::string("_over.exr"))});
+    EXPECT_EQ(shown.status, 0) << shown.err;
+  }
+  const RadianceImage whole = read_radiance(path("vase_over.exr"), Encoding::kLinear).value();
+  const RadianceImage hugged = read_radiance(path("out_over.exr"), Encoding::kLinear).value();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) EXPECT_EQ(hugged.at(x, y, 1), y < 2 ? 0.0f : whole.at(x, y, 1));
+  }
+  EXPECT_EQ(run_glasswing({"view", out, "-o", path("sheet.png")}).status, 0);
+  EXPECT_EQ(run({"crop", out, "4x3+2+1", "-o", path("part.exr")}).status, 0);
+  EXPECT_EQ(read_matte(path("part.exr"))->metadata.edits(1), "crop 4x3+2+1");
+}
+
 TEST_F(MatteCommand, BadInputIsNamedAndNothingIsWritten) {
   const auto refused = [this](std::vector<std::string> words, const std::string& error) {
     words.insert(words.end(), {"-o", path("none.exr")});
@@ -105,6 +134,8 @@ TEST_F(MatteCommand, BadInputIsNamedAndNothingIsWritten) {
   refused({"flip", vase, "z"}, "z");
   refused({"grade", vase, "--gain", "1,2"}, "--gain");
   refused({"fill", path("nowhere.exr")}, path("nowhere.exr"));
+  refused({"deliver", vase, "--tile", "8"}, "--tile");
+  refused({"deliver", path("nowhere.exr")}, path("nowhere.exr"));
   write("wide.exr", random_object(kWidth + 1, kHeight, 1, 1));
   refused({"merge", path("wide.exr"), vase}, path("wide.exr") + ": the mattes differ in size, 9x6 and 8x6");
   expect_one_line_error(run({"flip", vase, "x", "-o", path("out.png")}), "its name must end in .exr");

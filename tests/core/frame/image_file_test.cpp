@@ -123,7 +123,8 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
 
 // Rec. 709 and D65, ITU-R BT.709-6.
 TEST_F(ImageFile, OpenExrSaysItsPrimaries) {
-  ASSERT_TRUE(write_radiance(directory_ / "p.exr", random_picture(9, 5), Encoding::kLinear).ok());
+  ASSERT_TRUE(
+      write_radiance(directory_ / "p.exr", random_picture(9, 5), Encoding::kLinear, 0, linear_rec709()).ok());
   const Imf::InputFile file((directory_ / "p.exr").c_str());
   ASSERT_TRUE(Imf::hasChromaticities(file.header()));
   const Imf::Chromaticities& said = Imf::chromaticities(file.header());

@@ -1,0 +1,50 @@
+#include "client/colour/picture_colours.h"
+
+#include <utility>
+
+#include "core/base/status.h"
+
+namespace glasswing {
+
+void add_colour_options(CLI::App& command, ColourArguments& arguments) {
+  command.add_option("--ocio", arguments.both,
+                     "colour space of pictures read and written, of an OpenColorIO config: ACEScg");
+  command.add_option("--ocio-in", arguments.in, "the same of pictures read only");
+  command.add_option("--ocio-out", arguments.out, "the same of pictures written only");
+  command.add_option("--ocio-config", arguments.config, "the OpenColorIO config; default: $OCIO");
+}
+
+absl::StatusOr<PictureColours> PictureColours::open(const ColourArguments& arguments) {
+  PictureColours colours;
+  const std::string& in = arguments.in.empty() ? arguments.both : arguments.in;
+  const std::string& out = arguments.out.empty() ? arguments.both : arguments.out;
+  if (in.empty() && out.empty() && !arguments.config.empty())
+    return absl::InvalidArgumentError("--ocio-config is given, but neither --ocio, --ocio-in nor --ocio-out");
+  if (!in.empty()) {
+    GW_ASSIGN_OR_RETURN(ColourSpace space, ColourSpace::open(arguments.config, in));
+    colours.in_ = std::make_shared<const ColourSpace>(std::move(space));
+  }
+  if (!out.empty()) {
+    GW_ASSIGN_OR_RETURN(ColourSpace space, ColourSpace::open(arguments.config, out));
+    colours.out_ = std::make_shared<const ColourSpace>(std::move(space));
+  }
+  return colours;
+}
+
+absl::StatusOr<RadianceImage> PictureColours::read(const std::filesystem::path& path,
+                                                   Encoding encoding) const {
+  if (in_ == nullptr) return read_radiance(path, encoding);
+  GW_ASSIGN_OR_RETURN(RadianceImage picture, read_radiance(path, Encoding::kLinear));
+  in_->to_linear(picture);
+  return picture;
+}
+
+absl::Status PictureColours::write(const std::filesystem::path& path, RadianceImage image, Encoding encoding,
+                                   int bits, const PictureColour& colour) const {
+  if (out_ == nullptr) return write_radiance(path, image, encoding, bits, colour);
+  out_->from_linear(image);
+  const bool codes = path.extension() != ".exr";
+  return write_radiance(path, image, Encoding::kLinear, codes && bits == 0 ? 8 : bits, out_->colour());
+}
+
+}  // namespace glasswing

@@ -1,0 +1,41 @@
+// Mattes as other programs take them: the parts and layers of a matte's file (docs/matte.md), with 16-bit
+// channels, tiles, a data window around the object, a thumbnail, and what is known of their colours.
+// docs/delivery.md describes the file. read_matte() and all that read mattes read it.
+#pragma once
+
+#include <absl/functional/function_ref.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/matte/exr_header.h"
+#include "core/matte/exr_writer.h"
+
+namespace glasswing {
+
+inline constexpr int kMinTile_px = 16;  // kMaxTile_px is the largest
+
+struct DeliveryOptions {
+  bool half = false;  // 16 bits where that is enough (half_channels.h)
+  bool hug = false;   // the data window is the smallest that holds the object; the rest is left out
+  int tile_px = 0;    // side of tiles; 0: scan lines
+};
+
+struct Delivery {
+  ExrWindow window;
+  std::vector<std::string> half_layers;
+  std::uint64_t bytes = 0;  // of the file
+};
+
+// Writes a matte's file anew, a few rows at a time; `thread_count` 0: all cores. `report` gets the fraction
+// done. The same matte and options give the same bytes. INVALID_ARGUMENT: hug, but no pixel shows the object;
+// or the tile's side is not kMinTile_px to kMaxTile_px. Others as decode_matte() of `matte`, and of writing.
+absl::StatusOr<Delivery> write_delivery(
+    std::string_view matte, const DeliveryOptions& options, const std::filesystem::path& file,
+    int thread_count = 0, absl::FunctionRef<void(double)> report = [](double) {});
+
+}  // namespace glasswing
