@@ -5,8 +5,8 @@ bl_info = {
     "author": "Glasswing",
     "version": (0, 1, 0),
     "blender": (3, 4, 0),
-    "location": "Image Editor > Sidebar > Glasswing",
-    "description": "Puts captured objects, with their refraction and blur, before pictures and footage",
+    "location": "Image Editor and 3D Viewport > Sidebar > Glasswing",
+    "description": "Puts captured objects, with their refraction and blur, before pictures and footage, and into scenes",
     "category": "Compositing",
 }
 

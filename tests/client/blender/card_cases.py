@@ -3,12 +3,12 @@
     blender -b -P card_cases.py -- ARCHIVE CASES
 
 A case has the scene's settings, "samples" a pixel, and what stands behind: "planes", parallel to the nearest monitor and as
-large, of "depth" (mm) and "picture"; an "environment". Its render, rows from the top, is written as floats of r, g, b to
+large, of "depth" (mm) and "picture"; an "environment". A "camera" that the scene has, its "location" and "rotation", takes the
+card; planes are placed for the add-on's own. The render, rows from the top, is written as floats of r, g, b to
 "output"; what fails, as text to "error".
 """
 
 import json
-import math
 import pathlib
 import sys
 
@@ -29,7 +29,7 @@ def empty_scene():
     scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0, 0, 0, 1)
     render, cycles = scene.render, scene.cycles
-    render.engine, render.threads_mode, render.threads = "CYCLES", "FIXED", 2
+    render.engine = "CYCLES"
     render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.pixel_filter_type, cycles.sample_clamp_indirect = "BOX", 0
@@ -63,6 +63,12 @@ def render(case):
     settings = scene.glasswing
     for name, value in case["settings"].items():
         setattr(settings, name, value)
+    if "camera" in case:
+        settings.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+        settings.camera.location, settings.camera.rotation_euler = case["camera"]["location"], case["camera"]["rotation"]
+        scene.collection.objects.link(settings.camera)
+        scene.camera = settings.camera
+        bpy.context.view_layer.update()
     bpy.ops.glasswing.card()
     if "environment" in case:
         settings.environment = bpy.data.images.load(case["environment"])
