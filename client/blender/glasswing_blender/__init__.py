@@ -1,4 +1,4 @@
-"""Glasswing for Blender: captured objects before any picture (docs/hosts.md)."""
+"""Glasswing for Blender: captured objects before any picture (docs/blender.md)."""
 
 bl_info = {
     "name": "Glasswing environment mattes",

@@ -4,8 +4,8 @@
 
 A case has the scene's settings, "samples" a pixel, and what stands behind: "planes", parallel to the nearest monitor and as
 large, of "depth" (mm) and "picture"; an "environment". A "camera" that the scene has, its "location" and "rotation", takes the
-card; planes are placed for the add-on's own. The render, rows from the top, is written as floats of r, g, b to
-"output"; what fails, as text to "error".
+card; planes are placed for the add-on's own. The render, "finer" times as large, is written to "output": rows from the top,
+floats of r, g, b. What fails is written as text to "error".
 """
 
 import json
@@ -80,8 +80,7 @@ def render(case):
     for plane in case.get("planes", ()):
         add_plane(scene, pose, plane["depth"], plane["picture"], settings.unit_mm)
     scene.cycles.samples = case["samples"]
-    if "scale" in case:
-        scene.render.resolution_percentage = 100 * case["scale"]
+    scene.render.resolution_percentage = 100 * case.get("finer", 1)
     scene.render.filepath = case["output"] + ".exr"
     bpy.ops.render.render(write_still=True)
     [(_, planes)] = exr.read_parts(scene.render.filepath)
