@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measures rays in Blender's scenes against `glasswing composite --exact` (docs/hosts.md), and keeps the pictures.
+"""Measures rays in Blender's scenes against `glasswing composite --exact` (docs/blender.md), and keeps the pictures.
 
     card_figures.py DIRECTORY [NAME...]
 
@@ -22,7 +22,7 @@ BIN = pathlib.Path(os.environ.setdefault("GLASSWING_BIN", str(ROOT / "build/rele
 sys.path[:0] = [str(BIN.parent / "python"), str(ROOT / "tests/gate")]
 import glasswing  # noqa: E402
 ADDON = BIN.parent / "blender/glasswing_blender.zip"
-SCENE = pathlib.Path(os.environ.get("GLASSWING_DATA", ROOT.parent / "shared/data")) / "rendered/dev2/L_depth"
+SCENE = pathlib.Path(os.environ.setdefault("GLASSWING_DATA", str(ROOT.parent / "shared/data"))) / "rendered/dev2/L_depth"
 SAMPLES, FINER, POINTS = 1024, 6, 12
 
 
