@@ -82,7 +82,7 @@ class Correspondences:
     far_px: _Doubles
     """N x 2: the far point in the monitor's pixels."""
     near_sd_mm: _Doubles
-    """N: standard error of the near point, rms of two axes; 0: not known. It does not have the geometry's."""
+    """N: standard error of the near point, rms of two axes; 0: not known. It has the pose's, if that was calibrated."""
     far_sd_mm: _Doubles
     """N: the same of the far point."""
     state: npt.NDArray[np.uint8]
@@ -255,7 +255,10 @@ class Rays(Pixels):
 
     @property
     def origin_sd_mm(self) -> _Floats:
-        """H x W x 3 x rays: standard error of the origin across the ray, rms of two axes; 0: not known."""
+        """H x W x 3 x rays: standard error of the origin across the ray, rms of two axes; 0: not known.
+
+        It has those of the mode's place and of the pose, if the geometry has its covariance; so has ``direction_sd``.
+        """
         return self._native.origin_sd_mm
 
     @property
