@@ -82,23 +82,20 @@ absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& argume
       for (float& light : rays.foreground(x, y)) light *= arguments.foreground_gain;
     }
   }
-  const v1::RayMetadata& metadata = rays.metadata;
-  if (metadata.poses().empty() || metadata.matte().monitors().empty())
-    return absl::DataLossError(fmt::format("{} names no pose or no monitor", arguments.matte));
-  GW_ASSIGN_OR_RETURN(const v1::MonitorPose* const pose,
-                      find_pose(metadata.geometry(), metadata.poses(0), metadata.matte().monitors(0).name()));
-  const MonitorPlane monitor(*pose);
+  const absl::StatusOr<const v1::MonitorPose*> pose = nearest_pose(rays);
+  if (!pose.ok())
+    return absl::Status(pose.status().code(),
+                        fmt::format("{}: {}", arguments.matte, std::string(pose.status().message())));
   Surroundings surroundings;
   const auto add_plane = [&](double depth_mm, const std::string& file) -> absl::Status {
     GW_ASSIGN_OR_RETURN(const RadianceImage picture, colours.read(file, arguments.encoding()));
-    surroundings.planes.push_back(
-        {monitor.at_depth(depth_mm), resized(picture, pose->width_px(), pose->height_px())});
+    surroundings.planes.push_back(picture_at(**pose, depth_mm, picture));
     return absl::OkStatus();
   };
   std::string behind;
   if (!arguments.backgrounds.pictures.empty()) {
     GW_ASSIGN_OR_RETURN(const BackgroundArgument background,
-                        parse_background(arguments.backgrounds.pictures[0], metadata.matte()));
+                        parse_background(arguments.backgrounds.pictures[0], rays.metadata.matte()));
     if (background.texture != 0)
       return absl::InvalidArgumentError("--background of rays is a picture on the first monitor");
     behind = background.file;
@@ -113,7 +110,7 @@ absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& argume
     taken = taken || plane.picture.empty();
     GW_RETURN_IF_ERROR(add_plane(plane.depth_mm, plane.picture.empty() ? behind : plane.picture));
   }
-  if (!behind.empty() && !taken) GW_RETURN_IF_ERROR(add_plane(monitor.depth_mm(), behind));
+  if (!behind.empty() && !taken) GW_RETURN_IF_ERROR(add_plane(MonitorPlane(**pose).depth_mm(), behind));
   if (!arguments.environment.empty()) {
     GW_ASSIGN_OR_RETURN(RadianceImage picture, colours.read(arguments.environment, arguments.encoding()));
     for (float& light : picture.samples) light *= arguments.environment_gain;

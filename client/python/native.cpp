@@ -15,12 +15,16 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/file.h"
 #include "core/composite/compositor.h"
 #include "core/composite/fast_compositor.h"
 #include "core/frame/image.h"
 #include "core/frame/image_file.h"
+#include "core/geometry/rig_geometry.h"
 #include "core/matte/matte_file.h"
+#include "core/rays/match_rays.h"
 #include "core/rays/ray_file.h"
+#include "core/rays/surroundings.h"
 
 namespace glasswing {
 namespace {
@@ -199,10 +203,32 @@ class NativeRays {
  public:
   explicit NativeRays(RayMatte rays) : rays_(std::move(rays)) {}
   RayMatte& rays() { return rays_; }
+  const RayMatte& rays() const { return rays_; }
 
  private:
   RayMatte rays_;
 };
+
+v1::RigGeometry geometry_of(const std::string& bytes) {
+  v1::RigGeometry geometry;
+  absl::Status status = absl::InvalidArgumentError("the geometry is no message RigGeometry");
+  if (geometry.ParseFromString(bytes)) status = check_geometry(geometry);
+  if (!status.ok()) throw StatusError{status};
+  return geometry;
+}
+
+// `planes`: depths (mm) and pictures; `environment`: a picture, or None.
+Floats composite_of_rays(const NativeRays& self, const std::vector<std::pair<double, Floats>>& planes,
+                         const std::optional<Floats>& environment, double turn_rad, bool lossless, bool exact,
+                         int thread_count) {
+  Surroundings around{.planes = {}, .environment = std::nullopt, .lossless = lossless};
+  if (environment) around.environment = Environment{image_of(*environment), turn_rad};
+  const v1::MonitorPose& pose = *value_of(nearest_pose(self.rays()));
+  for (const auto& [depth_mm, picture] : planes)
+    around.planes.push_back(picture_at(pose, depth_mm, image_of(picture)));
+  return array_of(
+      without_gil([&] { return value_of(composite_rays(self.rays(), around, exact, thread_count)); }));
+}
 
 RayMatte& rays_of(const py::object& self) {
   return self.cast<NativeRays&>().rays();
@@ -229,6 +255,25 @@ void bind_rays(py::module_& module) {
   rays.def_static("decode", [](std::string_view bytes) {
     return std::make_unique<NativeRays>(without_gil([&] { return value_of(decode_rays(bytes)); }));
   });
+  rays.def_static("match", [](NativeMatte& one, NativeMatte& other, const std::string& geometry,
+                              const std::vector<std::string>& poses) {
+    return std::make_unique<NativeRays>(without_gil(
+        [&] { return value_of(match_rays(one.matte(), other.matte(), geometry_of(geometry), poses)); }));
+  });
+  rays.def_static("far_light", [](NativeMatte& matte, const std::string& geometry, const std::string& pose,
+                                  double object_depth_mm) {
+    return std::make_unique<NativeRays>(without_gil([&] {
+      return value_of(far_light_rays(matte.matte(), geometry_of(geometry), pose, object_depth_mm));
+    }));
+  });
+  rays.def("write", [](const NativeRays& self, const std::string& path) {
+    without_gil([&] {
+      const absl::Status written = write_file_durably(path, value_of(encode_rays(self.rays())));
+      if (!written.ok()) throw StatusError{written};
+      return 0;
+    });
+  });
+  rays.def("composite", &composite_of_rays);
   rays.def_property_readonly(
       "metadata", [](NativeRays& self) { return py::bytes(self.rays().metadata.SerializeAsString()); });
   def_pixels(rays, &rays_of);
@@ -249,6 +294,12 @@ void bind_rays(py::module_& module) {
   def_rays("direction_sd", [](const Ray& ray) -> Ref { return ray.direction_sd; });
   def_rays("state", [](const Ray& ray) -> const std::uint8_t& {
     return reinterpret_cast<const std::uint8_t&>(ray.state);
+  });
+}
+
+void bind_geometry(py::module_& module) {
+  module.def("read_geometry", [](const std::string& path) {
+    return py::bytes(without_gil([&] { return value_of(read_geometry(path)).SerializeAsString(); }));
   });
 }
 
@@ -287,5 +338,6 @@ PYBIND11_MODULE(_native, module) {
   });
   glasswing::bind_matte(module);
   glasswing::bind_rays(module);
+  glasswing::bind_geometry(module);
   glasswing::bind_pictures(module);
 }

@@ -48,6 +48,11 @@ absl::Status check_geometry(const v1::RigGeometry& geometry) {
           fmt::format("pose \"{}\" has a monitor of {}x{} px of {} mm; all must be above 0", pose.name(),
                       pose.width_px(), pose.height_px(), pose.pitch_mm()));
     }
+    if (!pose.covariance().empty() && pose.covariance_size() != 36) {
+      return absl::InvalidArgumentError(
+          fmt::format("pose \"{}\" has {} numbers of covariance; they must be 36, or none", pose.name(),
+                      pose.covariance_size()));
+    }
     const Eigen::Matrix3d rotation = rotation_of(pose);
     constexpr double kMaxDeviation = 1e-3;
     const double deviation =

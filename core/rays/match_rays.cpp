@@ -14,6 +14,7 @@ namespace glasswing {
 namespace {
 
 using Eigen::Matrix2d;
+using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
@@ -85,18 +86,37 @@ class Depth {
             pose->width_px(), pose->height_px(), monitor.name(), monitor.width_px(), monitor.height_px()));
       }
       planes_.emplace_back(*pose);
+      covariances_.push_back(covariance_of(*pose));
     }
     if (planes_.empty()) return absl::DataLossError("the matte's header names no monitors");
     return absl::OkStatus();
   }
   const MonitorPlane& plane(int texture) const { return planes_[static_cast<size_t>(texture)]; }
   const std::vector<MonitorPlane>& planes() const { return planes_; }
+  // Of where a monitor's place lies, mm^2, by the calibration's covariance of its pose; 0 where there is
+  // none.
+  Matrix3d error_at(int texture, const Vector2d& at) const {
+    const MonitorPlane& plane = planes_[static_cast<size_t>(texture)];
+    const Vector3d turned = plane.at(at.x(), at.y()) - plane.corner_mm;
+    Eigen::Matrix<double, 3, 6> by_pose;  // a turn about the camera's axes, then a translation
+    by_pose << 0.0, turned.z(), -turned.y(), 1.0, 0.0, 0.0,  //
+        -turned.z(), 0.0, turned.x(), 0.0, 1.0, 0.0,         //
+        turned.y(), -turned.x(), 0.0, 0.0, 0.0, 1.0;
+    return by_pose * covariances_[static_cast<size_t>(texture)] * by_pose.transpose();
+  }
 
  private:
+  using PoseCovariance = Eigen::Matrix<double, 6, 6>;
+  static PoseCovariance covariance_of(const v1::MonitorPose& pose) {
+    if (pose.covariance().empty()) return PoseCovariance::Zero();
+    return Eigen::Map<const PoseCovariance>(pose.covariance().data());
+  }
+
   const v1::RigGeometry& geometry_;
   const v1::MatteMetadata& metadata_;
   const std::string pose_;
   std::vector<MonitorPlane> planes_;
+  std::vector<PoseCovariance> covariances_;
 };
 
 absl::Status check_camera(const Matte& matte, const v1::RigGeometry& geometry) {
@@ -356,7 +376,24 @@ class Matcher {
       ray.direction_sd =
           static_cast<float>(std::hypot(from.sd * near_plane.pitch_mm, to.sd * far_plane.pitch_mm) / gap);
     }
+    widen_by_poses(ray, from.texture, from.at, to.at);
     return ray;
+  }
+
+  // Adds the errors of both poses, taken to be independent of each other, to the standard errors that are
+  // known.
+  void widen_by_poses(Ray& ray, int texture, const Vector2d& from, const Vector2d& to) const {
+    const Vector3d direction = ray.direction.cast<double>();
+    const Matrix3d across = Matrix3d::Identity() - direction * direction.transpose();
+    const auto widened = [&](float sd, const Matrix3d& error, double length) {
+      const double own = std::sqrt(std::max(0.5 * (across * error * across).trace(), 0.0)) / length;
+      return sd > 0.0f ? static_cast<float>(std::hypot(static_cast<double>(sd), own)) : sd;
+    };
+    const Matrix3d near = near_.error_at(texture, from), far = far_.error_at(texture, to);
+    const double length =
+        (far_.plane(texture).at(to.x(), to.y()) - near_.plane(texture).at(from.x(), from.y())).norm();
+    ray.origin_sd_mm = widened(ray.origin_sd_mm, near, 1.0);
+    ray.direction_sd = widened(ray.direction_sd, near + far, length);
   }
 
   // Which places of one depth lie on one path: those of neighbouring pixels that lie as near each other as
@@ -522,6 +559,7 @@ class Matcher {
                        : ray_through(near_plane, seen.at, seen_axes, far_plane, other, other_axes);
     const double gap = (far_plane.corner_mm - near_plane.corner_mm).norm();
     ray.direction_sd = static_cast<float>(sd * far_plane.pitch_mm / gap);
+    widen_by_poses(ray, seen.texture, seen_far ? other : seen.at, seen_far ? seen.at : other);
     ray.weight = static_cast<float>(light);
     ray.state = state;
     return ray;

@@ -22,7 +22,8 @@
 namespace glasswing {
 
 // `poses` names the geometry's pose of each matte. What only one depth saw gets a direction from rays beside
-// it, whose standard error widens its spread; RayState says so. INVALID_ARGUMENT: the mattes differ in size,
+// it, whose standard error widens its spread; RayState says so. Standard errors have those of the poses, if
+// the geometry has their covariances. INVALID_ARGUMENT: the mattes differ in size,
 // are of boxes, or not of the geometry's camera; their monitors stand in one plane. NOT_FOUND: no such pose.
 absl::StatusOr<RayMatte> match_rays(const Matte& one, const Matte& other, const v1::RigGeometry& geometry,
                                     const std::vector<std::string>& poses);

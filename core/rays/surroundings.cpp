@@ -13,6 +13,7 @@
 #include "core/composite/compositor.h"
 #include "core/composite/footprint_rows.h"
 #include "core/footprint/normal_rectangle.h"
+#include "core/frame/image_file.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {
@@ -268,6 +269,17 @@ std::array<float, kChannels> EnvironmentMap::wide(const Ray& ray) const {
   std::array<float, kChannels> light{};
   for (size_t c = 0; c < kChannels; ++c) light[c] = static_cast<float>(sums[c] / total);
   return light;
+}
+
+absl::StatusOr<const v1::MonitorPose*> nearest_pose(const RayMatte& rays) {
+  const v1::RayMetadata& metadata = rays.metadata;
+  if (metadata.poses().empty() || metadata.matte().monitors().empty())
+    return absl::DataLossError("the rays name no pose or no monitor");
+  return find_pose(metadata.geometry(), metadata.poses(0), metadata.matte().monitors(0).name());
+}
+
+PlanePicture picture_at(const v1::MonitorPose& pose, double depth_mm, const RadianceImage& picture) {
+  return {MonitorPlane(pose).at_depth(depth_mm), resized(picture, pose.width_px(), pose.height_px())};
 }
 
 absl::StatusOr<RadianceImage> composite_rays(const RayMatte& rays, const Surroundings& surroundings,

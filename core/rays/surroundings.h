@@ -24,6 +24,11 @@ struct PlanePicture {
   MonitorPlane plane;
   RadianceImage picture;  // of exactly the plane's pixels
 };
+// The pose of the first monitor nearest the object, whose planes pictures lie on. DATA_LOSS: the rays name
+// none.
+absl::StatusOr<const v1::MonitorPose*> nearest_pose(const RayMatte& rays);
+// Parallel to the pose's monitor, at a depth along its normal, and as large; the picture is scaled to it.
+PlanePicture picture_at(const v1::MonitorPose& pose, double depth_mm, const RadianceImage& picture);
 
 // Equirectangular: column u of W is lon = 2 pi (u / W - 1/2), row v of H is th = pi v / H, of direction
 // (sin th sin lon, -cos th, sin th cos lon) in the camera's frame. So its middle lies ahead, its right half

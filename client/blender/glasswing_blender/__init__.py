@@ -1,12 +1,12 @@
-"""Glasswing for Blender: captured objects before any picture (docs/hosts.md)."""
+"""Glasswing for Blender: captured objects before any picture (docs/blender.md)."""
 
 bl_info = {
     "name": "Glasswing environment mattes",
     "author": "Glasswing",
     "version": (0, 1, 0),
     "blender": (3, 4, 0),
-    "location": "Image Editor > Sidebar > Glasswing",
-    "description": "Puts captured objects, with their refraction and blur, before pictures and footage",
+    "location": "Image Editor and 3D Viewport > Sidebar > Glasswing",
+    "description": "Puts captured objects, with their refraction and blur, before pictures and footage, and into scenes",
     "category": "Compositing",
 }
 

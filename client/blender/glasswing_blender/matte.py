@@ -63,7 +63,7 @@ def read_matte(path):
     """Raises OSError, or ValueError that says what is wrong with the file."""
     parts = exr.read_parts(path, lambda name: name == "foreground" or re.fullmatch(r"mode\d+", name))
     if "glasswing:rays" in parts[0][0].text:
-        raise ValueError(f"{path} holds rays, which glasswing composite shows; this needs a matte")
+        raise ValueError(f"{path} holds rays, which the 3D Viewport's panel sets into a scene; this needs a matte")
     text = parts[0][0].text.get("glasswing")
     if text is None:
         raise ValueError(f"{path} is not a matte: its header has no attribute \"glasswing\"")

@@ -1,11 +1,13 @@
-"""The sidebar's panel in the Image Editor, its settings and its operators."""
+"""The sidebars' panels in the Image Editor and in the 3D Viewport, their settings and operators."""
 
 import os
 
 import bpy
 
-from . import pictures
+from . import pictures, scene_3d
+from .card import card_of
 from .composite import composited, loaded, matte_files
+from .rays import read_rays
 
 _IMAGE = "Glasswing"
 
@@ -44,6 +46,22 @@ class GlasswingSettings(bpy.types.PropertyGroup):
         name="First Frame", default=1, description="Frame of the scene with the first matte and each movie's first frame")
     directory: bpy.props.StringProperty(
         name="Frames", subtype="DIR_PATH", default="//glasswing/", description="Directory for the scene's frames")
+
+    rays: bpy.props.StringProperty(name="Rays", subtype="FILE_PATH", description="An .exr of glasswing rays")
+    camera: bpy.props.PointerProperty(
+        type=bpy.types.Object, name="Camera", poll=lambda self, each: each.type == "CAMERA",
+        description="Gets the captured camera's lens and the card before it; none: a new camera is made")
+    unit_mm: bpy.props.FloatProperty(
+        name="Unit", default=1000.0, min=1e-3, max=1e6, description="Millimetres of a unit of the scene")
+    exact_depth: bpy.props.FloatProperty(
+        name="Exact Depth", min=0.0, max=1e7,
+        description="Where what stands behind the object shall be seen exactly, mm from the camera; 0: far away")
+    environment: bpy.props.PointerProperty(
+        type=bpy.types.Image, name="Environment", description="An equirectangular picture")
+    environment_turn: bpy.props.FloatProperty(
+        name="Turn", subtype="ANGLE", description="Of the environment: what lay ahead of the camera moves to the right")
+    environment_gain: bpy.props.FloatProperty(
+        name="Gain", default=1.0, min=0.0, max=1e4, description="Factor on the environment's light")
 
 
 class _Operator(bpy.types.Operator):
@@ -104,6 +122,37 @@ class GLASSWING_OT_frames(_Operator):
         sequence.name = f"{_IMAGE} frames"
 
 
+class GLASSWING_OT_card(_Operator):
+    """Set the rays' object into the scene: a card before the camera that refracts what is behind it (Cycles)"""
+
+    bl_idname, bl_label, bl_options = "glasswing.card", "Set Into Scene", {"UNDO"}
+
+    def run(self, context, settings):
+        path = bpy.path.abspath(settings.rays)
+        rays = read_rays(path)
+        card = card_of(rays, settings.exact_depth)
+        if settings.camera is None:
+            settings.camera = scene_3d.new_camera(context.scene)
+        scene_3d.set_lens(context.scene, settings.camera, rays.camera, card.corners[..., 2].min() / settings.unit_mm)
+        name = os.path.splitext(os.path.basename(path))[0]
+        scene_3d.new_card(context.scene, settings.camera, name, card, settings.unit_mm)
+        for warning in rays.warnings:
+            self.report({"WARNING"}, warning)
+
+
+class GLASSWING_OT_world(_Operator):
+    """Make the environment the scene's world, its middle ahead of the camera"""
+
+    bl_idname, bl_label, bl_options = "glasswing.world", "Set World", {"UNDO"}
+
+    def run(self, context, settings):
+        camera = settings.camera or context.scene.camera
+        if camera is None or settings.environment is None:
+            raise ValueError("choose an environment, and a camera that it is ahead of")
+        scene_3d.set_world(
+            context.scene, camera, settings.environment, settings.environment_turn, settings.environment_gain)
+
+
 class GLASSWING_PT_panel(bpy.types.Panel):
     bl_idname, bl_label = "GLASSWING_PT_panel", "Glasswing"
     bl_space_type, bl_region_type, bl_category = "IMAGE_EDITOR", "UI", "Glasswing"
@@ -132,13 +181,33 @@ class GLASSWING_PT_panel(bpy.types.Panel):
         layout.operator("glasswing.frames")
 
 
+class GLASSWING_PT_scene(bpy.types.Panel):
+    bl_idname, bl_label = "GLASSWING_PT_scene", "Glasswing"
+    bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "Glasswing"
+
+    def draw(self, context):
+        settings, layout = context.scene.glasswing, self.layout
+        layout.use_property_split = True
+        for name in ("rays", "camera", "unit_mm", "exact_depth"):
+            layout.prop(settings, name)
+        layout.operator("glasswing.card")
+        layout.separator()
+        layout.template_ID(settings, "environment", open="image.open")
+        layout.prop(settings, "environment_turn")
+        layout.prop(settings, "environment_gain")
+        layout.operator("glasswing.world")
+
+
 _CLASSES = (
     GlasswingPicture,
     GlasswingSettings,
     GLASSWING_OT_load,
     GLASSWING_OT_composite,
     GLASSWING_OT_frames,
+    GLASSWING_OT_card,
+    GLASSWING_OT_world,
     GLASSWING_PT_panel,
+    GLASSWING_PT_scene,
 )
 
 

@@ -33,8 +33,9 @@ from glasswing.errors import (
 from glasswing.fleet import Fleet, Lease, Solve, Solver
 from glasswing.instruments import Finding, Level, LivePicture, MonitorLatency
 from glasswing.live import LiveComposite
-from glasswing.matte import Matte, Modes, PixelFlag
+from glasswing.matte import Matte, Modes
 from glasswing.pictures import Picture, linear_to_srgb, read_picture, resized, srgb_to_linear, write_picture
+from glasswing.pixels import PixelFlag
 from glasswing.plan import (
     BLACK,
     WHITE,
@@ -51,7 +52,7 @@ from glasswing.plan import (
     SquareWaves,
     Sweep,
 )
-from glasswing.rays import Correspondences, Rays, RayState
+from glasswing.rays import Correspondences, Rays, RayState, read_geometry
 from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Rig, connect
 from glasswing.session import Action, Session, SessionInfo, State, Stopped, UnprovenStep, Waiting
 
@@ -113,6 +114,7 @@ __all__ = [
     "Waiting",
     "connect",
     "linear_to_srgb",
+    "read_geometry",
     "read_picture",
     "resized",
     "srgb_to_linear",

@@ -9,33 +9,19 @@ pixels, origin at the outer corner of the top-left pixel, x right, y down, pixel
 from __future__ import annotations
 
 import dataclasses
-import enum
 import os
 from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from glasswing import _native
+from glasswing._native import NativeMatte
 from glasswing.errors import InvalidInput
 from glasswing.pictures import Picture, as_picture, encode_png8, linear_to_srgb
+from glasswing.pixels import Pixels
 from glasswing.v1 import matte_pb2
 
 _Floats = npt.NDArray[np.float32]
-
-
-class PixelFlag(enum.IntFlag):
-    """Why a pixel is unreliable; 0 is good."""
-
-    NOT_CONVERGED = 1
-    SATURATED = 2
-    """Frames clipped at this pixel."""
-    POOR_FIT = 4
-    """The residual exceeds the noise."""
-    NO_DATA = 8
-    """Not solved."""
-    FILLED = 16
-    """Made of its neighbours by "glasswing matte fill"."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,13 +49,15 @@ class Modes:
     """Standard error of the centre, rms of x and y; 0: not known."""
 
 
-class Matte:
+class Matte(Pixels):
     """A finished matte of H x W camera pixels; ``Session.fetch()`` and ``Matte.read()`` make one.
 
     Its arrays are read-only views into one copy of the data, which they keep alive.
     """
 
-    def __init__(self, native: _native.NativeMatte) -> None:
+    _native: NativeMatte
+
+    def __init__(self, native: NativeMatte) -> None:
         self._native = native
         self.metadata = matte_pb2.MatteMetadata.FromString(native.metadata)
         """The message MatteMetadata (proto/glasswing/v1/matte.proto): session, method, options, warnings and more."""
@@ -77,12 +65,12 @@ class Matte:
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Matte:
         """Reads a matte from a file. NotFound, or Damaged: truncated, altered or not a matte. Both name the path."""
-        return cls(_native.NativeMatte.read(os.fspath(path)))
+        return cls(NativeMatte.read(os.fspath(path)))
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Matte:
         """Decodes a matte from a file's content. Damaged: truncated, altered or not a matte."""
-        return cls(_native.NativeMatte.decode(content))
+        return cls(NativeMatte.decode(content))
 
     def __repr__(self) -> str:
         height, width = self.coverage.shape
@@ -92,21 +80,6 @@ class Matte:
     def monitors(self) -> tuple[str, ...]:
         """Names of the monitors that its light came from; a mode's ``texture`` is an index into this."""
         return tuple(monitor.name for monitor in self.metadata.monitors)
-
-    @property
-    def foreground(self) -> _Floats:
-        """H x W x 3: F, the light without the monitors; linear."""
-        return self._native.foreground
-
-    @property
-    def coverage(self) -> _Floats:
-        """H x W: 1 inside the object's silhouette, 0 outside, in between where the object covers part of the pixel."""
-        return self._native.coverage
-
-    @property
-    def flags(self) -> npt.NDArray[np.uint8]:
-        """H x W: sums of ``PixelFlag``."""
-        return self._native.flags
 
     @property
     def modes(self) -> Modes:

@@ -12,17 +12,30 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import math
 import os
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from glasswing import _native
-from glasswing.errors import Damaged, Refused
+from glasswing._native import NativeRays
+from glasswing.errors import Damaged, InvalidInput, Refused
+from glasswing.matte import Matte
+from glasswing.pictures import Picture, as_picture
+from glasswing.pixels import Pixels
 from glasswing.v1 import rays_pb2
 
 _Floats = npt.NDArray[np.float32]
 _Doubles = npt.NDArray[np.float64]
+_MAX_DEPTH_MM = 1e7
+
+
+def read_geometry(path: str | os.PathLike[str]) -> rays_pb2.RigGeometry:
+    """Reads the file of "glasswing calibrate geometry": the message RigGeometry. NotFound, or InvalidInput naming the line."""
+    geometry: rays_pb2.RigGeometry = rays_pb2.RigGeometry.FromString(_native.read_geometry(os.fspath(path)))
+    return geometry
 
 
 class RayState(enum.IntEnum):
@@ -69,7 +82,7 @@ class Correspondences:
     far_px: _Doubles
     """N x 2: the far point in the monitor's pixels."""
     near_sd_mm: _Doubles
-    """N: standard error of the near point, rms of two axes; 0: not known. It does not have the geometry's."""
+    """N: standard error of the near point, rms of two axes; 0: not known. It has the pose's, if that was calibrated."""
     far_sd_mm: _Doubles
     """N: the same of the far point."""
     state: npt.NDArray[np.uint8]
@@ -113,14 +126,16 @@ class _Plane:
         return along
 
 
-class Rays:
-    """The rays of H x W camera pixels, which "glasswing rays" wrote.
+class Rays(Pixels):
+    """The rays of H x W camera pixels, which "glasswing rays" wrote, or ``Rays.match()`` made.
 
     Its arrays are read-only views into one copy of the data, which they keep alive. Rays of a pixel and channel are in the
     order of their weights; those of weight 0 are unused.
     """
 
-    def __init__(self, native: _native.NativeRays) -> None:
+    _native: NativeRays
+
+    def __init__(self, native: NativeRays) -> None:
         self._native = native
         self.metadata = rays_pb2.RayMetadata.FromString(native.metadata)
         """The message RayMetadata (proto/glasswing/v1/rays.proto): geometry, poses, counts, approximation, first matte's."""
@@ -128,12 +143,52 @@ class Rays:
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Rays:
         """Reads rays from a file. NotFound, or Damaged: truncated, altered or not of rays. Both name the path."""
-        return cls(_native.NativeRays.read(os.fspath(path)))
+        return cls(NativeRays.read(os.fspath(path)))
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Rays:
         """Decodes rays from a file's content. Damaged: truncated, altered or not of rays."""
-        return cls(_native.NativeRays.decode(content))
+        return cls(NativeRays.decode(content))
+
+    @classmethod
+    def match(
+        cls,
+        one: Matte,
+        other: Matte,
+        geometry: rays_pb2.RigGeometry,
+        *,
+        poses: tuple[str, str] | None = None,
+    ) -> Rays:
+        """Makes rays of mattes of one object before monitors at two depths, as "glasswing rays" does.
+
+        ``geometry``: what ``read_geometry()`` returns. ``poses``: names of its poses, one for each matte; None: those of
+        their sessions. Releases the GIL.
+
+        InvalidInput: the mattes differ in size, are of boxes or not of the geometry's camera, or their monitors stand in
+        one plane. NotFound: there is no such pose.
+        """
+        names = list(poses or (one.metadata.session, other.metadata.session))
+        return cls(NativeRays.match(one._native, other._native, geometry.SerializeToString(), names))
+
+    @classmethod
+    def far_light(
+        cls,
+        matte: Matte,
+        geometry: rays_pb2.RigGeometry,
+        object_depth_mm: float,
+        *,
+        pose: str | None = None,
+    ) -> Rays:
+        """Makes rays of one matte, for an environment far away, as an approximation: its object is taken to be flat.
+
+        ``object_depth_mm``: how far it stands along the camera's axis. Others, and errors: as of ``match()``.
+        """
+        name = pose or matte.metadata.session
+        return cls(NativeRays.far_light(matte._native, geometry.SerializeToString(), name, object_depth_mm))
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the file that "glasswing rays" would; its name should end in ".exr"."""
+        self._native.write(os.fspath(path))
 
     def __repr__(self) -> str:
         height, width, _, most = self.weight.shape
@@ -151,6 +206,12 @@ class Rays:
         return tuple(self.metadata.poses)
 
     @property
+    def near_depth_mm(self) -> float:
+        """Distance from the camera to the first monitor at the near pose, along its normal: a depth for ``composite()``."""
+        plane = self._plane(self.poses[0], self.monitors[0])
+        return float(plane.normal @ plane.corner)
+
+    @property
     def monitors(self) -> tuple[str, ...]:
         """Names of the monitors that the light came from."""
         return tuple(monitor.name for monitor in self.metadata.matte.monitors)
@@ -166,21 +227,6 @@ class Rays:
         """k1, k2, p1, p2, k3, as OpenCV has them."""
         camera = self.geometry.camera
         return np.array([camera.k1, camera.k2, camera.p1, camera.p2, camera.k3])
-
-    @property
-    def foreground(self) -> _Floats:
-        """H x W x 3: F, the light without the surroundings; linear."""
-        return self._native.foreground
-
-    @property
-    def coverage(self) -> _Floats:
-        """H x W: 1 inside the object's silhouette, 0 outside, the larger of both mattes."""
-        return self._native.coverage
-
-    @property
-    def flags(self) -> npt.NDArray[np.uint8]:
-        """H x W: sums of ``PixelFlag``, of both mattes."""
-        return self._native.flags
 
     @property
     def weight(self) -> _Floats:
@@ -209,7 +255,10 @@ class Rays:
 
     @property
     def origin_sd_mm(self) -> _Floats:
-        """H x W x 3 x rays: standard error of the origin across the ray, rms of two axes; 0: not known."""
+        """H x W x 3 x rays: standard error of the origin across the ray, rms of two axes; 0: not known.
+
+        It has those of the mode's place and of the pose, if the geometry has its covariance; so has ``direction_sd``.
+        """
         return self._native.origin_sd_mm
 
     @property
@@ -221,6 +270,38 @@ class Rays:
     def state(self) -> npt.NDArray[np.uint8]:
         """H x W x 3 x rays: a ``RayState``."""
         return self._native.state
+
+    def composite(
+        self,
+        *,
+        planes: Sequence[tuple[float, npt.ArrayLike]] = (),
+        environment: npt.ArrayLike | None = None,
+        environment_turn_deg: float = 0.0,
+        lossless: bool = False,
+        exact: bool = False,
+        threads: int = 0,
+    ) -> Picture:
+        """Composites the object over pictures at any depth and in an environment: H x W x 3, linear, not clamped.
+
+        ``planes``: depths and pictures of linear light, h x w x 3. Each stands parallel to the nearest monitor, that many
+        mm from the camera along its normal, and is scaled to the monitor's size; nearer ones hide what is behind them.
+        ``environment``: all directions, equirectangular; its middle lies ahead of the camera, and moves to the right by
+        ``environment_turn_deg``. ``lossless``: light that no ray tells of is the environment's mean. ``exact`` and
+        ``threads``: as of ``Matte.composite()``. Releases the GIL.
+
+        InvalidInput: nothing stands behind the object, a depth is not in (0, 1e7], a picture is not of linear light, or
+        ``lossless`` has no environment.
+        """
+        if not planes and environment is None:
+            raise InvalidInput("planes or environment must say what stands behind the object")
+        if lossless and environment is None:
+            raise InvalidInput("lossless is about light of an environment, which is not given")
+        for depth, _ in planes:
+            if not 0.0 < depth <= _MAX_DEPTH_MM:
+                raise InvalidInput(f"a plane has the depth {depth} mm; it must be above 0 and at most {_MAX_DEPTH_MM:g}")
+        pictures = [(float(depth), as_picture(picture, f"plane {depth:g}")) for depth, picture in planes]
+        around = None if environment is None else as_picture(environment, "environment")
+        return self._native.composite(pictures, around, math.radians(environment_turn_deg), lossless, exact, threads)
 
     def correspondences(self) -> Correspondences:
         """The pairs of points on the two monitors of all rays that were measured at both depths.

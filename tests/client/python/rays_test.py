@@ -148,6 +148,66 @@ class RaysTest(unittest.TestCase):
             for name in saved:
                 np.testing.assert_array_equal(saved[name], getattr(found, name))
 
+    def test_rays_of_mattes_are_the_command_lines(self):
+        near, far = (glasswing.Matte.read(self.directory / f"{name}.exr") for name in ("near", "far"))
+        geometry = glasswing.read_geometry(self.directory / "rig.txtpb")
+        self.assertEqual(geometry, self.rays.geometry)
+        Rays.match(near, far, geometry).write(self.directory / "made.exr")
+        self.assertEqual((self.directory / "made.exr").read_bytes(), self.path.read_bytes())
+        swapped = self.made("swapped.exr", "near.exr", "far.exr", "--poses", "far,near")
+        Rays.match(near, far, geometry, poses=("far", "near")).write(self.directory / "made.exr")
+        self.assertEqual((self.directory / "made.exr").read_bytes(), swapped.read_bytes())
+        one = self.made("one.exr", "near.exr", "--object-depth", "120")
+        Rays.far_light(near, geometry, 120.0).write(self.directory / "made.exr")
+        self.assertEqual((self.directory / "made.exr").read_bytes(), one.read_bytes())
+
+    def test_composites_are_the_command_lines(self):
+        rng = np.random.default_rng(3)
+        shapes = (32, 64, 3), (90, 60, 3), (20, 30, 3)
+        sky, near, far = (rng.random(shape).astype(np.float16).astype(np.float32) for shape in shapes)
+        for name, picture in (("sky", sky), ("a", near), ("b", far)):
+            glasswing.write_picture(self.directory / f"{name}.exr", picture)
+        depth = self.rays.near_depth_mm
+        for exact in (False, True):
+            for words, given in {
+                ("--environment", "sky.exr", "--environment-turn", "40"): {"environment": sky, "environment_turn_deg": 40.0},
+                ("--environment", "sky.exr", "--lossless"): {"environment": sky, "lossless": True},
+                ("--plane", "300:b.exr", "--background", "left=a.exr"): {"planes": [(300.0, far), (depth, near)]},
+                ("--plane", "300:b.exr", "--environment", "sky.exr"): {"planes": [(300, far)], "environment": sky},
+            }.items():
+                with self.subTest(words=words, exact=exact):
+                    made = [BIN / "glasswing", "composite", self.path.name, *words, "-o", "out.exr"]
+                    subprocess.run(made + ["--exact"] * exact, check=True, cwd=self.directory, capture_output=True)
+                    picture = self.rays.composite(**given, exact=exact)
+                    [written] = read_exr(self.directory / "out.exr").values()
+                    np.testing.assert_array_equal(picture, np.stack([written[c] for c in "RGB"], axis=2))
+                    np.testing.assert_array_equal(picture, self.rays.composite(**given, exact=exact, threads=1))
+
+    def test_composites_of_nothing_are_refused(self):
+        grey = np.full((4, 4, 3), 0.5, np.float32)
+        for given, words in (
+            ({}, "planes or environment"),
+            ({"planes": [(100.0, grey)], "lossless": True}, "lossless"),
+            ({"planes": [(0.0, grey)]}, "depth 0.0 mm"),
+            ({"planes": [(100.0, grey[..., 0])]}, r"plane 100 has the shape \(4, 4\)"),
+            ({"environment": (255 * grey).astype(np.uint8)}, "environment is of type uint8"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(glasswing.InvalidInput, words):
+                self.rays.composite(**given)
+
+    def test_geometry_that_does_not_fit_is_refused(self):
+        near, far = (glasswing.Matte.read(self.directory / f"{name}.exr") for name in ("near", "far"))
+        geometry = glasswing.read_geometry(self.directory / "rig.txtpb")
+        with self.assertRaisesRegex(glasswing.NotFound, 'no pose "mid"'):
+            Rays.match(near, far, geometry, poses=("near", "mid"))
+        with self.assertRaisesRegex(glasswing.InvalidInput, "above 0"):
+            Rays.far_light(near, geometry, 0.0)
+        del geometry.monitors[0].rotation[:]
+        with self.assertRaisesRegex(glasswing.InvalidInput, "0 numbers of rotation"):
+            Rays.match(near, far, geometry)
+        with self.assertRaisesRegex(glasswing.NotFound, "none.txtpb"):
+            glasswing.read_geometry(self.directory / "none.txtpb")
+
     def test_what_is_refused(self):
         one = Rays.read(self.made("one.exr", "near.exr", "--object-depth", "120"))
         self.assertEqual(one.poses, ("near",))

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <random>
 #include <vector>
 
 #include "tests/core/rays/snell.h"
@@ -179,6 +180,96 @@ TEST(MatchRays, SlabShiftsRaysAndDoesNotTurnThem) {
   EXPECT_GT(shift, 1.0);
 }
 
+// Poses are drawn from the covariances of a calibration; rays must scatter as their standard errors say.
+TEST(MatchRays, StandardErrorsHaveThoseOfThePoses) {
+  constexpr int kSide = 4, kDraws = 2000;
+  using Vector6d = Eigen::Matrix<double, 6, 1>;
+  using Matrix6d = Eigen::Matrix<double, 6, 6>;
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  v1::RigGeometry rig = geometry();
+  rig.mutable_camera()->set_width_px(kSide);
+  rig.mutable_camera()->set_height_px(kSide);
+  std::vector<Matrix6d> roots;
+  std::vector<Eigen::Matrix3d> turns;
+  for (int pose = 0; pose < 2; ++pose) {
+    v1::MonitorPose& own = *rig.mutable_monitors(pose);
+    turns.push_back(
+        (Eigen::AngleAxisd(0.3 - 0.2 * pose, Vector3d::UnitY()) * Eigen::AngleAxisd(0.2, Vector3d::UnitX()))
+            .toRotationMatrix());
+    for (int i = 0; i < 9; ++i) own.set_rotation(i, turns.back()(i / 3, i % 3));
+    // About 0.1 degrees and 0.1 mm, with correlations.
+    Matrix6d root;
+    for (double& number : root.reshaped()) number = 0.5 * normal(random);
+    root += Matrix6d::Identity();
+    root.topRows<3>() *= 2e-3;
+    root.bottomRows<3>() *= 0.1;
+    roots.push_back(root);
+    const Matrix6d covariance = root * root.transpose();
+    for (const double number : covariance.reshaped()) own.add_covariance(number);
+  }
+  const auto matte = [&](double bent) {
+    Matte made(0, 0, kSide, kSide, 1);
+    v1::Monitor& monitor = *made.metadata.add_monitors();
+    monitor.set_name("back");
+    monitor.set_width_px(kMonitorWidth);
+    monitor.set_height_px(kMonitorHeight);
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        made.coverage(x, y) = 1.0f;
+        for (int c = 0; c < kChannels; ++c) {
+          made.modes(x, y, c)[0] = {.weight = 0.9f,
+                                    .x_px = static_cast<float>(20.0 + (20.0 + bent) * x),
+                                    .y_px = static_cast<float>(15.0 + (15.0 - 0.5 * bent) * y + 2.0 * bent),
+                                    .xx_px2 = 1.0f,
+                                    .yy_px2 = 1.0f,
+                                    .centre_sd_px = 1e-4f};
+        }
+      }
+    }
+    return made;
+  };
+  const Matte near = matte(0.0), far = matte(4.0);
+  const std::vector<std::string> poses = {"near", "far"};
+  const RayMatte rays = match_rays(near, far, rig, poses).value();
+  std::vector<double> origins(kSide * kSide), directions(kSide * kSide);
+  for (int draw = 0; draw < kDraws; ++draw) {
+    v1::RigGeometry drawn = rig;
+    for (int pose = 0; pose < 2; ++pose) {
+      const auto index = static_cast<size_t>(pose);
+      Vector6d error;
+      for (double& number : error) number = normal(random);
+      error = roots[index] * error;
+      const Vector3d turn = error.head<3>();
+      const Eigen::Matrix3d turned =
+          Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix() * turns[index];
+      v1::MonitorPose& own = *drawn.mutable_monitors(pose);
+      for (int i = 0; i < 9; ++i) own.set_rotation(i, turned(i / 3, i % 3));
+      for (int i = 0; i < 3; ++i) own.set_translation_mm(i, own.translation_mm(i) + error[3 + i]);
+    }
+    const RayMatte moved = match_rays(near, far, drawn, poses).value();
+    for (int i = 0; i < kSide * kSide; ++i) {
+      const Ray &truth = rays.rays(i % kSide, i / kSide, 1)[0], &ray = moved.rays(i % kSide, i / kSide, 1)[0];
+      const auto across = [&](const Eigen::Vector3f& to, const Eigen::Vector3f& from) {
+        const Vector3d direction = truth.direction.cast<double>(),
+                       by = to.cast<double>() - from.cast<double>();
+        return 0.5 * (by - direction * direction.dot(by)).squaredNorm() / kDraws;
+      };
+      origins[static_cast<size_t>(i)] += across(ray.origin_mm, truth.origin_mm);
+      directions[static_cast<size_t>(i)] += across(ray.direction, truth.direction);
+    }
+  }
+  // Four standard deviations of the scatter of 2000 draws along one axis are 6 %.
+  for (int i = 0; i < kSide * kSide; ++i) {
+    const Ray& ray = rays.rays(i % kSide, i / kSide, 1)[0];
+    ASSERT_EQ(ray.state, RayState::kMatched);
+    EXPECT_NEAR(std::sqrt(origins[static_cast<size_t>(i)]) / static_cast<double>(ray.origin_sd_mm), 1.0,
+                0.06);
+    EXPECT_NEAR(std::sqrt(directions[static_cast<size_t>(i)]) / static_cast<double>(ray.direction_sd), 1.0,
+                0.06);
+  }
+}
+
 TEST(MatchRays, LightOfOneDepthIsLabelled) {
   const Trace trace = [](const Line& in) { return snell::through_sphere(in, {0.0, 0.0, 150.0}, 24.0, 1.5); };
   const RayMatte rays = far_light_rays(matte_of(trace, kNear), geometry(), "near", 150.0).value();
@@ -209,6 +300,11 @@ TEST(RigGeometry, TextIsReadAsWritten) {
   rig.mutable_camera()->set_k1(-0.06);
   const v1::RigGeometry read = parse_geometry(geometry_text(rig), "rig.txtpb").value();
   EXPECT_EQ(read.SerializeAsString(), rig.SerializeAsString());
+  v1::RigGeometry short_of = rig;
+  short_of.mutable_monitors(0)->add_covariance(1.0);
+  EXPECT_NE(std::string(parse_geometry(geometry_text(short_of), "rig.txtpb").status().message())
+                .find("1 numbers of covariance"),
+            std::string::npos);
   rig.mutable_monitors(0)->set_rotation(0, 0.9);
   EXPECT_NE(
       std::string(parse_geometry(geometry_text(rig), "rig.txtpb").status().message()).find("pose \"near\""),
