@@ -1,11 +1,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <optional>
 #include <set>
 
@@ -14,15 +12,16 @@
 #include "client/pictures/composite_rays.h"
 #include "client/pictures/picture.h"
 #include "client/pictures/sampled_matte.h"
-#include "client/pictures/web_matte.h"
 #include "core/base/file.h"
 #include "core/base/mapped_file.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "core/frame/radiance_hdr.h"
 #include "core/matte/matte_region.h"
-#include "core/rays/cube.h"
 #include "core/rays/ray_file.h"
+#include "core/web/web_description.h"
+#include "core/web/web_matte.h"
+#include "core/web/web_rays.h"
 
 namespace glasswing {
 namespace {
@@ -49,10 +48,6 @@ struct Shown {
   std::optional<double> view_deg;  // of rays: the angle that the camera sees across
 };
 
-// Pixels and widths of footprints are coded in units of a face's pixel, which is half a pixel of a camera
-// that sees 1280 px across 50 degrees.
-constexpr Cube kCube{.half_side = 1.0, .side_px = 3600};
-
 // Beside the programs, built or installed.
 fs::path default_player() {
   std::error_code error;
@@ -78,11 +73,9 @@ absl::Status check_pictures(const WebArguments& arguments, bool rays) {
 absl::StatusOr<Shown> shown_rays(const WebArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const RayMatte rays, read_rays(arguments.matte));
   const int step = sampling_step(rays.width_px(), rays.height_px(), arguments.max_pixels());
-  const v1::CameraGeometry& camera = rays.metadata.geometry().camera();
-  const double view_rad = 2.0 * std::atan2(0.5 * camera.width_px(), camera.fx_px());
-  return Shown{.matte = matte_of_directions(rays, kCube, step, arguments.lossless),
+  return Shown{.matte = web_matte_of(rays, step, arguments.lossless),
                .step = step,
-               .view_deg = view_rad * 180.0 / std::numbers::pi};
+               .view_deg = view_deg(rays.metadata.geometry().camera())};
 }
 
 absl::StatusOr<Shown> shown_matte(const WebArguments& arguments) {
@@ -95,31 +88,8 @@ absl::StatusOr<Shown> shown_matte(const WebArguments& arguments) {
 nlohmann::ordered_json description_of(const WebArguments& arguments, const Shown& shown, const WebMatte& web,
                                       const std::vector<std::string>& pictures) {
   const v1::MatteMetadata& metadata = shown.matte.metadata;
-  nlohmann::ordered_json monitors = nlohmann::json::array(), crosstalk = nlohmann::json::array(),
-                         planes = nlohmann::json::array();
-  for (const v1::Monitor& monitor : metadata.monitors())
-    monitors.push_back(
-        {{"name", monitor.name()}, {"width_px", monitor.width_px()}, {"height_px", monitor.height_px()}});
-  for (const v1::Crosstalk& each : metadata.crosstalk())
-    crosstalk.push_back({{"share", std::vector<double>(each.share().begin(), each.share().end())}});
-  for (const WebPlane& plane : web.planes) planes.push_back({{"name", plane.name}, {"bytes", plane.bytes}});
-  nlohmann::ordered_json description = {{"format", "glasswing-web"},
-                                        {"version", 1},
-                                        {"title", arguments.title},
-                                        {"x_px", web.region.x_px},
-                                        {"y_px", web.region.y_px},
-                                        {"width_px", web.region.width_px},
-                                        {"height_px", web.region.height_px},
-                                        {"metadata",
-                                         {{"monitors", monitors},
-                                          {"crosstalk", crosstalk},
-                                          {"footprint", metadata.footprint()},
-                                          {"sampling_px", shown.step * std::max(metadata.sampling_px(), 1)}}},
-                                        {"unit_px", web.unit_px},
-                                        {"origin_px", web.origin_px},
-                                        {"foreground_scale", web.foreground_scale},
-                                        {"footprints", web.footprint_count},
-                                        {"planes", planes}};
+  nlohmann::ordered_json description =
+      describe_web_matte(arguments.title, metadata, shown.step * std::max(metadata.sampling_px(), 1), web);
   if (shown.view_deg) {
     description["environments"] = pictures;
     description["turn_deg"] = arguments.environment_turn_deg;

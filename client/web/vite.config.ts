@@ -5,7 +5,7 @@ import { defineConfig } from "vitest/config";
 const console_url = process.env["GLASSWING_CONSOLE"] ?? "http://127.0.0.1:7480";
 // The console compares Host with Origin, which are both those of the development server.
 const console_server = { target: console_url, changeOrigin: false };
-const passed_on = ["/login", "/logout", "/me", "/api", "/plans", "/images", "/imports", "/mattes", "/frames", "/pixels"];
+const passed_on = ["/login", "/logout", "/me", "/api", "/plans", "/images", "/imports", "/geometries", "/rays", "/mattes", "/stmaps", "/archives", "/frames", "/pixels"];
 
 export default defineConfig({
   build: { target: "es2023", assetsInlineLimit: 0, modulePreload: { polyfill: false } },

@@ -122,6 +122,7 @@ std::optional<size_t> max_body_of(const std::string& path) {
   if (path == "/images") return kMaxImage;
   if (path.starts_with("/imports/"))
     return path.ends_with("/frames") ? ImportRoutes::kMaxFrames : ImportRoutes::kMaxManifest;
+  if (path == "/geometries" || path == "/rays" || path == "/rays.exr") return RayRoutes::kMaxGeometry;
   if (path == "/plans" || path.starts_with("/api/")) return kMaxJson;
   return std::nullopt;
 }
@@ -198,35 +199,7 @@ void Console::add_routes(const std::filesystem::path& files) {
                                                               const std::string& body, Response& response) {
                 call(std::nullopt, login, request, body, response);
               }));
-  routes.Post("/plans", guarded(kMaxJson, [](const Login&, const Request&, const std::string& body,
-                                             Response& response) { parse_plan(body, response); }));
-  routes.Post("/images", guarded(kMaxImage, [this](const Login& login, const Request&,
-                                                   const std::string& body, Response& response) {
-                sessions_.store_image(login, body, response);
-              }));
-  routes.Post(R"(/imports/([A-Za-z0-9._-]+))",
-              guarded(ImportRoutes::kMaxManifest,
-                      [this](const Login& login, const Request& request, const std::string& body,
-                             Response& response) { imports_.begin(login, request, body, response); }));
-  // Its body is not held. Of a refused request it is not read, and the connection ends.
-  routes.Post(R"(/imports/([A-Za-z0-9._-]+)/frames)",
-              [this](const Request& request, Response& response, const httplib::ContentReader& content) {
-                response.set_header("Cache-Control", "no-store");
-                const absl::StatusOr<Login> login = authenticate(request);
-                if (!login.ok()) return refuse_visit(response, login.status());
-                imports_.put_frames(*login, request, content, response);
-              });
-  using Send = void (SessionRoutes::*)(const Login&, const Request&, Response&) const;
-  const auto send = [&](const char* path, Send own) {
-    routes.Get(path, guarded([this, own](const Login& login, const Request& request, Response& response) {
-                 (sessions_.*own)(login, request, response);
-               }));
-  };
-  send(R"(/mattes/([A-Za-z0-9._-]+)\.exr)", &SessionRoutes::send_matte);
-  send(R"(/stmaps/([A-Za-z0-9._-]+)\.exr)", &SessionRoutes::send_stmap);
-  send(R"(/archives/([A-Za-z0-9._-]+)\.tar)", &SessionRoutes::send_archive);
-  send(R"(/frames/([A-Za-z0-9._-]+)/(\w+)\.(tif|jpg))", &SessionRoutes::send_frame);
-  send(R"(/pixels/([A-Za-z0-9._-]+))", &SessionRoutes::send_samples);
+  add_data_routes();
   routes.set_mount_point(
       "/assets", (files / "assets").string(),
       {{"Cache-Control", "public, max-age=31536000, immutable"}});  // names include checksums
@@ -245,6 +218,49 @@ void Console::add_routes(const std::filesystem::path& files) {
     spdlog::error("console failed path={}", request.path);
     refuse(response, absl::InternalError("the console could not answer"));
   });
+}
+
+void Console::add_data_routes() {
+  httplib::Server& routes = host_->routes();
+  routes.Post("/plans", guarded(kMaxJson, [](const Login&, const Request&, const std::string& body,
+                                             Response& response) { parse_plan(body, response); }));
+  routes.Post("/images", guarded(kMaxImage, [this](const Login& login, const Request&,
+                                                   const std::string& body, Response& response) {
+                sessions_.store_image(login, body, response);
+              }));
+  routes.Post(R"(/imports/([A-Za-z0-9._-]+))",
+              guarded(ImportRoutes::kMaxManifest,
+                      [this](const Login& login, const Request& request, const std::string& body,
+                             Response& response) { imports_.begin(login, request, body, response); }));
+  // Its body is not held. Of a refused request it is not read, and the connection ends.
+  routes.Post(R"(/imports/([A-Za-z0-9._-]+)/frames)",
+              [this](const Request& request, Response& response, const httplib::ContentReader& content) {
+                response.set_header("Cache-Control", "no-store");
+                const absl::StatusOr<Login> login = authenticate(request);
+                if (!login.ok()) return refuse_visit(response, login.status());
+                imports_.put_frames(*login, request, content, response);
+              });
+  using Make = void (RayRoutes::*)(const Login&, const Request&, const std::string&, Response&) const;
+  const auto make = [&](const char* path, Make own) {
+    routes.Post(path,
+                guarded(RayRoutes::kMaxGeometry,
+                        [this, own](const Login& login, const Request& request, const std::string& body,
+                                    Response& response) { (rays_.*own)(login, request, body, response); }));
+  };
+  make("/geometries", &RayRoutes::read_geometry);
+  make("/rays", &RayRoutes::make);
+  make("/rays.exr", &RayRoutes::make_file);
+  using Send = void (SessionRoutes::*)(const Login&, const Request&, Response&) const;
+  const auto send = [&](const char* path, Send own) {
+    routes.Get(path, guarded([this, own](const Login& login, const Request& request, Response& response) {
+                 (sessions_.*own)(login, request, response);
+               }));
+  };
+  send(R"(/mattes/([A-Za-z0-9._-]+)\.exr)", &SessionRoutes::send_matte);
+  send(R"(/stmaps/([A-Za-z0-9._-]+)\.exr)", &SessionRoutes::send_stmap);
+  send(R"(/archives/([A-Za-z0-9._-]+)\.tar)", &SessionRoutes::send_archive);
+  send(R"(/frames/([A-Za-z0-9._-]+)/(\w+)\.(tif|jpg))", &SessionRoutes::send_frame);
+  send(R"(/pixels/([A-Za-z0-9._-]+))", &SessionRoutes::send_samples);
 }
 
 absl::StatusOr<Login> Console::authenticate(const Request& request) const {

@@ -8,13 +8,13 @@
 //   POST /images                                     stores a PNG, for a plan's photos
 //   POST /imports/SESSION?camera=NODE                begins an import with the archive's manifest.json
 //   POST /imports/SESSION/frames                     some of its frames (import_routes.h)
-//   GET  /mattes/SESSION.exr?frame=N&partial=1       a matte's file, by ranges
-//   GET  /stmaps/SESSION.exr?monitor=M&frame=N       its STMap for a monitor, the first if none is named
-//   GET  /archives/SESSION.tar                       all frames and the manifest
-//   GET  /frames/SESSION/000017.tif                  a frame's file
-//   GET  /frames/SESSION/000017.jpg?width=W&stops=S  the same, for display
-//   GET  /pixels/SESSION?x=X&y=Y                     a pixel's samples in all frames
-//   GET  /...                                        the page
+//   POST /geometries                                 parses a geometry's text; answers it in JSON
+//   POST /rays?near=SESSION&far=SESSION, /rays.exr   rays of two mattes, by the body's geometry
+//   (ray_routes.h) GET  /mattes/SESSION.exr?frame=N&partial=1       a matte's file, by ranges GET
+//   /stmaps/SESSION.exr?monitor=M&frame=N       its STMap for a monitor, the first if none is named GET
+//   /archives/SESSION.tar                       all frames and the manifest GET  /frames/SESSION/000017.tif
+//   a frame's file GET  /frames/SESSION/000017.jpg?width=W&stops=S  the same, for display GET
+//   /pixels/SESSION?x=X&y=Y                     a pixel's samples in all frames GET  /... the page
 //
 // Calls to the server carry the hold (RigService.HoldRig) whose token the header X-Glasswing-Hold names.
 // Streaming calls are answered by server-sent events; the last event is "end" with the status. While the
@@ -37,6 +37,7 @@
 #include "console/routes/import_routes.h"
 #include "console/routes/json_call.h"
 #include "console/routes/node_channels.h"
+#include "console/routes/ray_routes.h"
 #include "console/routes/server_link.h"
 #include "console/routes/session_routes.h"
 #include "console/routes/stream_places.h"
@@ -65,10 +66,12 @@ class Console {
       std::function<void(const Login&, const httplib::Request&, const std::string& body, httplib::Response&)>;
 
   explicit Console(const ServerLink& server)
-      : server_(server), nodes_(server), sessions_(server, nodes_), imports_(server, nodes_) {}
+      : server_(server), nodes_(server), sessions_(server, nodes_), imports_(server, nodes_), rays_(server) {}
   // Tells the server where browsers find the console, every second.
   void announce(const std::stop_token& stop) const;
   void add_routes(const std::filesystem::path& files);
+  // Plans, images, imports, rays, and what SessionRoutes has.
+  void add_data_routes();
   // Wraps a handler so that it serves only people who are logged in, and only requests of our own page.
   httplib::Server::Handler guarded(Handler handler) const;
   // The same, with at most `max_bytes` of body. The body of a refused request is read and dropped; otherwise
@@ -94,6 +97,7 @@ class Console {
   NodeChannels nodes_;
   const SessionRoutes sessions_;
   const ImportRoutes imports_;
+  const RayRoutes rays_;
   StreamPlaces streams_;
   std::unique_ptr<HttpHost> host_;
   std::string url_;

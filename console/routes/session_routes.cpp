@@ -8,9 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "console/http/http_host.h"
+#include "console/routes/fetched_matte.h"
 #include "console/routes/scratch_file.h"
-#include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/composite/stmap.h"
 #include "core/matte/matte_region.h"
@@ -44,10 +43,9 @@ absl::StatusOr<Number> number_or(const Request& request, const char* name, Numbe
   return request.has_param(name) ? number_of<Number>(request, name, low, high) : otherwise;
 }
 
-// Hands over the file of the session in the path, as the parameters `frame`, `partial`, `crop` and `pixels`
-// say.
-absl::Status fetch_matte(const ServerLink& server, const Login& login, const Request& wanted,
-                         absl::FunctionRef<absl::Status(std::string_view)> take) {
+// Of the session in the path, as the parameters `frame`, `partial`, `crop` and `pixels` say.
+absl::StatusOr<FetchedMatte> fetched_matte(const ServerLink& server, const Login& login,
+                                           const Request& wanted) {
   v1::FetchMatteRequest request;
   request.set_name(wanted.matches[1]);
   request.set_partial(wanted.has_param("partial"));
@@ -65,36 +63,7 @@ absl::Status fetch_matte(const ServerLink& server, const Login& login, const Req
   GW_ASSIGN_OR_RETURN(const auto pixels,
                       number_or<std::int64_t>(wanted, "pixels", 0, 1, std::int64_t{1} << 32));
   request.set_max_pixels(pixels);
-  grpc::ClientContext context;
-  set_deadline(context, kCallTimeout);
-  call_for(login, context);
-  const auto stub = v1::SessionService::NewStub(server.channel());
-  const auto reader = stub->FetchMatte(&context, request);
-  absl::Status taken;
-  for (v1::FetchMatteResponse part; taken.ok() && reader->Read(&part);) taken = take(part.chunk());
-  if (!taken.ok()) context.TryCancel();
-  const grpc::Status finished = reader->Finish();
-  GW_RETURN_IF_ERROR(taken);
-  return from_grpc(finished, server.title());
-}
-
-struct FetchedMatte {
-  std::shared_ptr<const MappedFile> file;
-  std::string checksum;
-};
-// The matte, which is never whole in memory.
-absl::StatusOr<FetchedMatte> fetched_matte(const ServerLink& server, const Login& login,
-                                           const Request& wanted) {
-  GW_ASSIGN_OR_RETURN(const ScratchFile scratch, ScratchFile::create());
-  GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(scratch.path()));
-  RunningChecksum checksum;
-  checksum.start();
-  GW_RETURN_IF_ERROR(fetch_matte(server, login, wanted, [&](std::string_view part) {
-    checksum.add(part);
-    return writer.add(part);
-  }));
-  GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> file, scratch.map());
-  return FetchedMatte{std::move(file), checksum.text()};
+  return fetch_matte(server, login, request);
 }
 
 // As send_stmap() answers it, which is never whole in memory either.

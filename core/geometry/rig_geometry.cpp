@@ -11,6 +11,7 @@
 
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/matte/matte_region.h"
 
 namespace glasswing {
 namespace {
@@ -107,6 +108,21 @@ absl::StatusOr<const v1::MonitorPose*> find_pose(const v1::RigGeometry& geometry
   }
   return absl::NotFoundError(fmt::format("the geometry has no pose \"{}\" of monitor \"{}\"; it has: {}",
                                          name, monitor, fmt::join(names, ", ")));
+}
+
+v1::CameraGeometry sampled_camera(const v1::CameraGeometry& camera, int step) {
+  if (step == 1) return camera;
+  const auto in_samples = [step](double at_px) { return (at_px - 0.5) / step + 0.5; };
+  v1::CameraGeometry sampled = camera;
+  sampled.set_width_px(sampled_length(camera.width_px(), step));
+  sampled.set_height_px(sampled_length(camera.height_px(), step));
+  sampled.set_fx_px(camera.fx_px() / step);
+  sampled.set_fy_px(camera.fy_px() / step);
+  sampled.set_cx_px(in_samples(camera.cx_px()));
+  sampled.set_cy_px(in_samples(camera.cy_px()));
+  sampled.clear_sd();
+  sampled.clear_covariance();
+  return sampled;
 }
 
 CameraLens::CameraLens(const v1::CameraGeometry& camera)

@@ -25,6 +25,10 @@ absl::Status check_geometry(const v1::RigGeometry& geometry);
 absl::StatusOr<const v1::MonitorPose*> find_pose(const v1::RigGeometry& geometry, std::string_view name,
                                                  std::string_view monitor);
 
+// The camera of a picture that has one of `step` x `step` pixels, the first included, each as large as
+// before: pixel i of it is i * step. Without standard errors.
+v1::CameraGeometry sampled_camera(const v1::CameraGeometry& camera, int step);
+
 class CameraLens {
  public:
   explicit CameraLens(const v1::CameraGeometry& camera);

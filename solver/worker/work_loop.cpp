@@ -16,6 +16,7 @@
 
 #include "core/base/checksum.h"
 #include "core/base/fault_point.h"
+#include "core/base/low_priority.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/base/version.h"
@@ -23,7 +24,6 @@
 #include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
-#include "solver/worker/low_priority.h"
 #include "solver/worker/solver_metrics.h"
 #include "solver/worker/tile_solver.h"
 

@@ -23,7 +23,7 @@ export const surroundedShow: MakeShow = (canvas, description, rays) => {
     ownLabel: "Your environment…",
     canvasLabel:
       "The object in an environment. Left and right arrow keys turn it, plus and minus change its light, 0 puts it back.",
-    accept: "image/*,.hdr",
+    accept: "image/*,.hdr,.exr",
     open: async (file, name) => scene.setEnvironment(await openEnvironment(file, name, scene.mostPictureSide)),
     paint: (kind) => scene.setEnvironment(paintEnvironment(kind as BuiltInEnvironment)),
   };

@@ -17,5 +17,6 @@ export const kPages: PageEntry[] = [
   { name: "session", title: "Sessions", load: () => import("./session/page") },
   { name: "matte", title: "Matte", load: () => import("./matte/page") },
   { name: "play", title: "Play", load: () => import("./play/page") },
+  { name: "rays", title: "Rays", load: () => import("./rays/page") },
   { name: "fleet", title: "Fleet", load: () => import("./fleet/page") },
 ];

@@ -18,6 +18,7 @@
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "server/console/console_service.h"
+#include "tests/console/rays/straight_mattes.h"
 #include "tests/core/archive/made_archive.h"
 #include "tests/core/security/made_certificates.h"
 
@@ -31,6 +32,11 @@ class Sessions final : public v1::SessionService::Service {
  public:
   grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
                           v1::GetSessionResponse* response) override {
+    if (mattes.contains(request->name())) {
+      response->mutable_session()->set_name(request->name());
+      response->mutable_session()->set_pixel_count(pixel_count);
+      return grpc::Status::OK;
+    }
     if (request->name() != "vase") return {grpc::StatusCode::NOT_FOUND, "there is no session"};
     response->mutable_session()->set_name("vase");
     response->mutable_session()->set_archive_bytes(1LL << 40);
@@ -73,8 +79,11 @@ class Sessions final : public v1::SessionService::Service {
   grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                           grpc::ServerWriter<v1::FetchMatteResponse>* writer) override {
     v1::FetchMatteResponse response;
-    if (request->name() == "solved") {
-      response.set_chunk(matte);
+    if (const auto found = mattes.find(request->name()); found != mattes.end()) {
+      ++fetching;
+      fetching.notify_all();
+      held.wait(true);
+      response.set_chunk(found->second);
       writer->Write(response);
       return grpc::Status::OK;
     }
@@ -92,7 +101,10 @@ class Sessions final : public v1::SessionService::Service {
   std::atomic<bool> left = false;
   std::string archive_address;
   v1::SessionState state = v1::SESSION_STATE_UNSPECIFIED;  // of "vase"
-  std::string matte;                                       // of "solved"
+  std::map<std::string, std::string> mattes;               // by session
+  std::int64_t pixel_count = 0;                            // of these sessions' pictures
+  std::atomic<int> fetching = 0;                           // calls for them, ended ones too
+  std::atomic<bool> held = false;                          // they are not answered yet
   std::string hold = "not called";                         // that the last PauseSession belonged to
 };
 
@@ -446,7 +458,7 @@ TEST_F(ConsoleTest, AnStmapIsMadeOfAMatte) {
       matte.modes(x, 1, c)[0] = {
           .weight = 0.5f, .x_px = 4.5f * static_cast<float>(x), .y_px = 7.0f, .texture = 1};
   }
-  sessions_.matte = encode_matte(matte).value();
+  sessions_.mattes["solved"] = encode_matte(matte).value();
   httplib::Client client = logged_in("viewer");
   const auto stmap = client.Get("/stmaps/solved.exr?monitor=left");
   ASSERT_EQ(stmap->status, 200);
@@ -457,6 +469,72 @@ TEST_F(ConsoleTest, AnStmapIsMadeOfAMatte) {
   EXPECT_EQ(refused->status, 400);
   EXPECT_EQ(body_of(refused)["message"], "the monitor is \"roof\"; this matte has: back, left");
   EXPECT_EQ(body_of(client.Get("/stmaps/vase.exr"))["code"], "DATA_LOSS");
+}
+
+TEST_F(ConsoleTest, RaysAreMadeOfTwoSessions) {
+  start();
+  sessions_.mattes = {{"near", straight_matte("near", 200.0)}, {"far", straight_matte("far", 250.0)}};
+  sessions_.pixel_count = kStraightWidth * kStraightHeight;
+  httplib::Client client = logged_in("viewer");
+  const auto post = [&](const std::string& path, const std::string& text) {
+    return client.Post(path.c_str(), {{"X-Glasswing", "console"}}, text, "text/plain");
+  };
+  const auto geometry = post("/geometries", kStraightGeometry);
+  ASSERT_EQ(geometry->status, 200);
+  EXPECT_EQ(body_of(geometry)["monitors"][1]["translationMm"], json({-120, -80, 250}));
+  const auto made = post("/rays?near=near&far=far", kStraightGeometry);
+  ASSERT_EQ(made->status, 200) << made->body;
+  const json told = json::parse(made->body.substr(0, made->body.find('\n')));
+  EXPECT_EQ(told["counts"]["matched"]["rays"], 3 * kStraightWidth * kStraightHeight);
+  const auto file = post("/rays.exr?near=near&far=far", kStraightGeometry);
+  ASSERT_EQ(file->status, 200) << file->body;
+  EXPECT_EQ(file->get_header_value("Content-Type"), "image/x-exr");
+  EXPECT_TRUE(file->body.starts_with("\x76\x2f\x31\x01"));
+
+  const auto refused = [&](const std::string& path, const std::string& text, int status) {
+    const auto answer = post(path, text);
+    EXPECT_EQ(answer->status, status) << answer->body;
+    return body_of(answer)["message"].get<std::string>();
+  };
+  EXPECT_EQ(refused("/rays?near=near&far=far&far_pose=roof", kStraightGeometry, 404),
+            "the geometry has no pose \"roof\" of monitor \"back\"; it has: near, far");
+  EXPECT_EQ(refused("/rays?near=near", kStraightGeometry, 400), "far is \"\"; it must name a session");
+  EXPECT_EQ(refused("/rays?near=near&far=near", kStraightGeometry, 400),
+            "near and far are both \"near\"; they must be two sessions, of monitors at two depths");
+  EXPECT_EQ(refused("/rays?near=near&far=cup", kStraightGeometry, 404), "there is no session");
+  EXPECT_EQ(refused("/geometries", "camera {", 400).substr(0, 20), "the geometry: line 1");
+  sessions_.pixel_count = 4000;
+  EXPECT_EQ(refused("/rays?near=near&far=far", kStraightGeometry, 400),
+            "the pictures of near have 4000 pixels; the geometry's camera has 16x12, which are 192");
+  const auto large = post("/rays?near=near&far=far", std::string(RayRoutes::kMaxGeometry + 1, ' '));
+  EXPECT_TRUE(large == nullptr || large->status == 413) << large->status;
+}
+
+TEST_F(ConsoleTest, FewPagesWaitForRays) {
+  start();
+  sessions_.mattes = {{"near", straight_matte("near", 200.0)}, {"far", straight_matte("far", 250.0)}};
+  sessions_.held = true;
+  const auto make = [this] {
+    return logged_in("viewer").Post("/rays?near=near&far=far", {{"X-Glasswing", "console"}},
+                                    kStraightGeometry, "text/plain");
+  };
+  std::vector<std::jthread> pages;
+  std::atomic<int> made = 0;
+  for (int i = 0; i < RayRoutes::kMaxMakes; ++i) {
+    pages.emplace_back([&] {
+      if (make()->status == 200) ++made;
+    });
+  }
+  for (int seen = sessions_.fetching; seen < RayRoutes::kMaxMakes; seen = sessions_.fetching)
+    sessions_.fetching.wait(seen);
+  const auto refused = make();
+  EXPECT_EQ(refused->status, 429);
+  EXPECT_EQ(body_of(refused)["message"], "4 pages wait for rays already; try again in a minute");
+  sessions_.held = false;
+  sessions_.held.notify_all();
+  pages.clear();
+  EXPECT_EQ(made, RayRoutes::kMaxMakes);
+  EXPECT_EQ(make()->status, 200);
 }
 
 TEST_F(ConsoleTest, AnArchiveIsATarFileThatUnpacksToAnArchive) {

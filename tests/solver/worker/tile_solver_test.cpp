@@ -1,11 +1,6 @@
 #include "solver/worker/tile_solver.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
-
-#include <thread>
-
-#include "solver/worker/low_priority.h"
 
 namespace glasswing {
 namespace {
@@ -35,18 +30,6 @@ TEST(KeepSteps, RefusesAnArchiveThatLacksOne) {
   for (const int step : {0, 1, 2}) tile.add_draft_steps(step);
   EXPECT_EQ(keep_steps(tile.draft_steps(), manifest).message(),
             "the archive has frames of 2 of the 3 steps of the draft");
-}
-
-TEST(LowPriority, IsThatOfTheWorkAndItsThreadsAlone) {
-  const int before = ::getpriority(PRIO_PROCESS, 0);
-  int of_work = 0, of_its_thread = 0;
-  run_at_low_priority([&] {
-    of_work = ::getpriority(PRIO_PROCESS, 0);
-    std::jthread([&] { of_its_thread = ::getpriority(PRIO_PROCESS, 0); }).join();
-  });
-  EXPECT_EQ(of_work, 19);
-  EXPECT_EQ(of_its_thread, 19);
-  EXPECT_EQ(::getpriority(PRIO_PROCESS, 0), before);
 }
 
 }  // namespace

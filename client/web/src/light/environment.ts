@@ -189,4 +189,8 @@ export class EnvironmentCompositor {
   get mostPictureSide(): number {
     return this.surface.mostPictureSide;
   }
+
+  close(): void {
+    this.surface.close();
+  }
 }

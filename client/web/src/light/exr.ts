@@ -16,7 +16,7 @@ export interface Exr {
   parts: ExrPart[];
 }
 
-const kMagic = 20000630;
+export const kMagic = 20000630;
 const kVersion = 2;
 const kMultiPart = 0x1000;
 const kLongNames = 0x400;
@@ -32,15 +32,19 @@ export class NotAMatte extends Error {
   }
 }
 
-class Cursor {
+/** Reads a file's little-endian values one behind the other. `refused`: makes the error of a file that is not what it should be. */
+export class Cursor {
   at = 0;
   private readonly view: DataView;
-  constructor(private readonly bytes: Uint8Array<ArrayBuffer>) {
+  constructor(
+    private readonly bytes: Uint8Array<ArrayBuffer>,
+    private readonly refused: (what: string) => Error = (what) => new NotAMatte(what),
+  ) {
     this.view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   }
   skip(size: number): number {
     const start = this.at;
-    if (size < 0 || start + size > this.bytes.length) throw new NotAMatte("it ends too early");
+    if (size < 0 || start + size > this.bytes.length) throw this.refused("it ends too early");
     this.at += size;
     return start;
   }
@@ -56,7 +60,7 @@ class Cursor {
   }
   name(): string {
     const end = this.bytes.indexOf(0, this.at);
-    if (end < 0 || end - this.at > 255) throw new NotAMatte("a name in its header does not end");
+    if (end < 0 || end - this.at > 255) throw this.refused("a name in its header does not end");
     const name = this.text(end - this.at);
     this.skip(1);
     return name;
@@ -130,7 +134,12 @@ export function readExr(bytes: Uint8Array<ArrayBuffer>): Exr {
   return { bytes, window: first.window, parts: headers.map(({ part }) => part) };
 }
 
-async function inflate(packed: Uint8Array<ArrayBuffer>, size: number): Promise<Uint8Array<ArrayBuffer>> {
+/** Throws if there are not `size` bytes. */
+export async function inflate(
+  packed: Uint8Array<ArrayBuffer>,
+  size: number,
+  refused: (what: string) => Error = (what) => new NotAMatte(what),
+): Promise<Uint8Array<ArrayBuffer>> {
   const stream = new DecompressionStream("deflate");
   const writer = stream.writable.getWriter();
   // Failures are reported where the stream is read.
@@ -142,11 +151,11 @@ async function inflate(packed: Uint8Array<ArrayBuffer>, size: number): Promise<U
   for (;;) {
     const { value, done } = await reader.read();
     if (done) break;
-    if (length + value.length > size) throw new NotAMatte("a line is longer than it should be");
+    if (length + value.length > size) throw refused("a line is longer than it should be");
     out.set(value, length);
     length += value.length;
   }
-  if (length !== size) throw new NotAMatte("a line is shorter than it should be");
+  if (length !== size) throw refused("a line is shorter than it should be");
   return out;
 }
 

@@ -11,3 +11,17 @@ export function toHalf(value: number): number {
   const rounded = bits + 0xfff + ((bits >>> 13) & 1);
   return (rounded >>> 13) - ((127 - 15) << 10);
 }
+
+/** The value of 16 bits. */
+export function fromHalf(bits: number): number {
+  const [exponent, mantissa] = [(bits >> 10) & 31, bits & 1023];
+  const size =
+    exponent === 31
+      ? mantissa === 0
+        ? Infinity
+        : NaN
+      : exponent === 0
+        ? mantissa * 2 ** -24
+        : (1 + mantissa / 1024) * 2 ** (exponent - 15);
+  return bits & 0x8000 ? -size : size;
+}

@@ -16,6 +16,21 @@ export class NotHdr extends Error {
 }
 
 const kMaxPixels = 1 << 26;
+const [kMinExponent, kMaxExponent] = [-127, 127];
+
+/** Puts the nearest code of some light at a pixel. Light below 0 is 0, and so is what is no number. */
+export function putLight(codes: Uint8Array, pixel: number, red: number, green: number, blue: number): void {
+  const most = Math.max(red > 0 ? red : 0, green > 0 ? green : 0, blue > 0 ? blue : 0);
+  if (most < 2 ** (kMinExponent - 9)) return void codes.fill(0, 4 * pixel, 4 * pixel + 4);
+  let exponent = Math.max(kMinExponent, Math.min(kMaxExponent, Math.floor(Math.log2(most)) + 1));
+  // The largest rounds up to 256 sometimes.
+  if (exponent < kMaxExponent && Math.round(most * 2 ** (8 - exponent)) > 255) ++exponent;
+  const code = (light: number): number => (light > 0 ? Math.min(255, Math.round(light * 2 ** (8 - exponent))) : 0);
+  codes[4 * pixel] = code(red);
+  codes[4 * pixel + 1] = code(green);
+  codes[4 * pixel + 2] = code(blue);
+  codes[4 * pixel + 3] = exponent + 128;
+}
 const kMinRun_px = 8;
 const kMaxRun_px = 0x7fff;
 

@@ -1,6 +1,7 @@
 // Environments: built-in ones and files.
 import type { Environment } from "../light/environment";
-import { isHdr, readHdr, type Hdr } from "../light/hdr";
+import { isExr, readExrPicture } from "../light/exr_picture";
+import { isHdr, putLight, readHdr, type Hdr } from "../light/hdr";
 import { openPicture } from "./backgrounds";
 
 export const kBuiltInEnvironments = ["evening", "room"] as const;
@@ -61,18 +62,18 @@ export function paintEnvironment(kind: BuiltInEnvironment): Hdr {
   for (let v = 0; v < height; ++v)
     for (let u = 0; u < width; ++u) {
       const light = kScenes[kind](2 * Math.PI * ((u + 0.5) / width - 0.5), Math.PI * (0.5 - (v + 0.5) / height));
-      const exponent = Math.floor(Math.log2(Math.max(...light, 1e-9))) + 1;
-      const unit = 2 ** (exponent - 8);
-      codes.set([...light.map((each) => Math.min(255, Math.round(each / unit))), exponent + 128], 4 * (v * width + u));
+      putLight(codes, v * width + u, ...light);
     }
   return { width, height, codes };
 }
 
-/** Equirectangular: Radiance's .hdr, or a picture in sRGB as in `glasswing composite`. */
+/** Equirectangular: OpenEXR, Radiance's .hdr, or a picture in sRGB as in `glasswing composite`. */
 export async function openEnvironment(file: Blob, name: string, mostSide: number): Promise<Environment> {
-  if (!isHdr(new Uint8Array(await file.slice(0, 2).arrayBuffer())))
-    return openPicture(file, name, mostSide, "PNG, JPEG, WebP, AVIF and Radiance's .hdr can");
-  const hdr = readHdr(new Uint8Array(await file.arrayBuffer()));
+  const head = new Uint8Array(await file.slice(0, 4).arrayBuffer());
+  if (!isHdr(head) && !isExr(head))
+    return openPicture(file, name, mostSide, "OpenEXR, Radiance's .hdr, PNG, JPEG, WebP and AVIF can");
+  const bytes = new Uint8Array(await file.arrayBuffer());
+  const hdr = isExr(head) ? await readExrPicture(bytes) : readHdr(bytes);
   if (Math.max(hdr.width, hdr.height) > mostSide)
     throw new Error(
       `${name} is ${hdr.width}x${hdr.height}; this graphics processor takes environments of up to ${mostSide} px`,

@@ -9,7 +9,7 @@ export class Scene {
   private readonly redraw: Redraw;
 
   constructor(
-    canvas: HTMLCanvasElement,
+    private readonly canvas: HTMLCanvasElement,
     rays: Drawable,
     private now: Facing,
   ) {
@@ -33,5 +33,17 @@ export class Scene {
   setEnvironment(picture: Environment): void {
     this.compositor.setEnvironment(picture);
     this.redraw.soon(true);
+  }
+
+  /** The canvas as a PNG, once everything requested is drawn. */
+  picture(): Promise<Blob> {
+    this.redraw.now();
+    const copy = new OffscreenCanvas(this.canvas.width, this.canvas.height);
+    copy.getContext("2d")!.drawImage(this.canvas, 0, 0);
+    return copy.convertToBlob({ type: "image/png" });
+  }
+  close(): void {
+    this.redraw.close();
+    this.compositor.close();
   }
 }

@@ -34,13 +34,13 @@ function brighter(facing: Facing, factor: number): Facing {
   return { ...facing, gain: Math.min(kMaxGain, Math.max(kMinGain, facing.gain * factor)) };
 }
 
-/** `view_deg`: the angle that the camera sees across. What lies ahead follows the pointer. */
+/** `view_deg`: the angle that the camera sees across. What lies ahead follows the pointer. The key 0 puts `first` back. */
 export function listenToTurns(
   canvas: HTMLCanvasElement,
   view_deg: number,
   environment: { get: () => Facing; set: (facing: Facing) => void },
+  first = environment.get(),
 ): void {
-  const first = environment.get();
   const fingers = new Map<number, number>();
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);

@@ -11,12 +11,12 @@ export function monitors_of(file) {
 
 /**
  * Mean and largest colour difference of two PNG files, 0 to 255, the position of the largest, and the PSNR; the browser decodes
- * them.
+ * them. Pixels that have the colour `not.colour` in one of the pictures `not.files` do not count.
  */
-export function difference(page, one, other) {
-  const encoded = [one, other].map((file) => readFileSync(file).toString("base64"));
-  return page.evaluate(async (files) => {
-    const [a, b] = await Promise.all(
+export function difference(page, one, other, not = { files: [], colour: [] }) {
+  const encoded = [one, other, ...not.files].map((file) => readFileSync(file).toString("base64"));
+  return page.evaluate(async ([files, colour]) => {
+    const [a, b, ...others] = await Promise.all(
       files.map(async (text) => {
         const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
         const image = await createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none" });
@@ -30,15 +30,17 @@ export function difference(page, one, other) {
     let sum = 0,
       squares = 0,
       most = 0,
-      worst = 0;
+      worst = 0,
+      count = 0;
+    const is_left_out = (at) => others.some(({ data }) => colour.every((value, c) => data[at + c] === value));
     for (let i = 0; i < a.data.length; ++i) {
+      if (i % 4 === 3 || is_left_out(i - (i % 4))) continue;
+      ++count;
       const away = Math.abs(a.data[i] - b.data[i]);
       sum += away;
       squares += away * away;
       if (away > most) [most, worst] = [away, i >> 2];
     }
-    // Alpha is 255 in both.
-    const count = 3 * a.width * a.height;
-    return { mean: sum / count, psnr_db: 10 * Math.log10((255 * 255 * count) / squares), most, x: worst % a.width, y: Math.floor(worst / a.width) };
-  }, encoded);
+    return { mean: sum / count, psnr_db: 10 * Math.log10((255 * 255 * count) / squares), most, x: worst % a.width, y: Math.floor(worst / a.width), count: count / 3 };
+  }, [encoded, not.colour]);
 }

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { NotHdr, isHdr, readHdr } from "../../src/light/hdr";
+import { NotHdr, isHdr, putLight, readHdr } from "../../src/light/hdr";
 
 const kHead = "#?RADIANCE\n# by hand\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=1\n\n";
 const bytes = (text: string, rest: number[]): Uint8Array =>
@@ -29,5 +29,22 @@ describe("Radiance's .hdr", () => {
     expect(() => readHdr(bytes(`${kHead}+Y 1 +X 8\n`, row))).toThrow("-Y HEIGHT +X WIDTH");
     expect(() => readHdr(bytes("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n", []))).toThrow("32-bit_rle_xyze");
     expect(() => readHdr(bytes("\x89PNG\n", []))).toThrow('"#?"');
+  });
+});
+
+describe("a code of light", () => {
+  const coded = (...light: [number, number, number]): number[] => {
+    const codes = new Uint8Array(4).fill(9);
+    putLight(codes, 0, ...light);
+    return [...codes];
+  };
+  it("is the nearest", () => {
+    expect(coded(0.5, 0.25, 0)).toEqual([128, 64, 0, 128]); // code * 2^(exponent - 136)
+    expect(coded(1, 1, 1)).toEqual([128, 128, 128, 129]);
+    expect(coded(0.9999, 0, 0)).toEqual([128, 0, 0, 129]); // 256 would be no byte
+  });
+  it("has no light where there is none", () => {
+    expect(coded(0, -3, NaN)).toEqual([0, 0, 0, 0]);
+    expect(coded(Infinity, 0, 1)).toEqual([255, 0, 0, 255]);
   });
 });

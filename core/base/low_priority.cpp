@@ -1,4 +1,4 @@
-#include "solver/worker/low_priority.h"
+#include "core/base/low_priority.h"
 
 #include <sys/resource.h>
 

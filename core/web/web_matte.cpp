@@ -1,4 +1,4 @@
-#include "client/pictures/web_matte.h"
+#include "core/web/web_matte.h"
 
 #include <zlib.h>
 

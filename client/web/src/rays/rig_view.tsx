@@ -1,0 +1,208 @@
+// The rig in space: the camera, monitors at their poses, and some of the rays.
+import { useEffect, useMemo, useRef, useState } from "preact/hooks";
+import { colourOf, useDark } from "../parts/colours";
+import { kRayStates, type RayState, type Rig, type SampledRay } from "./geometry";
+import { byKey, orbitAround, turnedBy, View, zoomedBy, type Orbit, type Point } from "./orbit";
+import { fromCamera, frustumOf, gapOf, linesOfPose, linesOfRays, placesOf, type Line } from "./rig_lines";
+
+const kTokens: Record<RayState, string> = {
+  matched: "--ray-matched",
+  ambiguous: "--ray-ambiguous",
+  extrapolated: "--ray-extrapolated",
+  unknown: "--ray-unknown",
+};
+const kTurn_deg = 0.4; // a px
+const kSides: [string, number, number][] = [
+  ["From the side", 62, 18],
+  ["From above", 0, 89],
+];
+
+/** Turns by one pointer, scales by two and the wheel, or does both by keys. */
+function listen(canvas: HTMLCanvasElement, get: () => Orbit, set: (orbit: Orbit) => void, first: () => Orbit): () => void {
+  const end = new AbortController();
+  const options = { signal: end.signal };
+  const fingers = new Map<number, Point>();
+  const spread = (): number => {
+    const [a, b] = [...fingers.values()];
+    return a && b ? Math.max(1, Math.hypot(a[0] - b[0], a[1] - b[1])) : 1;
+  };
+  canvas.addEventListener(
+    "pointerdown",
+    (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    },
+    options,
+  );
+  canvas.addEventListener(
+    "pointermove",
+    (event) => {
+      const finger = fingers.get(event.pointerId);
+      if (!finger) return;
+      const before = spread();
+      fingers.set(event.pointerId, [event.clientX, event.clientY]);
+      const share = kTurn_deg / fingers.size;
+      const turned = turnedBy(get(), -share * (event.clientX - finger[0]), share * (event.clientY - finger[1]));
+      set(zoomedBy(turned, spread() / before, first()));
+    },
+    options,
+  );
+  const lift = (event: PointerEvent): void => void fingers.delete(event.pointerId);
+  canvas.addEventListener("pointerup", lift, options);
+  canvas.addEventListener("pointercancel", lift, options);
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      const pixels = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 * event.deltaY : event.deltaY;
+      set(zoomedBy(get(), Math.exp(-0.0015 * pixels), first()));
+    },
+    { ...options, passive: false },
+  );
+  canvas.addEventListener(
+    "keydown",
+    (event) => {
+      if (event.ctrlKey || event.altKey || event.metaKey) return;
+      const orbit = byKey(event, get(), first());
+      if (!orbit) return;
+      event.preventDefault();
+      set(orbit);
+    },
+    options,
+  );
+  return () => end.abort();
+}
+
+interface Drawn {
+  frustum: Line[];
+  poses: (ReturnType<typeof linesOfPose> & { isChosen: boolean })[];
+  rays: Record<RayState, Line[]> | undefined;
+}
+
+function draw(canvas: HTMLCanvasElement, orbit: Orbit, { frustum, poses, rays }: Drawn, hidden: ReadonlySet<RayState>): void {
+  const scale = devicePixelRatio;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  [canvas.width, canvas.height] = [Math.round(width * scale), Math.round(height * scale)];
+  const pen = canvas.getContext("2d")!;
+  pen.scale(scale, scale);
+  pen.fillStyle = colourOf("--card");
+  pen.fillRect(0, 0, width, height);
+  const view = new View(orbit, width, height);
+  const stroke = (lines: Line[], token: string, thickness: number, strength = 1): void => {
+    pen.strokeStyle = colourOf(token);
+    pen.lineWidth = thickness;
+    pen.globalAlpha = strength;
+    pen.beginPath();
+    for (const [from, to] of lines) {
+      const seen = view.line(from, to);
+      if (!seen) continue;
+      pen.moveTo(...seen[0]);
+      pen.lineTo(...seen[1]);
+    }
+    pen.stroke();
+    pen.globalAlpha = 1;
+  };
+  for (const { grid, isChosen } of poses) stroke(grid, "--faint", 0.75, isChosen ? 0.45 : 0.15);
+  if (rays) {
+    // Few lines are strong, many are thin.
+    const count = kRayStates.reduce((sum, state) => sum + (hidden.has(state) ? 0 : rays[state].length), 0);
+    for (const state of kRayStates) if (!hidden.has(state)) stroke(rays[state], kTokens[state], 1, count > 400 ? 0.4 : 0.7);
+  }
+  for (const { edges, isChosen } of poses) stroke(edges, isChosen ? "--ink" : "--faint", isChosen ? 1.75 : 1);
+  stroke(frustum, "--accent", 1.75);
+  pen.font = `13px ${getComputedStyle(canvas).fontFamily}`;
+  pen.textBaseline = "bottom";
+  const label = (text: string, at: Point | undefined, token: string): void => {
+    if (!at) return;
+    const wide = pen.measureText(text).width;
+    const x = Math.min(Math.max(4, at[0]), Math.max(4, width - wide - 6));
+    const y = Math.min(Math.max(20, at[1] - 3), height - 4);
+    pen.globalAlpha = 0.8;
+    pen.fillStyle = colourOf("--card");
+    pen.fillRect(x - 3, y - 16, wide + 6, 18);
+    pen.globalAlpha = 1;
+    pen.fillStyle = colourOf(token);
+    pen.fillText(text, x, y);
+  };
+  for (const { label: text, corner, isChosen } of poses) label(text, view.point(corner), isChosen ? "--ink" : "--faint");
+  label("camera", view.point([0, 0, 0]), "--accent");
+}
+
+interface RigViewProps {
+  rig: Rig;
+  /** Names of the poses that the rays are made of. */
+  chosen: string[];
+  rays: SampledRay[] | undefined;
+}
+
+export function RigView({ rig, chosen, rays }: RigViewProps) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const first = useMemo(() => orbitAround(placesOf(rig), kSides[0]![1], kSides[0]![2]), [rig]);
+  const [orbit, setOrbit] = useState(first);
+  const [hidden, setHidden] = useState<ReadonlySet<RayState>>(new Set());
+  const [width, setWidth] = useState(0);
+  const isDark = useDark();
+  const now = useRef(orbit);
+  now.current = orbit;
+  const start = useRef(first);
+  start.current = first;
+
+  useEffect(() => setOrbit(first), [first]);
+  useEffect(() => {
+    const observer = new ResizeObserver(() => setWidth(canvas.current?.clientWidth ?? 0));
+    observer.observe(canvas.current!);
+    const end = listen(
+      canvas.current!,
+      () => now.current,
+      (to) => setOrbit((now.current = to)),
+      () => start.current,
+    );
+    return () => (observer.disconnect(), end());
+  }, []);
+  const drawn = useMemo((): Drawn => {
+    const [near, far] = chosen.map((name) => rig.poses.find((pose) => pose.name === name));
+    return {
+      frustum: frustumOf(rig),
+      poses: rig.poses.map((pose) => ({ ...linesOfPose(pose), isChosen: chosen.includes(pose.name) || chosen.length === 0 })),
+      rays: rays && near && far ? linesOfRays(rays, gapOf(near, far)) : undefined,
+    };
+  }, [rig, rays, chosen.join("\n")]);
+  useEffect(() => draw(canvas.current!, orbit, drawn, hidden), [orbit, drawn, hidden, isDark, width]);
+
+  const toggle = (state: RayState): void =>
+    setHidden((before) => {
+      const after = new Set(before);
+      if (!after.delete(state)) after.add(state);
+      return after;
+    });
+  return (
+    <figure class="rig-view">
+      <canvas
+        ref={canvas}
+        tabIndex={0}
+        role="application"
+        aria-label={`The rig in space: the camera and ${rig.poses.length} poses of monitors. Arrow keys turn it, plus and minus scale it, 0 puts it back.`}
+      />
+      <figcaption class="row">
+        {kSides.map(([text, yaw, pitch]) => (
+          <button key={text} class="inline" onClick={() => setOrbit(orbitAround(placesOf(rig), yaw, pitch))}>
+            {text}
+          </button>
+        ))}
+        <button class="inline" onClick={() => setOrbit(fromCamera(rig))}>
+          From the camera
+        </button>
+        {drawn.rays &&
+          kRayStates.map((state) => (
+            <label key={state} class={`ray-key ray-${state}`}>
+              <input type="checkbox" checked={!hidden.has(state)} onChange={() => toggle(state)} />
+              <svg viewBox="0 0 16 4" aria-hidden="true">
+                <path d="M0 2H16" />
+              </svg>
+              {state} <span class="digits">{drawn.rays![state].length}</span>
+            </label>
+          ))}
+      </figcaption>
+    </figure>
+  );
+}
