@@ -82,6 +82,12 @@ void add_sensor_options(CLI::App& app, CameraOptions& camera) {
   app.add_option("--blur", camera.sim.blur_sigma_px, "sim: sigma of the lens's blur, px of the camera")
       ->check(CLI::Range(0.0, 20.0))
       ->capture_default_str();
+  app.add_option(
+         "--focal-length", camera.sim.focal_px,
+         "sim: focal length of its lens, px of its picture; 4 times the picture's width if left out. "
+         "Monitor \"back\" fills the picture at its own place with any; a shorter one stands nearer and "
+         "sees more perspective")
+      ->check(CLI::Range(1.0, 1e6));
   app.add_option("--vignetting", camera.sim.sensor.vignetting,
                  "sim: part of the light in the picture's middle that its corners lack; grows with the "
                  "distance squared")

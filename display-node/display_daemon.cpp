@@ -12,6 +12,7 @@
 #include "display-node/backends/repeating_display.h"
 #include "display-node/display_metrics.h"
 #include "display-node/open_display.h"
+#include "display-node/open_rails.h"
 #include "display-node/services/display_service.h"
 #include "display-node/services/emission_service.h"
 
@@ -42,7 +43,8 @@ absl::Status run_display(const CLI::App& app, const DaemonOptions& daemon, const
   if (options.repeat > 0.0) repeating.emplace(tap, options.repeat, options.faults.seed);
   Display& display = repeating ? static_cast<Display&>(*repeating) : tap;
   GW_RETURN_IF_ERROR(DisplayServiceImpl::check_patch(display, options.patch_rows));
-  DisplayServiceImpl service(options.name, display, options.patch_rows);
+  GW_ASSIGN_OR_RETURN(std::vector<MonitorRail> rails, open_rails(options, tap));
+  DisplayServiceImpl service(options.name, display, options.patch_rows, std::move(rails));
   EmissionServiceImpl emission(tap, optics);
   display_metrics();
   return serve(daemon, {.services = {&service, &emission},

@@ -34,6 +34,16 @@ void add_screen_options(CLI::App& app, DisplayOptions& display) {
   app.add_option("--settle-ms", display.settle_ms, "time until that light has settled")
       ->check(CLI::Range(0.0, 200.0))
       ->capture_default_str();
+  app.add_option(
+      "--rail", display.rails,
+      "NAME=MIN:MAX[@START]: a linear stage carries this monitor towards the camera and away from it: its "
+      "range and where it stands, mm on its own scale; sim: START is the monitor's own place; repeat for "
+      "more");
+  app.add_option(
+      "--rail-command", display.rail_command,
+      "a program that moves a rail, such as \"move-stage /dev/ttyUSB0 {mm}\", and ends with success "
+      "within a minute, when it stands there; no shell reads it; {mm} is the position and {monitor} "
+      "the monitor's name");
 }
 
 void add_true_timing_options(CLI::App& app, DisplayOptions& display) {
@@ -67,6 +77,13 @@ void add_true_light_options(CLI::App& app, DisplayOptions& display) {
          "part of the light that is lost with each minute since the start; changes from picture to picture")
       ->check(CLI::Range(0.0, 0.5))
       ->capture_default_str();
+  app.add_option(
+      "--true-tilt", display.tilts,
+      "NAME=TILT,TURN, degrees: that monitor is tilted about its horizontal axis, its lower edge away, and "
+      "then turned about the vertical, its right edge away; repeat for more");
+  app.add_option("--true-pitch-mm", display.pitch_mm, "distance between the monitors' pixels, mm")
+      ->check(CLI::Range(0.001, 100.0))
+      ->capture_default_str();
   app.add_option("--true-flicker", display.true_flicker,
                  "AMPLITUDE@HZ, such as 0.1@100: multiplies that light by 1 + AMPLITUDE sin(2 pi HZ t)");
 }
@@ -98,7 +115,7 @@ nanoseconds DisplayOptions::jitter() const {
 }
 
 absl::StatusOr<TrueOptics> DisplayOptions::true_optics() const {
-  TrueOptics optics{.panel = panel};
+  TrueOptics optics{.panel = panel, .pitch_mm = pitch_mm};
   int read = 0;
   if (true_response != "linear" &&
       (std::sscanf(true_response.c_str(), "gamma:%lf%n", &optics.panel.gamma, &read) != 1 ||

@@ -10,6 +10,7 @@
 
 #include "core/cli/daemon.h"
 #include "core/sim/panel.h"
+#include "core/sim/panel_pose.h"
 #include "display-node/backends/sim_display.h"
 #include "display-node/services/emission_service.h"
 
@@ -29,6 +30,11 @@ struct DisplayOptions {
   PanelModel panel;
   SimDisplay::Faults faults;
   double jitter_ms = 0.0, repeat = 0.0;
+  double pitch_mm = 1.0;
+  std::vector<std::string> tilts;
+  // Of any.
+  std::vector<std::string> rails;
+  std::string rail_command;
 
   nanoseconds lag() const;
   nanoseconds settle() const;

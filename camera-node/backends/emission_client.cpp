@@ -47,7 +47,8 @@ void EmissionClient::read(grpc::ClientContext& context) {
                .scanout = nanoseconds(monitor.scanout_ns()),
                .lag = nanoseconds(monitor.lag_ns()),
                .settle = nanoseconds(monitor.settle_ns()),
-               .flicker = {.amplitude = monitor.flicker(), .hz = monitor.flicker_hz()}};
+               .flicker = {.amplitude = monitor.flicker(), .hz = monitor.flicker_hz()},
+               .pitch_mm = monitor.pitch_mm() > 0.0 ? monitor.pitch_mm() : 1.0};
       timeline_.add_monitor(known);
       spdlog::info("light from monitor={} size={}x{}", known.name, known.width_px, known.height_px);
     } else if (response.has_picture()) {
@@ -65,6 +66,11 @@ void EmissionClient::read(grpc::ClientContext& context) {
         timeline_.add_picture(monitor.name,
                               {.scanout_start = nanoseconds(picture.scanout_start_ns()), .image = image});
       received_bytes = 0;
+    } else if (response.has_pose()) {
+      const v1::EmitterPose& pose = response.pose();
+      timeline_.set_pose(
+          pose.monitor(), nanoseconds(pose.since_ns()),
+          {.away_mm = pose.away_mm(), .tilt_deg = pose.tilt_deg(), .turn_deg = pose.turn_deg()});
     } else if (response.has_horizon()) {
       timeline_.set_horizon(response.horizon().monitor(), nanoseconds(response.horizon().until_ns()));
     }

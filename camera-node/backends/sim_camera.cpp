@@ -16,12 +16,20 @@ namespace {
 
 constexpr double kMinExposureMs = 0.05;
 constexpr nanoseconds kMaxLightDelay = std::chrono::milliseconds(300);  // later light counts as dark
+// Of monitors that move: frames of two places may be wanted in turn while a third is traced.
+constexpr size_t kStagesKept = 3;
 
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<SimCamera>> SimCamera::create(const SimCameraOptions& options,
                                                              const EmissionTimeline& timeline) {
   if (!options.mosaic.empty()) GW_RETURN_IF_ERROR(Mosaic::parse(options.mosaic).status());
+  if (options.focal_px && !(*options.focal_px >= options.width_px)) {
+    return absl::InvalidArgumentError(
+        fmt::format("--focal-length is {}; it must be {} px or more, the picture's width: nearer by, the "
+                    "camera would stand in the scene",
+                    *options.focal_px, options.width_px));
+  }
   // Fails with a list of the scenes if this one is unknown.
   const std::vector<SceneMonitor> one{{.name = "back", .size = {.width_px = 4, .height_px = 4}}};
   GW_RETURN_IF_ERROR(build_transport(options.scene, true, one, 4, 4).status());
@@ -198,7 +206,8 @@ void SimCamera::prepare(std::stop_token stop) {
   const auto key_of = [](const std::vector<EmissionMonitor>& monitors) {
     std::string key;
     for (const EmissionMonitor& monitor : monitors)
-      key += fmt::format("{} {}x{}, ", monitor.name, monitor.width_px, monitor.height_px);
+      key += fmt::format("{} {}x{} {} {} {}, ", monitor.name, monitor.width_px, monitor.height_px,
+                         monitor.pose.away_mm, monitor.pose.tilt_deg, monitor.pose.turn_deg);
     return key;
   };
   std::string before, traced;
@@ -222,20 +231,23 @@ void SimCamera::prepare(std::stop_token stop) {
 absl::StatusOr<StageTransports> SimCamera::stage(const std::vector<EmissionMonitor>& monitors) {
   std::vector<SceneMonitor> wanted;
   for (const EmissionMonitor& monitor : monitors) {
-    wanted.push_back(
-        {.name = monitor.name, .size = {.width_px = monitor.width_px, .height_px = monitor.height_px}});
+    wanted.push_back({.name = monitor.name,
+                      .size = {.width_px = monitor.width_px, .height_px = monitor.height_px},
+                      .pitch_mm = monitor.pitch_mm,
+                      .pose = monitor.pose});
   }
   const std::lock_guard lock(build_mutex_);
-  const bool same = std::equal(
-      wanted.begin(), wanted.end(), built_for_.begin(), built_for_.end(),
-      [](const SceneMonitor& a, const SceneMonitor& b) { return a.name == b.name && a.size == b.size; });
-  if (!same || stage_.empty == nullptr) {
-    const int finer = blurs() ? kRaysAcross : 1;
-    GW_ASSIGN_OR_RETURN(stage_, build_phases(options_.scene, wanted, finer * options_.width_px,
-                                             finer * options_.height_px, kRaysAcross / finer));
-    built_for_ = wanted;
+  for (const TracedStage& traced : traced_) {
+    if (traced.monitors == wanted) return traced.transports;
   }
-  return stage_;
+  const int finer = blurs() ? kRaysAcross : 1;
+  const double focal_widths = options_.focal_px ? *options_.focal_px / options_.width_px : kFocalWidths;
+  GW_ASSIGN_OR_RETURN(StageTransports transports,
+                      build_phases(options_.scene, wanted, finer * options_.width_px,
+                                   finer * options_.height_px, kRaysAcross / finer, focal_widths));
+  traced_.push_front({.monitors = std::move(wanted), .transports = std::move(transports)});
+  if (traced_.size() > kStagesKept) traced_.pop_back();
+  return traced_.front().transports;
 }
 
 }  // namespace glasswing

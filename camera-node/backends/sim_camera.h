@@ -3,8 +3,10 @@
 // clock.
 #pragma once
 
+#include <deque>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <random>
 #include <stop_token>
 #include <string>
@@ -28,7 +30,9 @@ struct SimCameraOptions {
   int height_px = 96;
   double frame_rate_hz = 200.0;
   double blur_sigma_px = 0.0;  // lens blur
-  std::string mosaic;          // as v1::Camera.mosaic; empty: pixels have all colours
+  // Focal length of the lens, px of the picture along x; at least its width. Empty: kFocalWidths widths.
+  std::optional<double> focal_px = {};
+  std::string mosaic;  // as v1::Camera.mosaic; empty: pixels have all colours
   SensorModel sensor;
   Automatics automatics = {};  // not reported: exposure and gain are reported as requested
   NodeClock clock = {};        // of the time stamps
@@ -41,7 +45,8 @@ struct SimCameraOptions {
 
 class SimCamera final : public Camera, public Stage {
  public:
-  // INVALID_ARGUMENT: an unknown scene. `timeline` outlives the camera and its frames.
+  // INVALID_ARGUMENT: an unknown scene, or a focal length that is too short. `timeline` outlives the camera
+  // and its frames.
   static absl::StatusOr<std::unique_ptr<SimCamera>> create(const SimCameraOptions& options,
                                                            const EmissionTimeline& timeline);
 
@@ -66,7 +71,7 @@ class SimCamera final : public Camera, public Stage {
   absl::StatusOr<RadianceImage> radiance_on(const Exposed& exposed);
   absl::Status apply_automatics(const Exposed& exposed, double exposure_ms, RadianceImage& radiance);
   void prepare(std::stop_token stop);
-  // The light transport for these monitors; rebuilt when they change.
+  // The light transport for these monitors where they stand, traced when it is first needed.
   absl::StatusOr<StageTransports> stage(const std::vector<EmissionMonitor>& monitors);
 
   const SimCameraOptions options_;
@@ -82,8 +87,11 @@ class SimCamera final : public Camera, public Stage {
   std::mt19937_64 random_;     // guarded by mutex_
   nanoseconds delivered_{};    // when the newest frame was; used by next() only, which has one caller
   std::mutex build_mutex_;
-  std::vector<SceneMonitor> built_for_;  // guarded by build_mutex_
-  StageTransports stage_;                // guarded by build_mutex_
+  struct TracedStage {
+    std::vector<SceneMonitor> monitors;
+    StageTransports transports;
+  };
+  std::deque<TracedStage> traced_;  // guarded by build_mutex_; the newest first
   std::jthread preparing_;  // traces the scene as soon as monitors are known, before the first frame needs it
 };
 

@@ -14,7 +14,10 @@ absl::Status add_monitors(const v1::Node& node, RigView& rig) {
   const Peer<v1::DisplayService> display("display node at " + node.address(), node.address());
   GW_ASSIGN_OR_RETURN(const v1::GetDisplayResponse found,
                       call(display, &v1::DisplayService::Stub::GetDisplay, {}));
-  for (const v1::DisplayMonitor& shown : found.monitors()) rig.monitors.push_back(listed_monitor(shown));
+  for (const v1::DisplayMonitor& shown : found.monitors()) {
+    rig.monitors.push_back(listed_monitor(shown));
+    if (shown.has_rail()) rig.rails[shown.name()] = shown.rail();
+  }
   return absl::OkStatus();
 }
 

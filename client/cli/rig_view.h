@@ -3,17 +3,21 @@
 
 #include <absl/status/statusor.h>
 
+#include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "client/cli/client.h"
 #include "glasswing/v1/archive.pb.h"
 #include "glasswing/v1/camera_service.pb.h"
+#include "glasswing/v1/display_service.pb.h"
 
 namespace glasswing {
 
 struct RigView {
   std::vector<v1::Monitor> monitors;            // of every display node
+  std::map<std::string, v1::Rail> rails;        // by monitor, of those on one
   std::optional<v1::GetCameraResponse> camera;  // of the named camera node, or of the first
 };
 

@@ -30,6 +30,21 @@ absl::StatusOr<Matte> matte_of(const Client& client, const RaysArguments& argume
   return matte;
 }
 
+// A pose that was calibrated with the monitor elsewhere on its rail is another one.
+absl::Status check_positions(const Matte& matte, const v1::RigGeometry& geometry, const std::string& name) {
+  for (const v1::Monitor& monitor : matte.metadata.monitors()) {
+    const absl::StatusOr<const v1::MonitorPose*> pose = find_pose(geometry, name, monitor.name());
+    if (!pose.ok() || !monitor.has_rail_mm() || !(*pose)->has_rail_mm()) continue;
+    if (monitor.rail_mm() == (*pose)->rail_mm()) continue;
+    return absl::FailedPreconditionError(
+        fmt::format("monitor \"{}\" stood at {} mm of its rail for session {}, and pose \"{}\" is of it at "
+                    "{} mm; name the "
+                    "pose with --poses",
+                    monitor.name(), monitor.rail_mm(), matte.metadata.session(), name, (*pose)->rail_mm()));
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<RayMatte> rays_of(const Client& client, const RaysArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const v1::RigGeometry geometry, read_geometry(arguments.geometry));
   if (arguments.mattes.size() > 2) {
@@ -51,14 +66,37 @@ absl::StatusOr<RayMatte> rays_of(const Client& client, const RaysArguments& argu
           "object "
           "stands, for a far environment as an approximation; or give a second matte");
     }
-    return far_light_rays(one, geometry, poses.empty() ? one.metadata.session() : poses[0],
-                          arguments.object_depth_mm);
+    const std::string pose = poses.empty() ? one.metadata.session() : poses[0];
+    GW_RETURN_IF_ERROR(check_positions(one, geometry, pose));
+    return far_light_rays(one, geometry, pose, arguments.object_depth_mm);
   }
   if (arguments.object_depth_mm > 0.0)
     return absl::InvalidArgumentError("--object-depth is for one matte; two show where light goes");
   GW_ASSIGN_OR_RETURN(const Matte other, matte_of(client, arguments, 1));
   if (poses.empty()) poses = {one.metadata.session(), other.metadata.session()};
+  GW_RETURN_IF_ERROR(check_positions(one, geometry, poses[0]));
+  GW_RETURN_IF_ERROR(check_positions(other, geometry, poses[1]));
   return match_rays(one, other, geometry, poses);
+}
+
+// Where the monitors stood, by what the geometry says.
+std::vector<const v1::MonitorPose*> poses_of(const v1::RayMetadata& metadata) {
+  std::vector<const v1::MonitorPose*> poses;
+  for (const std::string& name : metadata.poses()) {
+    for (const v1::MonitorPose& pose : metadata.geometry().monitors()) {
+      if (pose.name() == name) poses.push_back(&pose);
+    }
+  }
+  return poses;
+}
+
+nlohmann::ordered_json poses_as_json(const v1::RayMetadata& metadata) {
+  nlohmann::ordered_json poses = nlohmann::ordered_json::array();
+  for (const v1::MonitorPose* pose : poses_of(metadata)) {
+    poses.push_back({{"name", pose->name()}, {"depth_mm", MonitorPlane(*pose).depth_mm()}});
+    if (pose->has_rail_mm()) poses.back()["rail_mm"] = pose->rail_mm();
+  }
+  return poses;
 }
 
 absl::Status write_rays(const Client& client, const RaysArguments& arguments) {
@@ -75,6 +113,7 @@ absl::Status write_rays(const Client& client, const RaysArguments& arguments) {
                                             {"width_px", rays.width_px()},
                                             {"height_px", rays.height_px()},
                                             {"approximation", rays.metadata.approximation()},
+                                            {"poses", poses_as_json(rays.metadata)},
                                             {"matched", counts.matched()},
                                             {"ambiguous", counts.ambiguous()},
                                             {"extrapolated", counts.extrapolated()},
@@ -87,6 +126,11 @@ absl::Status write_rays(const Client& client, const RaysArguments& arguments) {
     return absl::OkStatus();
   }
   std::cout << fmt::format("{}: {}x{}\n", arguments.output, rays.width_px(), rays.height_px());
+  for (const v1::MonitorPose* pose : poses_of(rays.metadata)) {
+    std::cout << fmt::format("pose {}: {:.2f} mm from the camera{}\n", pose->name(),
+                             MonitorPlane(*pose).depth_mm(),
+                             pose->has_rail_mm() ? fmt::format(", {} mm on its rail", pose->rail_mm()) : "");
+  }
   if (!rays.metadata.approximation().empty()) {
     std::cout << "approximation: " << rays.metadata.approximation() << "\n";
     return absl::OkStatus();

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <filesystem>
 #include <iostream>
@@ -108,6 +109,7 @@ void print_as_json(const std::string& file, const GeometryFit& fit) {
                      {"max_px", pose.max_px},
                      {"points", pose.used},
                      {"left_out", pose.left_out}});
+    if (named.has_rail_mm()) poses.back()["rail_mm"] = named.rail_mm();
   }
   const auto& warnings = fit.geometry.warnings();
   const nlohmann::ordered_json written = {
@@ -134,6 +136,11 @@ void print_as_json(const std::string& file, const GeometryFit& fit) {
 }
 
 void print_as_text(const Client& client, const std::string& file, const GeometryFit& fit) {
+  const bool on_rails = std::ranges::any_of(fit.geometry.monitors(), &v1::MonitorPose::has_rail_mm);
+  std::vector<Column> columns{{"POSE"},           {"MONITOR"},      {"DISTANCE_MM", true}, {"SD_MM", true},
+                              {"TILT_DEG", true}, {"SD_DEG", true}, {"MEDIAN_PX", true},   {"RMS_PX", true},
+                              {"MAX_PX", true},   {"POINTS", true}, {"LEFT_OUT", true}};
+  if (on_rails) columns.insert(columns.begin() + 2, {"RAIL_MM", true});
   std::vector<std::vector<std::string>> rows;
   for (size_t k = 0; k < fit.poses.size(); ++k) {
     const PoseFit& pose = fit.poses[k];
@@ -143,20 +150,12 @@ void print_as_text(const Client& client, const std::string& file, const Geometry
                     fmt::format("{:.3f}", pose.turn_sd_deg), fmt::format("{:.3f}", pose.median_px),
                     fmt::format("{:.3f}", pose.rms_px), fmt::format("{:.3f}", pose.max_px),
                     fmt::format("{}", pose.used), fmt::format("{}", pose.left_out)});
+    if (on_rails) {
+      rows.back().insert(rows.back().begin() + 2,
+                         named.has_rail_mm() ? fmt::format("{}", named.rail_mm()) : "-");
+    }
   }
-  print_table(client,
-              {{"POSE"},
-               {"MONITOR"},
-               {"DISTANCE_MM", true},
-               {"SD_MM", true},
-               {"TILT_DEG", true},
-               {"SD_DEG", true},
-               {"MEDIAN_PX", true},
-               {"RMS_PX", true},
-               {"MAX_PX", true},
-               {"POINTS", true},
-               {"LEFT_OUT", true}},
-              rows);
+  print_table(client, columns, rows);
   if (client.tsv) return;
   const v1::CameraGeometry& camera = fit.geometry.camera();
   const auto number = [&](const char* name, double value, int at, const char* format) {

@@ -9,6 +9,7 @@
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/rig/check_geometry.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "core/pattern/plan.h"
@@ -66,22 +67,36 @@ std::vector<v1::Finding> read_findings(const Client& client,
   return findings;
 }
 
-absl::Status check_rig(const Client& client, const std::string& plan) {
+struct DoctorArguments {
+  std::string plan, geometry, session;
+};
+
+absl::Status check_rig(const Client& client, const DoctorArguments& arguments) {
   v1::CheckRigRequest request;
-  if (!plan.empty()) {
-    GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(plan));
+  if (!arguments.plan.empty()) {
+    GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
   }
+  if (arguments.geometry.empty() && !arguments.session.empty())
+    return absl::InvalidArgumentError("--session goes with --geometry");
   const Peer<v1::RigService> server(client.server_title(), client.server);
   grpc::ClientContext context;
   set_deadline(context, kDoctorTimeout);
   const auto reader = server.stub->CheckRig(&context, request);
   const Interruptible ctrl_c([&context] { context.TryCancel(); });
-  const std::vector<v1::Finding> findings = read_findings(client, *reader);
+  std::vector<v1::Finding> findings = read_findings(client, *reader);
   const grpc::Status status = reader->Finish();
   if (interrupted())
     return absl::CancelledError("the check was broken off; the rig is free again, and nothing of it changed");
-  if (status.ok()) print_together(client, findings);
   if (!status.ok()) return status_from(status, server.title);
+  if (!arguments.geometry.empty()) {
+    GW_ASSIGN_OR_RETURN(const std::vector<v1::Finding> geometry,
+                        check_rig_geometry(client, arguments.geometry, arguments.session));
+    for (const v1::Finding& finding : geometry) {
+      if (!client.json && !client.tsv) print_finding(client, finding);
+      findings.push_back(finding);
+    }
+  }
+  print_together(client, findings);
   const auto problems = std::ranges::count(findings, v1::FINDING_LEVEL_PROBLEM, &v1::Finding::level);
   if (problems > 0) {
     return absl::FailedPreconditionError(fmt::format("the rig has {} problem{}; fix what is listed above",
@@ -95,10 +110,28 @@ absl::Status check_rig(const Client& client, const std::string& plan) {
 void add_doctor_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
       "doctor", "Test the rig before a session and report what is wrong; succeeds only without problems.");
-  command.footer("Example:\n  glasswing doctor --plan deploy/plans/crystal.txtpb");
-  auto plan = std::make_shared<std::string>();
-  command.add_option("--plan", *plan, "check for this plan's monitors, exposures and hold_refreshes");
-  command.callback([&client, plan] { client.run = [&client, plan] { return check_rig(client, *plan); }; });
+  command.footer(
+      "With --geometry it says whether monitors still stand before the camera as they were calibrated, by "
+      "where "
+      "the pixels of a solved session look beside its object (docs/rays.md).\n\n"
+      "Examples:\n"
+      "  glasswing doctor --plan deploy/plans/crystal.txtpb\n"
+      "  glasswing doctor --geometry rig.txtpb --session vase-200");
+  auto arguments = std::make_shared<DoctorArguments>();
+  command.add_option("--plan", arguments->plan,
+                     "check for this plan's monitors, exposures and hold_refreshes");
+  command
+      .add_option("--geometry", arguments->geometry,
+                  "check that nothing has moved since glasswing calibrate geometry wrote this file")
+      ->type_name("FILE");
+  command
+      .add_option(
+          "--session", arguments->session,
+          "with --geometry: the session, or its matte's file, that shows where monitors stand now; default: "
+          "the newest that is solved")
+      ->type_name("SESSION");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return check_rig(client, *arguments); }; });
 }
 
 }  // namespace glasswing

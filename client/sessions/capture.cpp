@@ -9,6 +9,7 @@
 #include "client/cli/progress.h"
 #include "client/cli/rig_view.h"
 #include "client/cli/rpc.h"
+#include "client/sessions/capture_at_positions.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/estimate.h"
 #include "client/sessions/photo.h"
@@ -84,7 +85,7 @@ struct CaptureArguments {
   std::vector<std::string> tags;
   bool solve = false, watch = false, dry_run = false;
   bool adapt = false;
-  std::string target_error;
+  std::string target_error, rail_mm;
   int at_most = 0;  // 0: as the plan says
 };
 
@@ -149,9 +150,9 @@ absl::Status dry_run(const Client& client, const Peer<v1::SessionService>& serve
   return absl::OkStatus();
 }
 
-absl::Status capture(const Client& client, const CaptureArguments& arguments) {
-  const Peer<v1::SessionService> server(client.server_title(), client.server);
-  if (arguments.dry_run) return dry_run(client, server, arguments);
+absl::StatusOr<v1::CreateSessionRequest> request_of(const Client& client,
+                                                    const Peer<v1::SessionService>& server,
+                                                    const CaptureArguments& arguments) {
   // Checked before the capture starts; the server checks tags only afterwards.
   for (const std::string& tag : arguments.tags) GW_RETURN_IF_ERROR(check_name("tag", tag));
   v1::CreateSessionRequest request;
@@ -159,16 +160,35 @@ absl::Status capture(const Client& client, const CaptureArguments& arguments) {
   GW_RETURN_IF_ERROR(upload_photos(client, server, arguments.plan, *request.mutable_plan()));
   request.set_name(arguments.session);
   request.set_solve(arguments.solve);
-  GW_ASSIGN_OR_RETURN(v1::Session session, create_session(client, std::move(request)));
-  if (!arguments.note.empty() || !arguments.tags.empty()) {
-    v1::AnnotateSessionRequest annotation;
-    annotation.set_name(session.name());
-    if (!arguments.note.empty()) annotation.set_note(arguments.note);
-    annotation.mutable_add_tags()->Assign(arguments.tags.begin(), arguments.tags.end());
-    GW_ASSIGN_OR_RETURN(const v1::AnnotateSessionResponse annotated,
-                        call(server, &v1::SessionService::Stub::AnnotateSession, annotation));
-    session = annotated.session();
+  return request;
+}
+
+absl::StatusOr<v1::Session> annotated(const Peer<v1::SessionService>& server, v1::Session session,
+                                      const CaptureArguments& arguments) {
+  if (arguments.note.empty() && arguments.tags.empty()) return session;
+  v1::AnnotateSessionRequest annotation;
+  annotation.set_name(session.name());
+  if (!arguments.note.empty()) annotation.set_note(arguments.note);
+  annotation.mutable_add_tags()->Assign(arguments.tags.begin(), arguments.tags.end());
+  GW_ASSIGN_OR_RETURN(const v1::AnnotateSessionResponse stored,
+                      call(server, &v1::SessionService::Stub::AnnotateSession, annotation));
+  return stored.session();
+}
+
+absl::Status capture(const Client& client, const CaptureArguments& arguments) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  if (arguments.dry_run) return dry_run(client, server, arguments);
+  if (!arguments.rail_mm.empty()) {
+    GW_ASSIGN_OR_RETURN(const RailPositions positions, parse_rail_positions("--rail-mm", arguments.rail_mm));
+    GW_RETURN_IF_ERROR(check_series(arguments.session, positions));
+    GW_ASSIGN_OR_RETURN(const v1::CreateSessionRequest request, request_of(client, server, arguments));
+    return capture_at_positions(client, request, positions, [&](v1::Session session) {
+      return annotated(server, std::move(session), arguments);
+    });
   }
+  GW_ASSIGN_OR_RETURN(v1::CreateSessionRequest request, request_of(client, server, arguments));
+  GW_ASSIGN_OR_RETURN(v1::Session session, create_session(client, std::move(request)));
+  GW_ASSIGN_OR_RETURN(session, annotated(server, std::move(session), arguments));
   if (arguments.watch) {
     return follow_to_outcome(client, session.name(),
                              session.solve_follows() ? Goal::kDone : Goal::kCapturedOrDone);
@@ -200,6 +220,7 @@ void add_capture_command(CLI::App& app, Client& client) {
       "  glasswing capture deploy/plans/crystal.txtpb --session vase --solve --watch\n"
       "  glasswing capture --adapt --session vase --watch\n"
       "  glasswing capture deploy/plans/design-50.txtpb --adapt --target-error 42dB --at-most 150\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --rail-mm 200,251.2 --session vase --solve --watch\n"
       "  glasswing capture deploy/plans/crystal.txtpb --dry-run\n"
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<CaptureArguments>();
@@ -223,6 +244,13 @@ void add_capture_command(CLI::App& app, Client& client) {
       .add_option("--at-most", arguments->at_most,
                   fmt::format("with --adapt: stop at so many images; default: {}", kDefaultAtMost))
       ->check(CLI::Range(30, 20000));
+  command
+      .add_option(
+          "--rail-mm", arguments->rail_mm,
+          "capture a session at each of these positions of a monitor, NAME-MM as vase-200, one after the "
+          "other: its rail moves it there, or you do and press Enter; one of several monitors as "
+          "back:200,251.2")
+      ->type_name("MM,MM");
   command.add_flag(
       "--watch", arguments->watch,
       "wait until it is captured, with --solve until it is solved; any other outcome is a failure");

@@ -2,6 +2,7 @@
 #include <fmt/ranges.h>
 
 #include <iostream>
+#include <map>
 
 #include "client/cli/output.h"
 #include "client/cli/rpc.h"
@@ -41,6 +42,10 @@ void print_details(const v1::Session& session) {
                                      session.name() + " " + copy.node()
                                : fmt::format("{} at {}", copy.node(), copy.address()));
   }
+  const std::map<std::string, double> positions(session.rail_mm().begin(), session.rail_mm().end());
+  for (const auto& [monitor, position_mm] : positions)
+    row(monitor == positions.begin()->first ? "positions" : "",
+        fmt::format("{} at {} mm", monitor, position_mm));
   row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
                            session.step_count(), session.retaken_count(), session.frames_taken(),
                            seconds_text(session.capture_seconds())));

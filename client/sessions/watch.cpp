@@ -88,7 +88,7 @@ class SessionProgress {
 
 }  // namespace
 
-absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name) {
+absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name, Follow until) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   v1::WatchSessionRequest request;
   request.set_name(name);
@@ -103,6 +103,11 @@ absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name
     while (reader->Read(&response)) {
       heard = true;
       progress.update(response.session());
+      if (until == Follow::kUntilCaptured && response.session().state() == v1::SESSION_STATE_SOLVING) {
+        context.TryCancel();
+        (void)reader->Finish();
+        return response.session();
+      }
     }
     const grpc::Status status = reader->Finish();
     if (heard && status.ok()) return response.session();  // the server ends the stream when the session rests

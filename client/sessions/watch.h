@@ -11,9 +11,13 @@
 
 namespace glasswing {
 
-// Shows progress until the session rests (paused, captured, done, failed, cancelled), and returns it.
-// CANCELLED: Ctrl-C was pressed; the session goes on, and the message says how to watch or end it.
-absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name);
+enum class Follow { kUntilItRests, kUntilCaptured };
+
+// Shows progress until the session rests (paused, captured, done, failed, cancelled), or is captured though
+// its solve follows, and returns it. CANCELLED: Ctrl-C was pressed; the session goes on, and the message says
+// how to watch or end it.
+absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name,
+                                   Follow until = Follow::kUntilItRests);
 
 // What the session is watched for.
 enum class Goal { kCapturedOrDone, kDone };

@@ -321,6 +321,7 @@ class GeometryFitter {
     const Eigen::Matrix<double, 6, 6> covariance = pose_covariance(k);
     for (const double value : covariance.reshaped()) pose.add_covariance(value);
     pose.set_residual_px(fit.rms_px);
+    if (views_[k].rail_mm) pose.set_rail_mm(*views_[k].rail_mm);
   }
 
   std::vector<std::string> warnings(const GeometryFit& fit) const {

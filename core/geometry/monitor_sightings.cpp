@@ -59,7 +59,7 @@ class Sightings {
     }
     std::vector<MonitorView> views;
     for (int m = 0; m < metadata_.monitors_size(); ++m) {
-      std::vector<Sighting>& own = (bare_count_ > 0 ? bare_ : all_)[static_cast<size_t>(m)];
+      std::vector<Sighting>& own = (shows_stage_ ? bare_ : all_)[static_cast<size_t>(m)];
       if (std::ssize(own) < kMinSightings) continue;
       const v1::Monitor& monitor = metadata_.monitors(m);
       views.push_back({.session = session,
@@ -67,11 +67,12 @@ class Sightings {
                        .width_px = monitor.width_px(),
                        .height_px = monitor.height_px(),
                        .sightings = std::move(own)});
+      if (monitor.has_rail_mm()) views.back().rail_mm = monitor.rail_mm();
     }
     if (views.empty()) {
       return absl::FailedPreconditionError(fmt::format(
-          "in session \"{}\" fewer than {} pixels look at a monitor past the object; capture it without "
-          "an object, and with a monitor in view",
+          "in session \"{}\" fewer than {} pixels look at a monitor past the object and tell where; capture "
+          "square waves, without an object, and with a monitor in view",
           session, kMinSightings));
     }
     return views;
@@ -79,6 +80,7 @@ class Sightings {
 
  private:
   void see(const Matte& rows, int x, int y) {
+    shows_stage_ = shows_stage_ || rows.coverage(x, y) <= 0.0f;
     const Mode* const mode = place_of(rows, x, y);
     if (mode == nullptr || mode->texture >= metadata_.monitors_size()) return;
     const v1::Monitor& monitor = metadata_.monitors(mode->texture);
@@ -105,6 +107,7 @@ class Sightings {
   const v1::MatteMetadata metadata_;
   const int step_;
   std::vector<std::vector<Sighting>> bare_, all_;  // by monitor: past the object, and of every pixel
+  bool shows_stage_ = false;                       // some pixel shows no object, usable or not
   int bare_count_ = 0, straight_count_ = 0;
 };
 

@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,6 +22,7 @@ struct MonitorView {
   std::string session, monitor;
   int width_px = 0, height_px = 0;
   std::vector<Sighting> sightings;
+  std::optional<double> rail_mm = {};  // where it stood
 };
 struct StageView {
   int width_px = 0, height_px = 0;  // of the camera's picture

@@ -15,6 +15,7 @@ inline v1::Monitor listed_monitor(const v1::DisplayMonitor& shown) {
   monitor.set_refresh_hz(shown.refresh_hz());
   monitor.set_response(shown.response());
   monitor.set_bits(shown.bits());
+  if (shown.rail().has_position_mm()) monitor.set_rail_mm(shown.rail().position_mm());
   return monitor;
 }
 

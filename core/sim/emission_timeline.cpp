@@ -17,14 +17,23 @@ void EmissionTimeline::Track::forget_first() {
   complete = false;
 }
 
+EmissionMonitor EmissionTimeline::Track::at(nanoseconds time) const {
+  EmissionMonitor there = monitor;
+  for (const auto& [since, pose] : poses) {
+    if (since <= time) there.pose = pose;
+  }
+  return there;
+}
+
 void EmissionTimeline::add_monitor(const EmissionMonitor& monitor) {
   const std::lock_guard lock(mutex_);
   for (Track& track : tracks_) {
     if (track.monitor.name != monitor.name) continue;
-    track = {.monitor = monitor, .pictures = {}, .bytes = 0, .complete = true, .horizon = {}};
+    track = {.monitor = monitor, .pictures = {}, .poses = {}, .bytes = 0, .complete = true, .horizon = {}};
     return;
   }
-  tracks_.push_back({.monitor = monitor, .pictures = {}, .bytes = 0, .complete = true, .horizon = {}});
+  tracks_.push_back(
+      {.monitor = monitor, .pictures = {}, .poses = {}, .bytes = 0, .complete = true, .horizon = {}});
 }
 
 void EmissionTimeline::add_picture(const std::string& monitor, EmittedPicture picture) {
@@ -40,6 +49,16 @@ void EmissionTimeline::add_picture(const std::string& monitor, EmittedPicture pi
     break;
   }
   changed_.notify_all();
+}
+
+void EmissionTimeline::set_pose(const std::string& monitor, nanoseconds since, const PanelPose& pose) {
+  const std::lock_guard lock(mutex_);
+  for (Track& track : tracks_) {
+    if (track.monitor.name != monitor) continue;
+    // Keeps the pose at the start of the kept time.
+    while (track.poses.size() > 1 && track.poses[1].first < since - kept_) track.poses.pop_front();
+    track.poses.emplace_back(since, pose);
+  }
 }
 
 void EmissionTimeline::set_horizon(const std::string& monitor, nanoseconds until) {
@@ -59,7 +78,7 @@ void EmissionTimeline::clear() {
 std::vector<EmissionMonitor> EmissionTimeline::monitors() const {
   const std::lock_guard lock(mutex_);
   std::vector<EmissionMonitor> monitors;
-  for (const Track& track : tracks_) monitors.push_back(track.monitor);
+  for (const Track& track : tracks_) monitors.push_back(track.at(nanoseconds::max()));
   return monitors;
 }
 
@@ -77,7 +96,7 @@ std::optional<std::vector<MonitorEmission>> EmissionTimeline::between(nanosecond
   const std::lock_guard lock(mutex_);
   std::vector<MonitorEmission> emissions;
   for (const Track& track : tracks_) {
-    MonitorEmission emission{.monitor = track.monitor, .pictures = {}};
+    MonitorEmission emission{.monitor = track.at(from + (until - from) / 2), .pictures = {}};
     if (!track.complete && from < track.pictures.front().scanout_start + track.monitor.lag +
                                       track.monitor.scanout + track.monitor.settle)
       return std::nullopt;

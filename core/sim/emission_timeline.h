@@ -10,11 +10,13 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/base/time.h"
 #include "core/frame/image.h"
 #include "core/sim/flicker.h"
+#include "core/sim/panel_pose.h"
 
 namespace glasswing {
 
@@ -31,10 +33,12 @@ struct EmissionMonitor {
   nanoseconds lag{};
   nanoseconds settle{};
   Flicker flicker = {};
+  double pitch_mm = 1.0;  // of its pixels
+  PanelPose pose = {};    // at the moment that was asked for
 };
 
 // One monitor's light during an interval: consecutive pictures, the first of which may have started before
-// it.
+// it. The monitor stands where it stood in the middle of the interval.
 struct MonitorEmission {
   EmissionMonitor monitor;
   std::vector<EmittedPicture> pictures;
@@ -50,10 +54,13 @@ class EmissionTimeline {
 
   void add_monitor(const EmissionMonitor& monitor);  // a known name is replaced, and its pictures dropped
   void add_picture(const std::string& monitor, EmittedPicture picture);
+  // The monitor stands so from `since` on; times rise. The pose that it was added with is that of the time
+  // before.
+  void set_pose(const std::string& monitor, nanoseconds since, const PanelPose& pose);
   void set_horizon(const std::string& monitor, nanoseconds until);
   void clear();  // the link broke: drops all monitors
 
-  std::vector<EmissionMonitor> monitors() const;
+  std::vector<EmissionMonitor> monitors() const;  // where they stand last
   // Waits until every monitor's light is known up to physical time `until`, or for `timeout`. False: timed
   // out, or there are no monitors.
   bool wait_known_until(nanoseconds until, nanoseconds timeout) const;
@@ -65,11 +72,13 @@ class EmissionTimeline {
   struct Track {
     EmissionMonitor monitor;
     std::deque<EmittedPicture> pictures;
-    size_t bytes = 0;      // of the pictures
-    bool complete = true;  // since the monitor was added
+    std::deque<std::pair<nanoseconds, PanelPose>> poses;  // from when on; before: the monitor's own
+    size_t bytes = 0;                                     // of the pictures
+    bool complete = true;                                 // since the monitor was added
     nanoseconds horizon{};
 
     void forget_first();
+    EmissionMonitor at(nanoseconds time) const;
   };
   const nanoseconds kept_;
   const size_t max_bytes_;  // of a monitor's pictures

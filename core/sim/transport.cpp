@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <optional>
 #include <thread>
@@ -17,22 +18,71 @@
 namespace glasswing {
 namespace {
 
-constexpr double kCameraWidths = 4.0;  // distance of the camera, in widths of the back monitor
-
 enum class Side { kBack, kLeft, kRight, kTop };
+
+// The plane of a panel's pixels: `right` and `down` are a pixel.
+struct Plane {
+  Vec3 corner, right, down;
+};
 
 struct Panel {
   Side side;
   std::int32_t monitor;
   MonitorSize size;
+  std::optional<Plane> moved;  // empty: at its own place
 };
+
+Plane own_place(Side side, MonitorSize size, MonitorSize back) {
+  switch (side) {
+    case Side::kLeft:
+      return {.corner = {0.0, 0.0, -1.0 * size.width_px}, .right = {0.0, 0.0, 1.0}, .down = {0.0, 1.0, 0.0}};
+    case Side::kRight:
+      return {.corner = {1.0 * back.width_px, 0.0, 0.0}, .right = {0.0, 0.0, -1.0}, .down = {0.0, 1.0, 0.0}};
+    case Side::kTop:
+      return {.corner = {0.0, 0.0, -1.0 * size.height_px}, .right = {1.0, 0.0, 0.0}, .down = {0.0, 0.0, 1.0}};
+    case Side::kBack:
+      break;
+  }
+  return {.corner = {}, .right = {1.0, 0.0, 0.0}, .down = {0.0, 1.0, 0.0}};
+}
+
+// panel_pose.h
+Plane moved(const Plane& place, const SceneMonitor& monitor) {
+  const double tilt_rad = monitor.pose.tilt_deg * std::numbers::pi / 180.0;
+  const double turn_rad = monitor.pose.turn_deg * std::numbers::pi / 180.0;
+  const Vec3 away = cross(place.right, place.down);
+  const double across = 0.5 * monitor.size.width_px, along = 0.5 * monitor.size.height_px;
+  const Vec3 middle = place.corner + across * place.right + along * place.down +
+                      (monitor.pose.away_mm / monitor.pitch_mm) * away;
+  Plane plane{.corner = middle,
+              .right = std::cos(turn_rad) * place.right + std::sin(turn_rad) * away,
+              .down = std::cos(tilt_rad) * place.down +
+                      std::sin(tilt_rad) * (std::cos(turn_rad) * away - std::sin(turn_rad) * place.right)};
+  plane.corner = plane.corner - across * plane.right - along * plane.down;
+  return plane;
+}
 
 // The point where a ray hits a panel, in px of that panel.
 struct Landing {
   double distance, u, v;
 };
 
+bool is_inside(const Landing& landing, MonitorSize size) {
+  return landing.u >= 0.0 && landing.u < size.width_px && landing.v >= 0.0 && landing.v < size.height_px;
+}
+
+std::optional<Landing> land(const Ray& ray, const Plane& plane, MonitorSize size) {
+  const Vec3 normal = cross(plane.right, plane.down);
+  const double t = dot(normal, plane.corner - ray.origin) / dot(normal, ray.direction);
+  if (!(t > 1e-9) || !std::isfinite(t)) return std::nullopt;
+  const Vec3 p = ray.origin + t * ray.direction - plane.corner;
+  const Landing landing{.distance = t, .u = dot(p, plane.right), .v = dot(p, plane.down)};
+  if (!is_inside(landing, size)) return std::nullopt;
+  return landing;
+}
+
 std::optional<Landing> land(const Ray& ray, const Panel& panel, MonitorSize back) {
+  if (panel.moved) return land(ray, *panel.moved, panel.size);
   const Vec3& o = ray.origin;
   const Vec3& d = ray.direction;
   double t = 0.0;
@@ -56,9 +106,7 @@ std::optional<Landing> land(const Ray& ray, const Panel& panel, MonitorSize back
   if (panel.side == Side::kLeft) landing.u = panel.size.width_px + p.z;
   if (panel.side == Side::kRight) landing.u = -p.z;
   if (panel.side == Side::kTop) landing.v = panel.size.height_px + p.z;
-  const bool inside = landing.u >= 0.0 && landing.u < panel.size.width_px && landing.v >= 0.0 &&
-                      landing.v < panel.size.height_px;
-  if (!inside) return std::nullopt;
+  if (!is_inside(landing, panel.size)) return std::nullopt;
   return landing;
 }
 
@@ -216,14 +264,17 @@ class EmptyStage final : public Scene {
 class Tracer {
  public:
   static absl::StatusOr<Tracer> create(const std::vector<SceneMonitor>& monitors, int camera_width_px,
-                                       int camera_height_px, int rays_across) {
+                                       int camera_height_px, int rays_across, double focal_widths) {
     Tracer tracer;
     tracer.monitors_ = monitors;
     tracer.width_px_ = camera_width_px;
     tracer.height_px_ = camera_height_px;
     tracer.rays_across_ = rays_across;
     for (size_t i = 0; i < monitors.size(); ++i) {
-      Panel panel{.side = Side::kBack, .monitor = static_cast<std::int32_t>(i), .size = monitors[i].size};
+      Panel panel{.side = Side::kBack,
+                  .monitor = static_cast<std::int32_t>(i),
+                  .size = monitors[i].size,
+                  .moved = {}};
       const std::string& name = monitors[i].name;
       if (name == "back") {
         tracer.back_ = panel.size;
@@ -241,8 +292,13 @@ class Tracer {
     }
     if (tracer.back_.width_px == 0)
       return absl::InvalidArgumentError("a scene needs a monitor \"back\", behind the object");
+    for (size_t i = 0; i < monitors.size(); ++i) {
+      if (monitors[i].pose == PanelPose()) continue;
+      Panel& panel = tracer.panels_[i];
+      panel.moved = moved(own_place(panel.side, panel.size, tracer.back_), monitors[i]);
+    }
     const double width = tracer.back_.width_px, height = tracer.back_.height_px;
-    tracer.eye_ = {0.5 * width, 0.5 * height, -kCameraWidths * width};
+    tracer.eye_ = {0.5 * width, 0.5 * height, -focal_widths * width};
     return tracer;
   }
   MonitorSize back() const { return back_; }
@@ -324,9 +380,9 @@ class Tracer {
 
 absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
-                                          int camera_height_px, int rays_across) {
+                                          int camera_height_px, int rays_across, double focal_widths) {
   GW_ASSIGN_OR_RETURN(const Tracer tracer,
-                      Tracer::create(monitors, camera_width_px, camera_height_px, rays_across));
+                      Tracer::create(monitors, camera_width_px, camera_height_px, rays_across, focal_widths));
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Scene> scene, make_scene(scene_name, tracer.back()));
   if (!object || scene == nullptr) return tracer.trace(EmptyStage(), nullptr);
   return tracer.trace(*scene, nullptr);
@@ -334,9 +390,9 @@ absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool ob
 
 absl::StatusOr<StageTransports> build_phases(const std::string& scene_name,
                                              const std::vector<SceneMonitor>& monitors, int camera_width_px,
-                                             int camera_height_px, int rays_across) {
+                                             int camera_height_px, int rays_across, double focal_widths) {
   GW_ASSIGN_OR_RETURN(const Tracer tracer,
-                      Tracer::create(monitors, camera_width_px, camera_height_px, rays_across));
+                      Tracer::create(monitors, camera_width_px, camera_height_px, rays_across, focal_widths));
   StageTransports stage;
   const auto share = [](Transport transport) {
     return std::make_shared<const Transport>(std::move(transport));

@@ -12,12 +12,16 @@
 
 #include "core/frame/image.h"
 #include "core/pattern/pattern.h"
+#include "core/sim/panel_pose.h"
 
 namespace glasswing {
 
 struct SceneMonitor {
   std::string name;  // its position: "back", "left", "right" or "top"
   MonitorSize size;
+  double pitch_mm = 1.0;  // of its pixels, which are as large as the back monitor's
+  PanelPose pose = {};
+  friend bool operator==(const SceneMonitor&, const SceneMonitor&) = default;
 };
 
 struct Tap {
@@ -129,16 +133,19 @@ void Transport::add_columns(size_t monitor, int y, int first, int last, std::spa
   }
 }
 
-inline constexpr int kRaysAcross = 4;  // per camera pixel and axis
+inline constexpr int kRaysAcross = 4;        // per camera pixel and axis
+inline constexpr double kFocalWidths = 4.0;  // the camera's focal length in widths of its picture
 
 // Scenes: "crystal", "glass", "brushed", "wobble", "wobble-lit", "none"; a moving scene is in its first
-// phase. With object = false the stage is empty. Geometry: the back monitor fills the camera's view, one
+// phase. With object = false the stage is empty. Geometry: the camera is a pinhole, `focal_widths` widths of
+// the back monitor in front of its middle. At its own place the back monitor fills the camera's view, one
 // camera pixel covers (monitor / camera size) monitor pixels; "left", "right" and "top" stand at its edges,
 // perpendicular, towards the camera. `rays_across` 1 makes every ray a pixel, for a picture kRaysAcross times
 // as large. Deterministic. INVALID_ARGUMENT lists the known scenes or monitor names.
 absl::StatusOr<Transport> build_transport(const std::string& scene, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
-                                          int camera_height_px, int rays_across = kRaysAcross);
+                                          int camera_height_px, int rays_across = kRaysAcross,
+                                          double focal_widths = kFocalWidths);
 
 // The same for the empty stage and all phases of a scene (scene.h), traced on all cores. A phase stores only
 // the columns between the object's edges; all phases share the empty stage around them. The 36 phases of
@@ -149,6 +156,7 @@ struct StageTransports {
 };
 absl::StatusOr<StageTransports> build_phases(const std::string& scene,
                                              const std::vector<SceneMonitor>& monitors, int camera_width_px,
-                                             int camera_height_px, int rays_across = kRaysAcross);
+                                             int camera_height_px, int rays_across = kRaysAcross,
+                                             double focal_widths = kFocalWidths);
 
 }  // namespace glasswing

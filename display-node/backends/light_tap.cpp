@@ -23,7 +23,8 @@ size_t log_limit_of(const std::vector<ScreenInfo>& screens) {
 
 }  // namespace
 
-LightTap::LightTap(Display& display) : display_(display), log_limit_(log_limit_of(display.screens())) {
+LightTap::LightTap(Display& display)
+    : display_(display), log_limit_(log_limit_of(display.screens())), poses_(display.screens().size()) {
   for (size_t i = 0; i < display.screens().size(); ++i)
     current_.push_back({.monitor = i, .scanout_start = monotonic_now(), .picture = nullptr});
 }
@@ -51,6 +52,18 @@ absl::StatusOr<std::vector<Scanout>> LightTap::show(const std::vector<Picture>& 
   return scanouts;
 }
 
+void LightTap::place(size_t monitor, const PanelPose& pose) {
+  {
+    const std::lock_guard lock(mutex_);
+    poses_[monitor] = pose;
+    if (!is_read_) return;
+    log_.push_back({.monitor = monitor, .scanout_start = monotonic_now(), .picture = nullptr, .pose = pose});
+    ++next_;
+    while (log_.size() > log_limit_) log_.pop_front();
+  }
+  emitted_.notify_all();
+}
+
 bool LightTap::read(std::uint64_t& cursor, std::vector<Emission>& emissions, nanoseconds& horizon,
                     std::chrono::milliseconds timeout) {
   emissions.clear();
@@ -58,6 +71,10 @@ bool LightTap::read(std::uint64_t& cursor, std::vector<Emission>& emissions, nan
   if (cursor == 0) {
     is_read_ = true;
     emissions = current_;
+    for (size_t i = 0; i < poses_.size(); ++i) {
+      if (poses_[i] != PanelPose())
+        emissions.push_back({.monitor = i, .scanout_start = {}, .picture = nullptr, .pose = poses_[i]});
+    }
   } else {
     emitted_.wait_for(lock, timeout, [&] { return next_ > cursor; });
     const std::uint64_t first = next_ - log_.size();

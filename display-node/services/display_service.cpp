@@ -1,8 +1,10 @@
 #include "display-node/services/display_service.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <condition_variable>
 #include <deque>
 #include <thread>
@@ -39,8 +41,12 @@ absl::Status DisplayServiceImpl::check_patch(const Display& display, int patch_r
   return absl::OkStatus();
 }
 
-DisplayServiceImpl::DisplayServiceImpl(std::string name, Display& display, int patch_rows)
-    : name_(std::move(name)), display_(display), screens_(with_patch(display.screens(), patch_rows)) {}
+DisplayServiceImpl::DisplayServiceImpl(std::string name, Display& display, int patch_rows,
+                                       std::vector<MonitorRail> rails)
+    : name_(std::move(name)),
+      display_(display),
+      screens_(with_patch(display.screens(), patch_rows)),
+      rails_(std::move(rails)) {}
 
 grpc::Status DisplayServiceImpl::GetDisplay(grpc::ServerContext*, const v1::GetDisplayRequest*,
                                             v1::GetDisplayResponse* response) {
@@ -57,6 +63,12 @@ grpc::Status DisplayServiceImpl::GetDisplay(grpc::ServerContext*, const v1::GetD
     monitor.set_settle_ns(screen.settle.count());
     monitor.set_response("linear");
     monitor.set_bits(screen.bits);
+    const std::lock_guard lock(mutex_);
+    const auto on = std::ranges::find(rails_, screen.name, &MonitorRail::monitor);
+    if (on == rails_.end()) continue;
+    monitor.mutable_rail()->set_min_mm(on->min_mm);
+    monitor.mutable_rail()->set_max_mm(on->max_mm);
+    if (on->position_mm) monitor.mutable_rail()->set_position_mm(*on->position_mm);
   }
   return grpc::Status::OK;
 }
@@ -162,6 +174,44 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
   if (absl::IsCancelled(status) && !context->IsCancelled()) status = absl::AbortedError(status.message());
   spdlog::info("played name={} steps={} end=\"{}\"", program->name(), program->size(), status.ToString());
   return to_grpc(status);
+}
+
+grpc::Status DisplayServiceImpl::MoveMonitor(grpc::ServerContext*, const v1::MoveMonitorRequest* request,
+                                             v1::MoveMonitorResponse* response) {
+  const absl::StatusOr<double> moved = move(request->monitor(), request->position_mm());
+  if (!moved.ok()) return to_grpc(moved.status());
+  response->set_position_mm(*moved);
+  return grpc::Status::OK;
+}
+
+absl::StatusOr<double> DisplayServiceImpl::move(const std::string& monitor, double position_mm) {
+  if (std::ranges::find(screens_, monitor, &ScreenInfo::name) == screens_.end()) {
+    std::vector<std::string> names;
+    for (const ScreenInfo& screen : screens_) names.push_back(screen.name);
+    return absl::InvalidArgumentError(
+        fmt::format("there is no monitor \"{}\"; there are: {}", monitor, fmt::join(names, ", ")));
+  }
+  const auto on = std::ranges::find(rails_, monitor, &MonitorRail::monitor);
+  if (on == rails_.end()) {
+    return absl::FailedPreconditionError(fmt::format(
+        "monitor \"{}\" has no rail that could move it; glasswing-display --rail names one", monitor));
+  }
+  if (!(position_mm >= on->min_mm && position_mm <= on->max_mm)) {
+    return absl::InvalidArgumentError(
+        fmt::format("position_mm is {}; the rail of monitor \"{}\" takes {} to {}", position_mm, monitor,
+                    on->min_mm, on->max_mm));
+  }
+  const std::unique_lock screens(playing_, std::try_to_lock);
+  if (!screens.owns_lock()) {
+    return absl::FailedPreconditionError(
+        "the display plays a program or moves a monitor; wait until that has ended");
+  }
+  const absl::Status moved = on->rail->move(position_mm, stop_.get_token());
+  spdlog::info("moved monitor={} position_mm={} end=\"{}\"", monitor, position_mm, moved.ToString());
+  const std::lock_guard lock(mutex_);
+  on->position_mm = moved.ok() ? std::optional(position_mm) : std::nullopt;
+  GW_RETURN_IF_ERROR(moved);
+  return position_mm;
 }
 
 }  // namespace glasswing

@@ -5,9 +5,11 @@
 #include <mutex>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "display-node/display.h"
 #include "display-node/playback/program.h"
+#include "display-node/rail.h"
 #include "glasswing/v1/display_service.grpc.pb.h"
 
 namespace glasswing {
@@ -17,8 +19,10 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
   // The lowest `patch_rows` rows of every monitor show the id patch. INVALID_ARGUMENT: they leave too few
   // rows for patterns, or are too few for the patch to be read.
   static absl::Status check_patch(const Display& display, int patch_rows);
-  DisplayServiceImpl(std::string name, Display& display, int patch_rows = 0);
-  // Ends a playing program, so that the daemon can stop.
+  // `rails`: of monitors of the display, at most one each.
+  DisplayServiceImpl(std::string name, Display& display, int patch_rows = 0,
+                     std::vector<MonitorRail> rails = {});
+  // Ends a playing program and a move, so that the daemon can stop.
   void stop() { stop_.request_stop(); }
 
   grpc::Status GetDisplay(grpc::ServerContext*, const v1::GetDisplayRequest*,
@@ -29,10 +33,13 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
                            v1::LoadProgramResponse*) override;
   grpc::Status PlayProgram(grpc::ServerContext*, const v1::PlayProgramRequest*,
                            grpc::ServerWriter<v1::PlayProgramResponse>*) override;
+  grpc::Status MoveMonitor(grpc::ServerContext*, const v1::MoveMonitorRequest*,
+                           v1::MoveMonitorResponse*) override;
 
  private:
   // INVALID_ARGUMENT: not a photo of the size of one of the monitors.
   absl::Status check_fits(const std::string& png) const;
+  absl::StatusOr<double> move(const std::string& monitor, double position_mm);
 
   const std::string name_;
   Display& display_;
@@ -42,7 +49,8 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
   std::mutex mutex_;
   std::shared_ptr<const Program> loaded_;  // guarded by mutex_
   std::stop_source play_;                  // guarded by mutex_, stops the playing program
-  std::mutex playing_;                     // held while the screens are in use
+  std::vector<MonitorRail> rails_;         // their positions are guarded by mutex_
+  std::mutex playing_;                     // held while the screens are in use, or a monitor moves
 };
 
 }  // namespace glasswing

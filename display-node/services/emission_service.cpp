@@ -18,6 +18,17 @@ std::vector<Panel> panels_of(const std::vector<ScreenInfo>& screens, PanelModel 
   return panels;
 }
 
+bool send_pose(const ScreenInfo& screen, nanoseconds since, const PanelPose& pose, Writer& writer) {
+  v1::WatchEmissionResponse response;
+  v1::EmitterPose& sent = *response.mutable_pose();
+  sent.set_monitor(screen.name);
+  sent.set_since_ns(since.count());
+  sent.set_away_mm(pose.away_mm);
+  sent.set_tilt_deg(pose.tilt_deg);
+  sent.set_turn_deg(pose.turn_deg);
+  return writer.Write(response);
+}
+
 bool send_picture(const ScreenInfo& screen, const Emission& emission, const Image16& image, Writer& writer) {
   const std::string_view bytes(reinterpret_cast<const char*>(image.samples.data()), image.samples.size() * 2);
   for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
@@ -53,6 +64,7 @@ grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, co
     monitor.set_settle_ns(optics_.settle.value_or(screen.settle).count());
     monitor.set_flicker(optics_.flicker.amplitude);
     monitor.set_flicker_hz(optics_.flicker.hz);
+    monitor.set_pitch_mm(optics_.pitch_mm);
     if (!writer->Write(response)) return grpc::Status::OK;
   }
   std::uint64_t cursor = 0;
@@ -64,6 +76,10 @@ grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, co
     }
     for (const Emission& emission : emissions) {
       const ScreenInfo& screen = display_.screens()[emission.monitor];
+      if (emission.pose) {
+        if (!send_pose(screen, emission.scanout_start, *emission.pose, *writer)) return grpc::Status::OK;
+        continue;
+      }
       const nanoseconds lit = std::max(emission.scanout_start - switched_on_, nanoseconds(0));
       const Image16 black =
           emission.picture == nullptr ? Image16(screen.width_px, screen.height_px) : Image16();

@@ -17,7 +17,8 @@ struct TrueOptics {
   std::optional<nanoseconds> lag = {}, settle = {};
   // Of every monitor, switched on with the service; bits are those of the screen.
   PanelModel panel = {};
-  Flicker flicker = {};  // of every backlight
+  Flicker flicker = {};   // of every backlight
+  double pitch_mm = 1.0;  // of every monitor's pixels
 };
 
 class EmissionServiceImpl final : public v1::EmissionService::Service {

@@ -12,6 +12,7 @@
 #include "core/pattern/draft_stages.h"
 #include "core/service/service.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
+#include "server/capture/capture_check.h"
 #include "server/capture/group_capture.h"
 #include "server/rig/embed_calibrations.h"
 #include "server/storage/image_name.h"
@@ -108,6 +109,7 @@ absl::Status Capture::find_rig() {
   const v1::Plan& plan = progress_.session().plan();
   GW_ASSIGN_OR_RETURN(setup_.links, connect(rig_, calibrations_, plan.camera(), monitors_of(plan)));
   GW_ASSIGN_OR_RETURN(setup_.monitors, setup_.links.monitors());
+  GW_RETURN_IF_ERROR(enter_positions(progress_.session(), setup_.monitors));
   progress_.set_archive_address(setup_.links.camera->address());
   archive_.emplace(setup_.links, progress_.session().name());
   GW_ASSIGN_OR_RETURN(setup_.steps, expand(plan, setup_.monitors));

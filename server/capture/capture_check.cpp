@@ -113,4 +113,42 @@ absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const Cali
   return checked;
 }
 
+absl::StatusOr<google::protobuf::Map<std::string, double>> positions_of(
+    const google::protobuf::RepeatedPtrField<v1::Monitor>& monitors,
+    const google::protobuf::Map<std::string, double>& placed) {
+  google::protobuf::Map<std::string, double> positions;
+  for (const v1::Monitor& monitor : monitors) {
+    if (monitor.has_rail_mm()) positions[monitor.name()] = monitor.rail_mm();
+  }
+  const std::vector<v1::Monitor> all(monitors.begin(), monitors.end());
+  for (const auto& [name, position_mm] : placed) {
+    GW_RETURN_IF_ERROR(check_monitors({name}, all));
+    if (!std::isfinite(position_mm)) {
+      return absl::InvalidArgumentError(
+          fmt::format("rail_mm of monitor \"{}\" is {}; it must be a number of mm", name, position_mm));
+    }
+    const auto [at, is_new] = positions.insert({name, position_mm});
+    if (is_new || at->second == position_mm) continue;
+    return absl::InvalidArgumentError(
+        fmt::format("rail_mm of monitor \"{}\" is {}; its rail says that it stands at {}", name, position_mm,
+                    at->second));
+  }
+  return positions;
+}
+
+absl::Status enter_positions(const v1::Session& session, std::vector<v1::Monitor>& monitors) {
+  for (v1::Monitor& monitor : monitors) {
+    const auto at = session.rail_mm().find(monitor.name());
+    if (at == session.rail_mm().end()) continue;
+    if (monitor.has_rail_mm() && monitor.rail_mm() != at->second) {
+      return absl::FailedPreconditionError(fmt::format(
+          "monitor \"{0}\" stands at {1} mm of its rail, and the session was begun at {2} mm; move it "
+          "there: glasswing rail {0}:{2}; then: glasswing retry {3}",
+          monitor.name(), monitor.rail_mm(), at->second, session.name()));
+    }
+    monitor.set_rail_mm(at->second);
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace glasswing

@@ -21,4 +21,13 @@ struct CheckedCapture {
 absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                              const v1::Plan& plan);
 
+// Where monitors stand, by name: those of rails, and those that an operator placed. INVALID_ARGUMENT: an
+// operator's monitor is none of them, or stands on a rail elsewhere.
+absl::StatusOr<google::protobuf::Map<std::string, double>> positions_of(
+    const google::protobuf::RepeatedPtrField<v1::Monitor>& monitors,
+    const google::protobuf::Map<std::string, double>& placed);
+
+// Enters the positions at which the session began. FAILED_PRECONDITION: a rail has moved its monitor since.
+absl::Status enter_positions(const v1::Session& session, std::vector<v1::Monitor>& monitors);
+
 }  // namespace glasswing

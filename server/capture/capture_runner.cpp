@@ -103,6 +103,8 @@ absl::StatusOr<v1::Session> CaptureRunner::create(const v1::CreateSessionRequest
   session.set_solve_follows(request.solve() || request.plan().has_adapt());
   if (is_video(request.plan())) session.set_frame_count(ramp_frames_of(request.plan().ramp()));
   session.set_step_count(static_cast<int>(checked.steps.size()));
+  GW_ASSIGN_OR_RETURN(*session.mutable_rail_mm(),
+                      positions_of(checked.estimate.monitors(), request.rail_mm()));
   const v1::Camera& camera = checked.estimate.camera();
   session.set_pixel_count(static_cast<std::int64_t>(camera.width_px()) * camera.height_px());
   session.set_state(v1::SESSION_STATE_CREATED);

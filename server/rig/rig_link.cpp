@@ -69,6 +69,17 @@ const v1::DisplayMonitor* DisplayLink::monitor(const std::string& name) const {
   return nullptr;
 }
 
+absl::StatusOr<double> DisplayLink::move_monitor(const std::string& name, double position_mm) const {
+  v1::MoveMonitorRequest request;
+  request.set_monitor(name);
+  request.set_position_mm(position_mm);
+  v1::MoveMonitorResponse response;
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::seconds(70));  // a display may take a minute
+  GW_RETURN_IF_ERROR(from_grpc(stub->MoveMonitor(&context, request, &response), link.title()));
+  return response.position_mm();
+}
+
 MonitorNames monitors_of(const v1::Plan& plan) {
   MonitorNames names;
   for (const v1::PlanMonitor& monitor : plan.monitors()) names.push_back(monitor.name());

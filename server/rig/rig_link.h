@@ -52,6 +52,8 @@ struct DisplayLink {
   absl::Status describe();
   // Copies measured lag and settling into `sync`.
   void use(const CalibrationStore& store);
+  // Errors are those of DisplayService.MoveMonitor.
+  absl::StatusOr<double> move_monitor(const std::string& name, double position_mm) const;
   // Null: the display has no monitor of that name.
   const v1::DisplayMonitor* monitor(const std::string& name) const;
 

@@ -226,6 +226,25 @@ grpc::Status RigServiceImpl::ReleaseRig(grpc::ServerContext* context, const v1::
   return grpc::Status::OK;
 }
 
+grpc::Status RigServiceImpl::PlaceMonitor(grpc::ServerContext* context,
+                                          const v1::PlaceMonitorRequest* request,
+                                          v1::PlaceMonitorResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  return run(context, "moving monitor " + request->monitor(), [&](std::stop_token) -> absl::Status {
+    const MonitorNames wanted{request->monitor()};
+    GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(server_.rig(), server_.calibrations(), wanted));
+    GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> monitors, rig.monitors());
+    GW_RETURN_IF_ERROR(check_monitors(wanted, monitors));
+    for (const auto& display : rig.displays) {
+      if (display->monitor(request->monitor()) == nullptr) continue;
+      GW_ASSIGN_OR_RETURN(const double position_mm,
+                          display->move_monitor(request->monitor(), request->position_mm()));
+      response->set_position_mm(position_mm);
+    }
+    return absl::OkStatus();
+  });
+}
+
 namespace {
 
 // Fits a calibration to the session's frames at the camera node that holds them.

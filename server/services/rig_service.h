@@ -36,6 +36,8 @@ class RigServiceImpl final : public v1::RigService::Service {
   grpc::Status MakePlan(grpc::ServerContext*, const v1::MakePlanRequest*, v1::MakePlanResponse*) override;
   grpc::Status ReleaseRig(grpc::ServerContext*, const v1::ReleaseRigRequest*,
                           v1::ReleaseRigResponse*) override;
+  grpc::Status PlaceMonitor(grpc::ServerContext*, const v1::PlaceMonitorRequest*,
+                            v1::PlaceMonitorResponse*) override;
 
  private:
   // Drives the rig with `work` while the call is open; stops it when the caller leaves or the daemon stops.

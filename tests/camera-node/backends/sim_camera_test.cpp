@@ -177,5 +177,51 @@ TEST(SimCamera, AutomaticsFollowTheLightOfTheFramesBeforeAndSayNothing) {
   }
 }
 
+TEST(SimCamera, SeesAMonitorWhereItStands) {
+  constexpr int kWidth_px = 32, kHeight_px = 24;
+  EmissionTimeline timeline;
+  timeline.add_monitor({.name = "back",
+                        .width_px = kWidth_px,
+                        .height_px = kHeight_px,
+                        .scanout = milliseconds(1),
+                        .lag = {},
+                        .pitch_mm = 0.5});
+  auto white = std::make_shared<Image16>(kWidth_px, kHeight_px);
+  for (std::uint16_t& sample : white->samples) sample = 65535;
+  const nanoseconds now = monotonic_now();
+  timeline.add_picture("back", {.scanout_start = now - std::chrono::seconds(1), .image = white});
+  timeline.set_horizon("back", now + std::chrono::hours(1));
+  SimCameraOptions options;
+  options.scene = "none";
+  options.width_px = kWidth_px;
+  options.height_px = kHeight_px;
+  options.focal_px = 2.0 * kWidth_px;
+  options.sensor.read_sd = options.sensor.gain = 0.0;
+  const std::unique_ptr<SimCamera> camera = SimCamera::create(options, timeline).value();
+  ASSERT_TRUE(camera->start(4.0).ok());
+  const auto share_lit = [&] {
+    const Image16 seen = camera->next(milliseconds(1000))->image().value();
+    double sum = 0.0;
+    for (const std::uint16_t sample : seen.samples) sum += sample;
+    return sum / static_cast<double>(seen.samples.size()) / 65535.0 / (4.0 / 4.5);
+  };
+  EXPECT_NEAR(share_lit(), 1.0, 1e-3);  // a code of 12 bits
+  // Twice as far away, where its own place is two of its widths, 32 mm, from the camera.
+  timeline.set_pose("back", now - std::chrono::hours(1), {.away_mm = 32.0});
+  EXPECT_NEAR(share_lit(), 0.25, 1e-3);
+  timeline.set_pose("back", now, {});
+  EXPECT_NEAR(share_lit(), 1.0, 1e-3);
+}
+
+TEST(SimCamera, StandsOutsideOfTheScene) {
+  SimCameraOptions options;
+  options.focal_px = options.width_px - 1.0;
+  const absl::Status status = SimCamera::create(options, changing_light()).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("--focal-length is 127; it must be 128 px or more"),
+            std::string::npos)
+      << status;
+}
+
 }  // namespace
 }  // namespace glasswing

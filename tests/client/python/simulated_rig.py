@@ -16,7 +16,9 @@ BIN = pathlib.Path(os.environ["GLASSWING_BIN"])
 
 
 class SimulatedRig:
-    """Runs until `stop()`; `work` is a temporary directory."""
+    """Runs until `stop()`; `work` is a temporary directory. A command takes at most `patience_s`."""
+
+    patience_s = 100
 
     def __init__(self, *options: str) -> None:
         self._directory = tempfile.TemporaryDirectory()
@@ -24,16 +26,16 @@ class SimulatedRig:
         port = free_port(3)
         self.server = f"127.0.0.1:{port}"
         self.environment = dict(os.environ, GLASSWING_SERVER=self.server)
-        self._run("up", "--port", str(port), "--solvers", "1", *options)
+        self.run("up", "--port", str(port), "--solvers", "1", *options)
 
     def stop(self) -> None:
-        self._run("down")
+        self.run("down")
         self._directory.cleanup()
 
     def glasswing(self, *arguments: str) -> str:
         """Runs the command line, which must succeed, and returns its output."""
         command = [str(BIN / "glasswing"), *arguments]
-        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=100)
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=self.patience_s)
         if done.returncode != 0:
             raise AssertionError(f"{' '.join(command)}: {done.stderr}")
         return done.stdout
@@ -48,8 +50,9 @@ class SimulatedRig:
 
     def start_again(self) -> None:
         """Restarts a killed daemon."""
-        self._run("up")
+        self.run("up")
 
-    def _run(self, verb: str, *options: str) -> None:
-        command = [str(ROOT / "deploy/local-rig"), verb, "--data", str(self.work / "rig"), *options]
+    def run(self, verb: str, *options: str) -> None:
+        """Runs local-rig on this rig."""
+        command = [str(ROOT / "deploy/local-rig"), verb, *options, "--data", str(self.work / "rig")]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL, timeout=100)

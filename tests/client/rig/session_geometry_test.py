@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""`glasswing calibrate geometry` and `glasswing rays` of sessions on a server, of a rig of simulated devices. Its camera has
-no perspective, so no pose opens a lens, and rays have a geometry by hand."""
+"""`glasswing calibrate geometry` and `glasswing rays` of sessions on a server, of a rig of simulated devices. Its
+monitor never moves, so no pose opens a lens, and rays have a geometry by hand; rail_test.py has a rig that can."""
 
 import json
 import pathlib

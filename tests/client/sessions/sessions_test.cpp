@@ -5,6 +5,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "client/sessions/rail_positions.h"
 #include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/frame/archive.h"
@@ -332,6 +333,43 @@ TEST_F(VideoFetch, ShowTellsWhatTheVideoIs) {
   EXPECT_NE(outcome.out.find("video     7 frames"), std::string::npos) << outcome.out;
   EXPECT_NE(outcome.out.find("2 of them: 2 to 3"), std::string::npos) << outcome.out;
   EXPECT_NE(outcome.out.find("5 of them: 0 to 1, 4 to 6"), std::string::npos) << outcome.out;
+}
+
+TEST(RailPositions, AreNumbersOfOneMonitor) {
+  const RailPositions plain = parse_rail_positions("--rail-mm", "200,251.2").value();
+  EXPECT_EQ(plain.monitor, "");
+  EXPECT_EQ(plain.mm, (std::vector<double>{200.0, 251.2}));
+  const RailPositions named = parse_rail_positions("--rail-mm", "back:-3").value();
+  EXPECT_EQ(named.monitor, "back");
+  EXPECT_EQ(named.mm, std::vector<double>{-3.0});
+  for (const char* text :
+       {"", "back:", "200,", "200,,300", "200 300", "200mm", "nan", "inf", "a:b:1", "200,200.0"})
+    EXPECT_TRUE(absl::IsInvalidArgument(parse_rail_positions("--rail-mm", text).status())) << text;
+}
+
+TEST(RailPositions, TheMonitorIsTheOneThatCanBeMeant) {
+  RigView rig;
+  EXPECT_TRUE(absl::IsUnavailable(monitor_to_move("", rig).status()));
+  for (const char* name : {"back", "left"}) rig.monitors.emplace_back().set_name(name);
+  const absl::Status several = monitor_to_move("", rig).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(several)) << several;
+  EXPECT_NE(std::string(several.message()).find("several monitors, back, left"), std::string::npos)
+      << several;
+  EXPECT_EQ(monitor_to_move("", rig, {"left"}).value(), "left") << "of the plan";
+  rig.rails["back"];
+  EXPECT_EQ(monitor_to_move("", rig, {"left"}).value(), "back") << "on a rail";
+  EXPECT_EQ(monitor_to_move("left", rig).value(), "left") << "by its name";
+  EXPECT_TRUE(absl::IsNotFound(monitor_to_move("side", rig).status()));
+}
+
+TEST_F(SessionCommands, ASeriesHasNamesBeforeItBegins) {
+  const std::string plan = (scratch_ / "plan.txtpb").string();
+  ASSERT_TRUE(write_file_durably(plan, "method: \"gaussian\" solids { colour: [0, 0, 0] }").ok());
+  expect_one_line_error(run({"capture", plan, "--rail-mm", "200,251.2"}), "--rail-mm needs --session");
+  expect_one_line_error(run({"capture", plan, "--session", std::string(61, 'x'), "--rail-mm", "200"}),
+                        "-200");
+  expect_one_line_error(run({"capture", plan, "--session", "vase", "--rail-mm", "far"}),
+                        "--rail-mm is \"far\"");
 }
 
 }  // namespace

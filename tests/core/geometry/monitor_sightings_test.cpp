@@ -81,6 +81,22 @@ TEST(MonitorSightings, LeaveOutObjectsEdgesAndMixtures) {
     EXPECT_FALSE(sighting.pixel.y() == 4.5 && sighting.pixel.x() > 3.0 && sighting.pixel.x() < 8.0);
 }
 
+// A plan whose bars do not locate the stage leaves its pixels flagged.
+TEST(MonitorSightings, AreNeverThoseOfTheObjectBesideAStage) {
+  Matte matte = made(true);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      if (x < kWidth / 4) {
+        matte.coverage(x, y) = 1.0f;
+      } else {
+        matte.flags(x, y) = kFlagPoorFit;
+      }
+    }
+  }
+  EXPECT_THAT(std::string(view_of(matte).status().message()),
+              HasSubstr("fewer than 50 pixels look at a monitor past the object and tell where"));
+}
+
 TEST(MonitorSightings, AreThinnedInLargePictures) {
   Matte matte(0, 0, 400, 300, 1);  // 120,000 pixels
   matte.metadata = made(true).metadata;

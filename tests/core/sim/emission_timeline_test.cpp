@@ -124,5 +124,25 @@ TEST(EmissionTimeline, ForgetsAMonitorThatIsAddedAgainOrCleared) {
   EXPECT_TRUE(timeline.monitors().empty());
 }
 
+TEST(EmissionTimeline, KnowsWhereAMonitorStoodInTheMiddleOfAnInterval) {
+  EmissionTimeline timeline;
+  timeline.add_monitor(monitor("back"));
+  timeline.set_pose("back", seconds(1), {.away_mm = 5.0});
+  timeline.set_pose("back", seconds(2), {.away_mm = 5.0, .tilt_deg = 20.0});
+  const auto pose_between = [&](nanoseconds from, nanoseconds until) {
+    return timeline.between(from, until)->at(0).monitor.pose;
+  };
+  EXPECT_EQ(pose_between(milliseconds(900), milliseconds(1098)), PanelPose());
+  EXPECT_EQ(pose_between(milliseconds(900), milliseconds(1100)), PanelPose{.away_mm = 5.0});
+  EXPECT_EQ(pose_between(milliseconds(1500), milliseconds(1600)), PanelPose{.away_mm = 5.0});
+  EXPECT_EQ(timeline.monitors().at(0).pose, (PanelPose{.away_mm = 5.0, .tilt_deg = 20.0}));
+  // Much later the poses of long ago are forgotten, but the one in force is not.
+  timeline.set_pose("back", hours(1), {.turn_deg = 1.0});
+  timeline.set_pose("back", hours(2), {.turn_deg = 2.0});
+  EXPECT_EQ(pose_between(hours(2) - seconds(1), hours(2) - seconds(1)), PanelPose{.turn_deg = 1.0});
+  timeline.add_monitor(monitor("back"));
+  EXPECT_EQ(timeline.monitors().at(0).pose, PanelPose());
+}
+
 }  // namespace
 }  // namespace glasswing

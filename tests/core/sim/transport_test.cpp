@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <tuple>
 
@@ -307,6 +308,56 @@ TEST(Transport, RaysAsPixelsSeeTheSameLight) {
     }
     for (size_t i = 0; i < whole.samples.size(); ++i)
       ASSERT_NEAR(sum.samples[i], whole.samples[i], 1e-5) << scene;  // float sums
+  }
+}
+
+TEST(Transport, AnyFocalLengthFillsThePictureWithTheBackMonitor) {
+  const RadianceImage picture = random_picture(kWidth_px, kHeight_px);
+  for (const double focal_widths : {1.0, 1.5, 40.0}) {
+    const Transport transport =
+        *build_transport("none", true, {{"back", kSize}}, kWidth_px, kHeight_px, kRaysAcross, focal_widths);
+    EXPECT_EQ(respond(transport, picture).samples, picture.samples) << focal_widths;
+  }
+}
+
+// Rays that meet the plane of a moved monitor, in the frame of a pinhole camera, by Cramer's rule.
+TEST(Transport, AMovedMonitorIsSeenInPerspective) {
+  constexpr int kCameraWidth_px = 80, kCameraHeight_px = 40;  // whose pixels are no squares
+  constexpr double kFocalWidths = 1.5, kPitch_mm = 0.25, kDegree = std::numbers::pi / 180.0;
+  const double distance_px = kFocalWidths * kWidth_px;
+  const double fx_px = kFocalWidths * kCameraWidth_px, fy_px = distance_px * kCameraHeight_px / kHeight_px;
+  for (const PanelPose& pose :
+       {PanelPose{.away_mm = 6.0}, PanelPose{.tilt_deg = 25.0}, PanelPose{.turn_deg = -30.0},
+        PanelPose{.away_mm = 3.0, .tilt_deg = -20.0, .turn_deg = 15.0}}) {
+    const Transport transport = *build_transport("none", true, {{"back", kSize, kPitch_mm, pose}},
+                                                 kCameraWidth_px, kCameraHeight_px, 1, kFocalWidths);
+    const double a = pose.tilt_deg * kDegree, b = pose.turn_deg * kDegree;
+    // The turn times the tilt: of a matrix each.
+    const Vec3 right{std::cos(b), 0.0, std::sin(b)};
+    const Vec3 down{-std::sin(b) * std::sin(a), std::cos(a), std::cos(b) * std::sin(a)};
+    const Vec3 middle{0.0, 0.0, distance_px + pose.away_mm / kPitch_mm};
+    int seen = 0;
+    for (int y = 0; y < kCameraHeight_px; ++y) {
+      for (int x = 0; x < kCameraWidth_px; ++x) {
+        const Vec3 ray{(x + 0.5 - 0.5 * kCameraWidth_px) / fx_px, (y + 0.5 - 0.5 * kCameraHeight_px) / fy_px,
+                       1.0};
+        // middle + u right + v down = s ray
+        const auto triple = [](Vec3 p, Vec3 q, Vec3 r) { return dot(p, cross(q, r)); };
+        const double all = triple(ray, right, down);
+        const double u = triple(ray, middle, down) / -all + 0.5 * kWidth_px;
+        const double v = triple(ray, right, middle) / -all + 0.5 * kHeight_px;
+        const auto is_near_edge = [](double at) { return std::abs(at - std::round(at)) < 1e-9; };
+        if (is_near_edge(u) || is_near_edge(v)) continue;
+        const std::vector<Tap> taps = transport.taps(x, y, 1);
+        const bool inside = u > 0.0 && u < kWidth_px && v > 0.0 && v < kHeight_px;
+        ASSERT_EQ(taps.size(), inside ? 1u : 0u) << x << " " << y;
+        if (!inside) continue;
+        ++seen;
+        ASSERT_EQ(taps[0].x_px, static_cast<int>(u)) << x << " " << y;
+        ASSERT_EQ(taps[0].y_px, static_cast<int>(v)) << x << " " << y;
+      }
+    }
+    EXPECT_GT(seen, kCameraWidth_px * kCameraHeight_px / 2);
   }
 }
 

@@ -111,5 +111,25 @@ TEST(LightTap, AReaderThatFallsFarBehindIsTold) {
   EXPECT_FALSE(tap.read(cursor, emissions, horizon, milliseconds(0)));
 }
 
+TEST(LightTap, SeesWhereMonitorsStand) {
+  TappedSim display(0.0);
+  display.tap().place(1, {.tilt_deg = 20.0});
+  std::uint64_t cursor = 0;
+  std::vector<Emission> emissions;
+  nanoseconds horizon{}, later{};
+  ASSERT_TRUE(display.tap().read(cursor, emissions, horizon, milliseconds(0)));
+  ASSERT_EQ(emissions.size(), 3u) << "two pictures, and the monitor that is not at its own place";
+  EXPECT_EQ(emissions[2].monitor, 1u);
+  EXPECT_EQ(emissions[2].scanout_start, nanoseconds(0)) << "always";
+  EXPECT_EQ(emissions[2].pose, PanelPose{.tilt_deg = 20.0});
+  display.tap().place(0, {.away_mm = 50.0});
+  ASSERT_TRUE(display.tap().read(cursor, emissions, later, milliseconds(0)));
+  ASSERT_EQ(emissions.size(), 1u);
+  EXPECT_EQ(emissions[0].monitor, 0u);
+  EXPECT_EQ(emissions[0].pose, PanelPose{.away_mm = 50.0});
+  EXPECT_GE(emissions[0].scanout_start, horizon);
+  EXPECT_LE(emissions[0].scanout_start, later);
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -3,6 +3,8 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "core/frame/image_file.h"
 #include "core/service/service.h"
 #include "display-node/backends/light_tap.h"
@@ -17,9 +19,21 @@ using std::chrono::milliseconds;
 // Every call of these tests is short; the deadline turns a hang into a failure.
 constexpr milliseconds kPatience(20'000);
 
+// Of which the test decides whether it works.
+class TestRail final : public Rail {
+ public:
+  explicit TestRail(const bool& works) : works_(works) {}
+  absl::Status move(double, std::stop_token) override {
+    return works_ ? absl::OkStatus() : absl::FailedPreconditionError("the belt has slipped");
+  }
+
+ private:
+  const bool& works_;
+};
+
 class DisplayServiceTest : public testing::Test {
  protected:
-  DisplayServiceTest() : service_("display-1", display_) {
+  DisplayServiceTest() : service_("display-1", display_, 0, rails()) {
     grpc::ServerBuilder builder;
     builder.RegisterService(&service_);
     server_ = builder.BuildAndStart();
@@ -28,6 +42,34 @@ class DisplayServiceTest : public testing::Test {
   ~DisplayServiceTest() override {
     service_.stop();
     server_->Shutdown();
+  }
+
+  std::vector<MonitorRail> rails() {
+    std::vector<MonitorRail> rails;
+    rails.push_back({.monitor = "back",
+                     .min_mm = 100.0,
+                     .max_mm = 300.0,
+                     .position_mm = 200.0,
+                     .rail = std::make_unique<TestRail>(rail_works_)});
+    return rails;
+  }
+  absl::StatusOr<double> move(const std::string& monitor, double position_mm) {
+    grpc::ClientContext context;
+    set_deadline(context, kPatience);
+    v1::MoveMonitorRequest request;
+    request.set_monitor(monitor);
+    request.set_position_mm(position_mm);
+    v1::MoveMonitorResponse response;
+    const grpc::Status status = stub_->MoveMonitor(&context, request, &response);
+    if (!status.ok()) return from_grpc(status);
+    return response.position_mm();
+  }
+  v1::GetDisplayResponse described() {
+    grpc::ClientContext context;
+    set_deadline(context, kPatience);
+    v1::GetDisplayResponse response;
+    EXPECT_TRUE(stub_->GetDisplay(&context, {}, &response).ok());
+    return response;
   }
 
   v1::LoadProgramRequest program(const std::string& name, int steps, int hold_refreshes) {
@@ -101,6 +143,7 @@ class DisplayServiceTest : public testing::Test {
                     .settle = milliseconds(1)}},
                   {}};
   LightTap display_{sim_};
+  bool rail_works_ = true;
   DisplayServiceImpl service_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<v1::DisplayService::Stub> stub_;
@@ -270,6 +313,59 @@ TEST_F(DisplayServiceTest, RefusesPicturesOfAnotherSizeBeforeTheyAreDecoded) {
 TEST_F(DisplayServiceTest, RefusesPicturesThatAreNone) {
   EXPECT_TRUE(absl::IsInvalidArgument(put_image({}).status()));
   EXPECT_TRUE(absl::IsInvalidArgument(put_image({"\x89PNG", "garbage"}).status()));
+}
+
+TEST_F(DisplayServiceTest, MovesAMonitorAlongItsRail) {
+  EXPECT_EQ(described().monitors(0).rail().position_mm(), 200.0);
+  EXPECT_EQ(described().monitors(0).rail().min_mm(), 100.0);
+  EXPECT_EQ(described().monitors(0).rail().max_mm(), 300.0);
+  EXPECT_EQ(move("back", 251.2).value(), 251.2);
+  EXPECT_EQ(described().monitors(0).rail().position_mm(), 251.2);
+}
+
+TEST_F(DisplayServiceTest, AMonitorThatCannotBeMovedStaysWhereItIs) {
+  const auto refused = [&](const std::string& monitor, double position_mm, absl::StatusCode code,
+                           const std::string& words) {
+    const absl::Status status = move(monitor, position_mm).status();
+    EXPECT_EQ(status.code(), code) << status;
+    EXPECT_NE(std::string(status.message()).find(words), std::string::npos) << status;
+  };
+  refused("side", 200.0, absl::StatusCode::kInvalidArgument, "there is no monitor \"side\"; there are: back");
+  for (const double position_mm : {99.9, 300.1, std::numeric_limits<double>::quiet_NaN()})
+    refused("back", position_mm, absl::StatusCode::kInvalidArgument,
+            "the rail of monitor \"back\" takes 100 to 300");
+  ASSERT_TRUE(load(program("long", 20000, 2)).ok());
+  Play play = start("long");
+  ASSERT_TRUE(play.next());
+  refused("back", 250.0, absl::StatusCode::kFailedPrecondition, "plays a program");
+  play.context.TryCancel();
+  EXPECT_TRUE(absl::IsCancelled(play.finish()));
+  EXPECT_EQ(described().monitors(0).rail().position_mm(), 200.0);
+}
+
+TEST_F(DisplayServiceTest, NobodyKnowsWhereAFailedRailStands) {
+  rail_works_ = false;
+  const absl::Status status = move("back", 250.0).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("the belt has slipped"), std::string::npos) << status;
+  EXPECT_TRUE(described().monitors(0).has_rail());
+  EXPECT_FALSE(described().monitors(0).rail().has_position_mm());
+  rail_works_ = true;
+  EXPECT_EQ(move("back", 100.0).value(), 100.0);
+  EXPECT_EQ(described().monitors(0).rail().position_mm(), 100.0);
+}
+
+TEST_F(DisplayServiceTest, AMonitorWithoutARailIsNotMoved) {
+  DisplayServiceImpl fixed("display-2", display_);
+  v1::GetDisplayResponse description;
+  ASSERT_TRUE(fixed.GetDisplay(nullptr, nullptr, &description).ok());
+  EXPECT_FALSE(description.monitors(0).has_rail());
+  v1::MoveMonitorRequest request;
+  request.set_monitor("back");
+  v1::MoveMonitorResponse response;
+  const absl::Status status = from_grpc(fixed.MoveMonitor(nullptr, &request, &response));
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("monitor \"back\" has no rail"), std::string::npos) << status;
 }
 
 }  // namespace

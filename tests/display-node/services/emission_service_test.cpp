@@ -229,5 +229,23 @@ TEST_F(EmissionServiceTest, ReaderThatStallsIsDroppedAndHoldsNobodyUp) {
   finished_ = true;
 }
 
+TEST_F(EmissionServiceTest, SaysWhereAMonitorStandsFromWhenOn) {
+  serve({screen("back", 8, 6, 200.0)}, 0.0, {.pitch_mm = 0.25});
+  v1::WatchEmissionResponse event;
+  ASSERT_TRUE(reader_->Read(&event));
+  EXPECT_EQ(event.monitor().pitch_mm(), 0.25);
+  const nanoseconds before = monotonic_now();
+  display_->place(0, {.away_mm = 50.0, .tilt_deg = 10.0, .turn_deg = -5.0});
+  do {
+    ASSERT_TRUE(reader_->Read(&event));
+  } while (!event.has_pose());
+  EXPECT_EQ(event.pose().monitor(), "back");
+  EXPECT_EQ(event.pose().away_mm(), 50.0);
+  EXPECT_EQ(event.pose().tilt_deg(), 10.0);
+  EXPECT_EQ(event.pose().turn_deg(), -5.0);
+  // If it was placed before the first read, it always stood there.
+  EXPECT_TRUE(event.pose().since_ns() == 0 || event.pose().since_ns() >= before.count());
+}
+
 }  // namespace
 }  // namespace glasswing

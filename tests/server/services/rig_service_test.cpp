@@ -22,6 +22,7 @@
 #include "core/service/service.h"
 #include "display-node/backends/light_tap.h"
 #include "display-node/backends/sim_display.h"
+#include "display-node/backends/sim_rail.h"
 #include "display-node/services/display_service.h"
 #include "display-node/services/emission_service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
@@ -72,7 +73,13 @@ class RigTest : public testing::Test {
     screen.settle = milliseconds(1);
     display_ = std::make_unique<SimDisplay>(std::vector<ScreenInfo>{screen}, faults);
     tap_ = std::make_unique<LightTap>(*display_);
-    display_service_ = std::make_unique<DisplayServiceImpl>("display-1", *tap_);
+    std::vector<MonitorRail> rails;
+    rails.push_back({.monitor = "back",
+                     .min_mm = 200.0,
+                     .max_mm = 400.0,
+                     .position_mm = 200.0,
+                     .rail = std::make_unique<SimRail>(*tap_, 0, 200.0, PanelPose())});
+    display_service_ = std::make_unique<DisplayServiceImpl>("display-1", *tap_, 0, std::move(rails));
     emission_ = std::make_unique<EmissionServiceImpl>(*tap_);
     display_host_ = ServiceHost::start({}, {display_service_.get(), emission_.get()}).value();
 
@@ -537,6 +544,40 @@ TEST_F(RigTest, ABadRigIsNamed) {
   plan.Clear();
   plan.set_method("magic");
   EXPECT_EQ(check(plan).status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(RigTest, PlacesAMonitorOnItsRail) {
+  start();
+  const auto place = [&](const std::string& monitor, double position_mm, const std::string& hold = "") {
+    grpc::ClientContext context;
+    set_deadline(context, milliseconds(20'000));
+    if (!hold.empty()) context.AddMetadata("glasswing-hold", hold);
+    v1::PlaceMonitorRequest request;
+    request.set_monitor(monitor);
+    request.set_position_mm(position_mm);
+    v1::PlaceMonitorResponse response;
+    const absl::Status status = from_grpc(stub_->PlaceMonitor(&context, request, &response));
+    EXPECT_EQ(response.position_mm(), status.ok() ? position_mm : 0.0);
+    return status;
+  };
+  EXPECT_TRUE(place("back", 250.0).ok());
+  // The camera knows it from the light alone.
+  while (timeline_.monitors().at(0).pose != PanelPose{.away_mm = 50.0}) std::this_thread::yield();
+  EXPECT_TRUE(absl::IsInvalidArgument(place("side", 250.0)));
+  EXPECT_TRUE(absl::IsInvalidArgument(place("back", 500.0)));
+
+  grpc::ClientContext holding;
+  v1::HoldRigRequest hold;
+  hold.set_reason("two depths");
+  const auto reader = stub_->HoldRig(&holding, hold);
+  v1::HoldRigResponse held;
+  ASSERT_TRUE(reader->Read(&held));
+  const absl::Status refused = place("back", 300.0);
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
+  EXPECT_NE(std::string(refused.message()).find("two depths"), std::string::npos) << refused;
+  EXPECT_TRUE(place("back", 300.0, held.token()).ok());
+  holding.TryCancel();
+  (void)reader->Finish();
 }
 
 }  // namespace

@@ -1,0 +1,35 @@
+// A rail that a program moves, once for each move: "zaber-move /dev/ttyUSB0 {mm}". It succeeds (exit status
+// 0) when the monitor stands there.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <chrono>
+#include <vector>
+
+#include "display-node/rail.h"
+
+namespace glasswing {
+
+class CommandRail final : public Rail {
+ public:
+  // The words of `command` are divided by spaces, and no shell sees them; in each, {mm} becomes the position
+  // and {monitor} the monitor's name. INVALID_ARGUMENT: no word has {mm}.
+  static absl::StatusOr<std::unique_ptr<CommandRail>> create(
+      const std::string& command, std::string monitor,
+      std::chrono::milliseconds limit = std::chrono::seconds(60));
+
+  // FAILED_PRECONDITION: the program cannot be run, or failed: has the last line of what it said. It is
+  // killed after `limit`, and when stopped.
+  absl::Status move(double position_mm, std::stop_token stop) override;
+
+ private:
+  CommandRail(std::vector<std::string> words, std::string monitor, std::chrono::milliseconds limit)
+      : words_(std::move(words)), monitor_(std::move(monitor)), limit_(limit) {}
+
+  const std::vector<std::string> words_;
+  const std::string monitor_;
+  const std::chrono::milliseconds limit_;
+};
+
+}  // namespace glasswing

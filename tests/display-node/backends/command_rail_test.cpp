@@ -1,0 +1,89 @@
+#include "display-node/backends/command_rail.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+
+class CommandRailTest : public testing::Test {
+ protected:
+  CommandRailTest() { fs::create_directories(folder_); }
+  ~CommandRailTest() override { fs::remove_all(folder_); }
+  // A program of the shell; the path has no spaces.
+  std::string program(const std::string& script) const {
+    std::ofstream(folder_ / "move") << "#!/bin/sh\n" << script << "\n";
+    fs::permissions(folder_ / "move", fs::perms::owner_all);
+    return (folder_ / "move").string();
+  }
+  static absl::Status moved(const std::string& command, double position_mm,
+                            milliseconds limit = std::chrono::seconds(60)) {
+    return CommandRail::create(command, "back", limit).value()->move(position_mm, {});
+  }
+  std::string written() const {
+    std::stringstream text;
+    text << std::ifstream(folder_ / "moved").rdbuf();
+    return text.str();
+  }
+
+  const fs::path folder_ = fs::path(testing::TempDir()) / ("command_rail." + std::to_string(::getpid()));
+};
+
+TEST_F(CommandRailTest, RunsTheProgramWithThePosition) {
+  const std::string move = program("printf '%s|' \"$@\" > " + (folder_ / "moved").string());
+  ASSERT_TRUE(moved(move + "  --to={mm} {monitor} $HOME;x", 251.2).ok());
+  EXPECT_EQ(written(), "--to=251.2|back|$HOME;x|") << "no shell reads the words";
+}
+
+TEST_F(CommandRailTest, PassesOnWhatAFailedProgramSaidLast) {
+  const absl::Status status =
+      moved(program("echo one >&2; echo 'axis 1: end switch' >&2; exit 3") + " {mm}", 1.0);
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_TRUE(std::string(status.message()).ends_with("failed with exit status 3: axis 1: end switch"))
+      << status;
+}
+
+TEST_F(CommandRailTest, NamesAProgramThatIsNotThere) {
+  const absl::Status status = moved("/nonexistent/move {mm}", 1.0);
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("/nonexistent/move"), std::string::npos) << status;
+}
+
+TEST_F(CommandRailTest, KillsAProgramThatTakesTooLongAndWhatItStarted) {
+  const std::string pid = (folder_ / "moved").string();
+  const absl::Status status = moved(
+      program("sleep 1000 & echo $! > " + pid + ".part; mv " + pid + ".part " + pid + "; wait") + " {mm}",
+      1.0, milliseconds(500));
+  EXPECT_NE(std::string(status.message()).find("has not moved the monitor in 0.5 s"), std::string::npos)
+      << status;
+  const std::string child = written();
+  ASSERT_FALSE(child.empty());
+  // Gone, or about to be collected by whoever is its parent now.
+  std::ifstream state("/proc/" + std::to_string(std::stoi(child)) + "/stat");
+  std::string number, name, letter = "Z";
+  state >> number >> name >> letter;
+  EXPECT_TRUE(letter == "Z" || letter == "X") << letter;
+}
+
+TEST_F(CommandRailTest, EndsWhenItIsStopped) {
+  std::stop_source stop;
+  stop.request_stop();
+  const absl::Status status =
+      CommandRail::create("sleep {mm}", "back").value()->move(1000.0, stop.get_token());
+  EXPECT_NE(std::string(status.message()).find("killed before"), std::string::npos) << status;
+}
+
+TEST_F(CommandRailTest, NeedsAPlaceForThePosition) {
+  for (const char* command : {"", "move", "move {position}"})
+    EXPECT_TRUE(absl::IsInvalidArgument(CommandRail::create(command, "back").status())) << command;
+}
+
+}  // namespace
+}  // namespace glasswing
