@@ -3,7 +3,9 @@
 monitor never moves, so no pose opens a lens, and rays have a geometry by hand; rail_test.py has a rig that can."""
 
 import json
+import os
 import pathlib
+import pty
 import subprocess
 import sys
 import unittest
@@ -44,6 +46,26 @@ class SessionGeometryTest(unittest.TestCase):
         self.refused("there are 2 poses", *command)
         self.refused("the poses do not determine the lens: all poses are parallel", *command, "three")
         self.refused('there is no session "four"', *command, "four")
+
+    def test_without_a_rail_the_operator_moves_the_monitor(self):
+        capture = ["capture", PLANS / "quick.txtpb", "--session", "hand", "--rail-mm"]
+        self.refused('monitor back has no rail (glasswing-display --rail), and standard input is no terminal', *capture, "7,8.5")
+        self.refused('monitor "back" has no rail that could move it', "rail", "7")
+        self.rig.glasswing(*map(str, capture), "6")  # taken at their word
+        self.assertEqual(self.rig.shown("hand-6")["rail_mm"], {"back": 6})
+        theirs, ours = pty.openpty()
+        self.addCleanup(os.close, theirs)
+        os.write(theirs, b"\n\n")  # the answers
+        program = [simulated_rig.BIN / "glasswing", *map(str, capture), "7,8.5"]
+        done = subprocess.run(program, env=self.rig.environment, stdin=ours, capture_output=True, text=True, timeout=100)
+        os.close(ours)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for position in (7, 8.5):
+            self.assertIn(f"move monitor back to {position} mm, then press Enter", done.stderr)
+            self.assertEqual(self.rig.shown(f"hand-{position}")["rail_mm"], {"back": position})
+        follows = [f"glasswing solve hand-{position} --watch" for position in (7, 8.5)]
+        follows.append("glasswing rays hand-7 hand-8.5 --geometry rig.txtpb -o hand-rays.exr")
+        self.assertEqual(done.stdout.splitlines()[-3:], follows)
 
     def test_rays_are_those_of_fetched_files(self):
         self.solved("quick.txtpb", "near", "far")
