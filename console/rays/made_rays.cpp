@@ -44,15 +44,16 @@ absl::StatusOr<Matte> matte_in(const RayDepth& depth) {
                                                          std::string(matte.status().message())));
 }
 
-absl::StatusOr<MadeRays> made_rays(v1::RigGeometry geometry, const std::array<RayDepth, 2>& depths) {
+absl::StatusOr<MadeRays> made_rays(v1::RigGeometry geometry, const std::array<RayDepth, 2>& depths,
+                                   const RayLimits& limits) {
   GW_ASSIGN_OR_RETURN(const Matte near, matte_in(depths[0]));
   GW_ASSIGN_OR_RETURN(const Matte far, matte_in(depths[1]));
   const std::int64_t modes = modes_in_object(near) + modes_in_object(far);
-  if (modes > kMaxRayModes) {
+  if (modes > limits.modes) {
     return absl::ResourceExhaustedError(fmt::format(
         "the object has {} modes in both mattes; the console matches up to {}, and glasswing rays {} "
         "{} any number",
-        modes, kMaxRayModes, depths[0].session, depths[1].session));
+        modes, limits.modes, depths[0].session, depths[1].session));
   }
   const int step = std::max(near.metadata.sampling_px(), 1);
   *geometry.mutable_camera() = sampled_camera(geometry.camera(), step);
@@ -82,13 +83,24 @@ nlohmann::ordered_json sampled_json(const std::vector<Ray>& rays) {
 
 }  // namespace
 
+RayLimits ray_limits(std::int64_t memory_bytes) {
+  constexpr double kBytesAPixel = 7600.0;  // with the most modes
+  const RayLimits most;
+  const double share =
+      static_cast<double>(memory_bytes) / 8.0 / (kBytesAPixel * static_cast<double>(most.pixels));
+  if (share >= 1.0) return most;
+  return {.pixels = static_cast<std::int64_t>(share * static_cast<double>(most.pixels)),
+          .modes = static_cast<std::int64_t>(share * static_cast<double>(most.modes))};
+}
+
 absl::StatusOr<v1::RigGeometry> geometry_in(const std::string& text) {
   return parse_geometry(text, "the geometry");
 }
 
 absl::StatusOr<std::string> rays_to_play(const v1::RigGeometry& geometry,
-                                         const std::array<RayDepth, 2>& depths, bool lossless) {
-  GW_ASSIGN_OR_RETURN(const MadeRays made, made_rays(geometry, depths));
+                                         const std::array<RayDepth, 2>& depths, const RayLimits& limits,
+                                         bool lossless) {
+  GW_ASSIGN_OR_RETURN(const MadeRays made, made_rays(geometry, depths, limits));
   const v1::RayMetadata& metadata = made.rays.metadata;
   const Matte directions = web_matte_of(made.rays, 1, lossless);
   GW_ASSIGN_OR_RETURN(const WebMatte web, encode_web_matte(directions));
@@ -105,13 +117,13 @@ absl::StatusOr<std::string> rays_to_play(const v1::RigGeometry& geometry,
 }
 
 absl::StatusOr<std::string> file_of_rays(const v1::RigGeometry& geometry,
-                                         const std::array<RayDepth, 2>& depths) {
-  GW_ASSIGN_OR_RETURN(const MadeRays made, made_rays(geometry, depths));
+                                         const std::array<RayDepth, 2>& depths, const RayLimits& limits) {
+  GW_ASSIGN_OR_RETURN(const MadeRays made, made_rays(geometry, depths, limits));
   if (made.step == 1) return encode_rays(made.rays);
   return absl::FailedPreconditionError(fmt::format(
       "the camera's picture has more than the {} pixels of which the console makes a file of rays; "
       "glasswing rays {} {} makes it",
-      kMaxRayPixels, depths[0].session, depths[1].session));
+      limits.pixels, depths[0].session, depths[1].session));
 }
 
 }  // namespace glasswing

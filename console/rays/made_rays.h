@@ -12,10 +12,15 @@
 
 namespace glasswing {
 
-// Matching takes some 4 kB of memory a pixel, and up to 300 bytes a mode.
-inline constexpr std::int64_t kMaxRayPixels = 320'000;   // of a matte
-inline constexpr std::int64_t kMaxRayModes = 4'000'000;  // of the object, in both mattes
-inline constexpr size_t kMaxSampledRays = 1500;          // that the page draws in space
+inline constexpr size_t kMaxSampledRays = 600;  // that the page draws in space
+
+// Matching takes some 3.8 kB of memory a pixel, and up to 300 bytes a mode.
+struct RayLimits {
+  std::int64_t pixels = 320'000;   // of a matte
+  std::int64_t modes = 4'000'000;  // of the object, in both mattes
+};
+// So that rays take at most an eighth of a machine's memory; the above where that is large.
+RayLimits ray_limits(std::int64_t memory_bytes);
 
 struct RayDepth {
   std::string session;
@@ -28,11 +33,12 @@ absl::StatusOr<v1::RigGeometry> geometry_in(const std::string& text);
 
 // One line of JSON, and then the planes of a web matte (docs/console.md). Takes a while and all cores. Errors
 // are those of decode_matte(), with the session, and of match_rays(). RESOURCE_EXHAUSTED: more than
-// kMaxRayModes.
+// `limits.modes`.
 absl::StatusOr<std::string> rays_to_play(const v1::RigGeometry& geometry,
-                                         const std::array<RayDepth, 2>& depths, bool lossless);
+                                         const std::array<RayDepth, 2>& depths, const RayLimits& limits,
+                                         bool lossless);
 // The file that `glasswing rays` writes. FAILED_PRECONDITION: the mattes are not whole.
 absl::StatusOr<std::string> file_of_rays(const v1::RigGeometry& geometry,
-                                         const std::array<RayDepth, 2>& depths);
+                                         const std::array<RayDepth, 2>& depths, const RayLimits& limits);
 
 }  // namespace glasswing

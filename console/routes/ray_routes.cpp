@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
+#include <unistd.h>
 
 #include <array>
 #include <memory>
 #include <vector>
 
 #include "console/http/http_host.h"
-#include "console/rays/made_rays.h"
 #include "console/routes/fetched_matte.h"
 #include "core/base/low_priority.h"
 #include "core/base/status.h"
@@ -44,7 +44,13 @@ absl::Status check_pixel_count(const v1::Session& session, const v1::CameraGeome
                   session.name(), session.pixel_count(), camera.width_px(), camera.height_px(), expected));
 }
 
+std::int64_t memory_bytes() {
+  return std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGESIZE);
+}
+
 }  // namespace
+
+RayRoutes::RayRoutes(const ServerLink& server) : server_(server), limits_(ray_limits(memory_bytes())) {}
 
 void RayRoutes::read_geometry(const Login&, const Request&, const std::string& text,
                               Response& response) const {
@@ -85,15 +91,15 @@ absl::StatusOr<std::string> RayRoutes::made(const Login& login, const Request& r
     GW_RETURN_IF_ERROR(check_pixel_count(session, geometry.camera()));
     v1::FetchMatteRequest wanted;
     wanted.set_name(depth.session);
-    wanted.set_max_pixels(kMaxRayPixels);
+    wanted.set_max_pixels(limits_.pixels);
     GW_ASSIGN_OR_RETURN(FetchedMatte file, fetch_matte(server_, login, wanted));
     depth.file = files.emplace_back(std::move(file)).file->bytes();
   }
   const std::lock_guard lock(making_);
   absl::StatusOr<std::string> made = absl::InternalError("not made");
   run_at_low_priority([&] {
-    made = as_file ? file_of_rays(geometry, depths)
-                   : rays_to_play(geometry, depths, request.has_param("lossless"));
+    made = as_file ? file_of_rays(geometry, depths, limits_)
+                   : rays_to_play(geometry, depths, limits_, request.has_param("lossless"));
   });
   return made;
 }

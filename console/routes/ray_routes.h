@@ -8,6 +8,7 @@
 #include <mutex>
 #include <string>
 
+#include "console/rays/made_rays.h"
 #include "console/routes/server_link.h"
 
 namespace glasswing {
@@ -23,7 +24,7 @@ class RayRoutes {
   static constexpr size_t kMaxGeometry = size_t{1} << 20;  // bytes of its text
   static constexpr int kMaxMakes = 4;                      // one at work, the others wait
 
-  explicit RayRoutes(const ServerLink& server) : server_(server) {}
+  explicit RayRoutes(const ServerLink& server);
 
   // The geometry as JSON.
   void read_geometry(const Login& login, const httplib::Request& request, const std::string& text,
@@ -40,6 +41,7 @@ class RayRoutes {
                                    const std::string& geometry, bool as_file) const;
 
   const ServerLink& server_;
+  const RayLimits limits_;
   mutable std::atomic<int> makes_ = 0;
   mutable std::mutex making_;  // held while rays are made, which takes memory: one at a time
 };

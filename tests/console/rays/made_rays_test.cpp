@@ -25,7 +25,7 @@ class MadeRays : public testing::Test {
 };
 
 TEST_F(MadeRays, GoThroughTheCameraWhereNothingBendsThem) {
-  const std::string answer = rays_to_play(geometry_, depths(), false).value();
+  const std::string answer = rays_to_play(geometry_, depths(), {}, false).value();
   const size_t end = answer.find('\n');
   const json told = json::parse(answer.substr(0, end));
   constexpr int kPixels = kStraightWidth * kStraightHeight;
@@ -52,24 +52,38 @@ TEST_F(MadeRays, GoThroughTheCameraWhereNothingBendsThem) {
 }
 
 TEST_F(MadeRays, AreTheSameWhicheverDepthComesFirst) {
-  EXPECT_EQ(rays_to_play(geometry_, {depths()[1], depths()[0]}, true).value(),
-            rays_to_play(geometry_, depths(), true).value());
+  EXPECT_EQ(rays_to_play(geometry_, {depths()[1], depths()[0]}, {}, true).value(),
+            rays_to_play(geometry_, depths(), {}, true).value());
 }
 
 TEST_F(MadeRays, OfALargePictureAreOfSomeOfItsPixels) {
   near_ = straight_matte("first", 200.0, 3);
   far_ = straight_matte("second", 250.0, 3);
-  const std::string answer = rays_to_play(geometry_, depths(), false).value();
+  const std::string answer = rays_to_play(geometry_, depths(), {}, false).value();
   const json told = json::parse(answer.substr(0, answer.find('\n')));
   EXPECT_EQ(told["description"]["metadata"]["sampling_px"], 3);
   EXPECT_EQ(told["description"]["width_px"], 6);
-  const absl::Status file = file_of_rays(geometry_, depths()).status();
+  const absl::Status file = file_of_rays(geometry_, depths(), {}).status();
   EXPECT_EQ(file.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_NE(file.message().find("glasswing rays first second makes it"), std::string::npos) << file;
 }
 
+TEST_F(MadeRays, HaveLimitsByTheMachinesMemory) {
+  EXPECT_EQ(ray_limits(std::int64_t{64} << 30).pixels, RayLimits().pixels);
+  const RayLimits of_small = ray_limits(std::int64_t{8} << 30);
+  EXPECT_LE(of_small.pixels * 3840 + of_small.modes * 300, std::int64_t{1} << 30);
+  EXPECT_GT(of_small.pixels, 100'000);
+  const RayLimits few{.pixels = 1000, .modes = 1000};
+  const absl::Status refused = rays_to_play(geometry_, depths(), few, false).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(
+      refused.message(),
+      "the object has 1152 modes in both mattes; the console matches up to 1000, and glasswing rays first "
+      "second any number");
+}
+
 TEST_F(MadeRays, HaveTheFileOfGlasswingRays) {
-  const RayMatte rays = decode_rays(file_of_rays(geometry_, depths()).value()).value();
+  const RayMatte rays = decode_rays(file_of_rays(geometry_, depths(), {}).value()).value();
   EXPECT_EQ(rays.metadata.counts().matched(), 3 * kStraightWidth * kStraightHeight);
   EXPECT_EQ(rays.metadata.geometry().warnings(0), "made by hand");
 }
@@ -77,12 +91,12 @@ TEST_F(MadeRays, HaveTheFileOfGlasswingRays) {
 TEST_F(MadeRays, NameWhatIsWrong) {
   auto wrong = depths();
   wrong[1].pose = "farther";
-  const absl::Status pose = rays_to_play(geometry_, wrong, false).status();
+  const absl::Status pose = rays_to_play(geometry_, wrong, {}, false).status();
   EXPECT_EQ(pose.code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(pose.message(), "the geometry has no pose \"farther\" of monitor \"back\"; it has: near, far");
   wrong = depths();
   wrong[1].file = "no matte";
-  const absl::Status file = rays_to_play(geometry_, wrong, false).status();
+  const absl::Status file = rays_to_play(geometry_, wrong, {}, false).status();
   EXPECT_EQ(file.code(), absl::StatusCode::kDataLoss);
   EXPECT_EQ(file.message().substr(0, 21), "the matte of second: ") << file;
   EXPECT_EQ(geometry_in("camera {\n  width: 3 }").status().message().substr(0, 22), "the geometry: line 2: ");

@@ -11,6 +11,7 @@ export interface Orbit {
 }
 
 const kView_deg = 40;
+const kFilled = 0.9; // of it, at most, at first
 const kMaxPitch_deg = 89;
 const kNearest = 0.02; // of the distance: what is nearer to the eye is not drawn
 const kStep_deg = 5;
@@ -90,12 +91,18 @@ export class View {
   }
 }
 
-/** Shows all places, from this side. */
+/** Shows all places, from this side, on a square picture or the middle of a longer one. */
 export function orbitAround(places: Vector[], yaw_deg: number, pitch_deg: number): Orbit {
   const sides = [0, 1, 2].map((i) => places.map((place) => place[i]!));
   const target_mm = sides.map((side) => 0.5 * (Math.min(...side) + Math.max(...side))) as Vector;
-  const radius = Math.max(...places.map((place) => Math.hypot(...along(place, target_mm, -1))), 1);
-  return { yaw_deg, pitch_deg, distance_mm: radius / Math.sin((kView_deg * Math.PI) / 360), target_mm };
+  const { right, down, forward } = axesOf({ yaw_deg, pitch_deg, distance_mm: 1, target_mm });
+  // A place is within the picture if the eye is farther from it, along its axis, than it is from that axis by this much.
+  const reach = 1 / Math.tan((kFilled * kView_deg * Math.PI) / 360);
+  const needed = places.map((place) => {
+    const from = along(place, target_mm, -1);
+    return reach * Math.max(Math.abs(dot(from, right)), Math.abs(dot(from, down))) - dot(from, forward);
+  });
+  return { yaw_deg, pitch_deg, distance_mm: Math.max(1, ...needed), target_mm };
 }
 
 export function turnedBy(orbit: Orbit, yaw_deg: number, pitch_deg: number): Orbit {

@@ -18,8 +18,8 @@ export function RigTable({ rig: { camera, poses, warnings, residual_px } }: { ri
           <tr>
             <th>Pose</th>
             <th>Monitor</th>
-            <th class="number">Distance, mm</th>
-            <th class="number">Tilt, °</th>
+            <th class="number">Distance (mm)</th>
+            <th class="number">Tilt (°)</th>
             <th class="number">Residual</th>
           </tr>
         </thead>
@@ -32,10 +32,10 @@ export function RigTable({ rig: { camera, poses, warnings, residual_px } }: { ri
                 <td data-label="Monitor">
                   {pose.monitor} {pose.width_px}×{pose.height_px} px of {Number(pose.pitch_mm.toPrecision(4))} mm
                 </td>
-                <td data-label="Distance, mm" class="number digits">
+                <td data-label="Distance (mm)" class="number digits">
                   {measuredText(distance, 1)}
                 </td>
-                <td data-label="Tilt, °" class="number digits">
+                <td data-label="Tilt (°)" class="number digits">
                   {measuredText(tilt, 1)}
                 </td>
                 <td data-label="Residual" class="number digits">
@@ -47,7 +47,7 @@ export function RigTable({ rig: { camera, poses, warnings, residual_px } }: { ri
         </tbody>
       </table>
       <p class="note">
-        Camera {camera.width_px}×{camera.height_px} px, points off by {residual(residual_px)} (rms).{" "}
+        Camera {camera.width_px}×{camera.height_px} px{residual_px > 0 && `, points are off by ${residual(residual_px)} (rms)`}.{" "}
         {kLens.map((name, i) => (
           <span key={name} class="lens">
             {name} {measuredText(camera.lens[name], i < 4 ? 2 : 4)}

@@ -73,6 +73,13 @@ function listen(canvas: HTMLCanvasElement, get: () => Orbit, set: (orbit: Orbit)
   return () => end.abort();
 }
 
+interface Label {
+  x: number;
+  end: number;
+  y: number;
+}
+const kLine_px = 18;
+
 interface Drawn {
   frustum: Line[];
   poses: (ReturnType<typeof linesOfPose> & { isChosen: boolean })[];
@@ -102,21 +109,26 @@ function draw(canvas: HTMLCanvasElement, orbit: Orbit, { frustum, poses, rays }:
     pen.stroke();
     pen.globalAlpha = 1;
   };
-  for (const { grid, isChosen } of poses) stroke(grid, "--faint", 0.75, isChosen ? 0.45 : 0.15);
+  for (const { grid, isChosen } of poses) if (isChosen) stroke(grid, "--faint", 0.75, 0.45);
   if (rays) {
     // Few lines are strong, many are thin.
     const count = kRayStates.reduce((sum, state) => sum + (hidden.has(state) ? 0 : rays[state].length), 0);
-    for (const state of kRayStates) if (!hidden.has(state)) stroke(rays[state], kTokens[state], 1, count > 400 ? 0.4 : 0.7);
+    // Of the surest least is hidden.
+    for (const state of kRayStates.toReversed()) if (!hidden.has(state)) stroke(rays[state], kTokens[state], 1, count > 400 ? 0.4 : 0.7);
   }
-  for (const { edges, isChosen } of poses) stroke(edges, isChosen ? "--ink" : "--faint", isChosen ? 1.75 : 1);
+  for (const { edges, isChosen } of poses) stroke(edges, isChosen ? "--ink" : "--faint", isChosen ? 1.75 : 1, isChosen ? 1 : 0.5);
   stroke(frustum, "--accent", 1.75);
   pen.font = `13px ${getComputedStyle(canvas).fontFamily}`;
   pen.textBaseline = "bottom";
+  const labels: Label[] = [];
   const label = (text: string, at: Point | undefined, token: string): void => {
     if (!at) return;
     const wide = pen.measureText(text).width;
     const x = Math.min(Math.max(4, at[0]), Math.max(4, width - wide - 6));
-    const y = Math.min(Math.max(20, at[1] - 3), height - 4);
+    let y = Math.min(Math.max(20, at[1] - 3), height - 4);
+    const covers = (other: Label): boolean => x < other.end && x + wide > other.x && Math.abs(y - other.y) < kLine_px;
+    while (y > 2 * kLine_px && labels.some(covers)) y -= kLine_px;
+    labels.push({ x, y, end: x + wide });
     pen.globalAlpha = 0.8;
     pen.fillStyle = colourOf("--card");
     pen.fillRect(x - 3, y - 16, wide + 6, 18);
@@ -124,7 +136,7 @@ function draw(canvas: HTMLCanvasElement, orbit: Orbit, { frustum, poses, rays }:
     pen.fillStyle = colourOf(token);
     pen.fillText(text, x, y);
   };
-  for (const { label: text, corner, isChosen } of poses) label(text, view.point(corner), isChosen ? "--ink" : "--faint");
+  for (const { label: text, corner, isChosen } of poses) if (isChosen) label(text, view.point(corner), "--ink");
   label("camera", view.point([0, 0, 0]), "--accent");
 }
 

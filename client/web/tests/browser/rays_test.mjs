@@ -239,7 +239,7 @@ try {
   rig.glasswing("convert", kHarbour, linear);
   await make_and_play(page, rig, "near", "far", assumed, [kLake, linear]);
   await look_around(page);
-  await check_accessible(page, "rays");
+  await check_accessible(page, "rays-crystal");
   await check_errors(page, rig, "near", "far");
   const depths = join(process.env.GLASSWING_DATA ?? "/nonexistent", "rendered/dev2/L_depth");
   if (existsSync(depths)) {
@@ -250,6 +250,7 @@ try {
     const known = written("known.txtpb", camera(160, 120, 250, 81.3, 59.2, -0.06) + pose("front", 1, 200) + pose("rear", 1, 251.2));
     await page.reload();
     await make_and_play(page, rig, "front", "rear", known, [join(depths, "env.exr")]);
+    await photograph(page, "rays");
   } else told("L_depth", "is not here; set GLASSWING_DATA");
   assert.deepEqual(errors, []);
 } finally {

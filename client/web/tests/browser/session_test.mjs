@@ -120,6 +120,7 @@ async function measure_first_visits(browser, link) {
     ["#/session/first", ".scrubber img"],
     ["#/matte/first", ".panels"],
     ["#/play/first", ".stage:visible"],
+    ["#/rays", ".ray-choice"],
     ["#/fleet", "table"],
   ])
     await look(page, hash, sign);
@@ -430,6 +431,7 @@ const kPages = [
   ["session", "#/session/second", ".scrubber img"],
   ["matte", "#/matte/first", ".panels"],
   ["play", "#/play/first", ".stage:visible"],
+  ["rays-start", "#/rays", ".ray-choice"],
   ["fleet", "#/fleet", "table"],
 ];
 
