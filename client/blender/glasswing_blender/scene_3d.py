@@ -8,6 +8,7 @@ from mathutils import Matrix, Vector
 
 _FROM_CAMERA = np.array([1.0, -1.0, -1.0])  # Blender's cameras look along -Z, y up
 _MATERIAL, _WORLD = "Glasswing rays", "Glasswing environment"
+_CARD = "glasswing_card"  # a property of its object: its name
 _FACET_VECTORS = ("target", "target_u", "target_v", "weight", "through", "light")
 _IOR = 0.05  # facets are tilted by less than 3 degrees, and Cycles leaves such normals as they are
 _MAX_TURN = 1.5  # rad, of a bundle's parts about its middle
@@ -36,7 +37,9 @@ def set_lens(scene, camera, of, nearest):
 
 
 def new_card(scene, camera, name, card, unit_mm):
-    """The card as an object before the camera; `unit_mm`: of the scene's unit."""
+    """The card as an object before the camera, in place of one of that name; `unit_mm`: of the scene's unit."""
+    for before in [each for each in camera.children if each.get(_CARD) == name]:
+        bpy.data.meshes.remove(before.data)  # and the object with it
     count = len(card.corners)
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(4 * count)
@@ -56,6 +59,7 @@ def new_card(scene, camera, name, card, unit_mm):
     mesh.attributes.new("glasswing_finite", "FLOAT", "FACE").data.foreach_set("value", card.finite.astype(np.float32))
     mesh.materials.append(_material())
     made = bpy.data.objects.new(name, mesh)
+    made[_CARD] = name
     for way in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
         setattr(made, f"visible_{way}", False)
     made.parent = camera

@@ -180,93 +180,111 @@ TEST(MatchRays, SlabShiftsRaysAndDoesNotTurnThem) {
   EXPECT_GT(shift, 1.0);
 }
 
-// Poses are drawn from the covariances of a calibration; rays must scatter as their standard errors say.
-TEST(MatchRays, StandardErrorsHaveThoseOfThePoses) {
-  constexpr int kSide = 4, kDraws = 2000;
-  using Vector6d = Eigen::Matrix<double, 6, 1>;
-  using Matrix6d = Eigen::Matrix<double, 6, 6>;
-  std::mt19937 random(7);
-  std::normal_distribution<double> normal;
-  v1::RigGeometry rig = geometry();
-  rig.mutable_camera()->set_width_px(kSide);
-  rig.mutable_camera()->set_height_px(kSide);
-  std::vector<Matrix6d> roots;
-  std::vector<Eigen::Matrix3d> turns;
-  for (int pose = 0; pose < 2; ++pose) {
-    v1::MonitorPose& own = *rig.mutable_monitors(pose);
-    turns.push_back(
-        (Eigen::AngleAxisd(0.3 - 0.2 * pose, Vector3d::UnitY()) * Eigen::AngleAxisd(0.2, Vector3d::UnitX()))
-            .toRotationMatrix());
-    for (int i = 0; i < 9; ++i) own.set_rotation(i, turns.back()(i / 3, i % 3));
-    // About 0.1 degrees and 0.1 mm, with correlations.
-    Matrix6d root;
-    for (double& number : root.reshaped()) number = 0.5 * normal(random);
-    root += Matrix6d::Identity();
-    root.topRows<3>() *= 2e-3;
-    root.bottomRows<3>() *= 0.1;
-    roots.push_back(root);
-    const Matrix6d covariance = root * root.transpose();
-    for (const double number : covariance.reshaped()) own.add_covariance(number);
-  }
-  const auto matte = [&](double bent) {
-    Matte made(0, 0, kSide, kSide, 1);
-    v1::Monitor& monitor = *made.metadata.add_monitors();
-    monitor.set_name("back");
-    monitor.set_width_px(kMonitorWidth);
-    monitor.set_height_px(kMonitorHeight);
-    for (int y = 0; y < kSide; ++y) {
-      for (int x = 0; x < kSide; ++x) {
-        made.coverage(x, y) = 1.0f;
-        for (int c = 0; c < kChannels; ++c) {
-          made.modes(x, y, c)[0] = {.weight = 0.9f,
-                                    .x_px = static_cast<float>(20.0 + (20.0 + bent) * x),
-                                    .y_px = static_cast<float>(15.0 + (15.0 - 0.5 * bent) * y + 2.0 * bent),
-                                    .xx_px2 = 1.0f,
-                                    .yy_px2 = 1.0f,
-                                    .centre_sd_px = 1e-4f};
-        }
-      }
-    }
-    return made;
-  };
-  const Matte near = matte(0.0), far = matte(4.0);
-  const std::vector<std::string> poses = {"near", "far"};
-  const RayMatte rays = match_rays(near, far, rig, poses).value();
-  std::vector<double> origins(kSide * kSide), directions(kSide * kSide);
-  for (int draw = 0; draw < kDraws; ++draw) {
-    v1::RigGeometry drawn = rig;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+// Two turned poses before a camera of few pixels, and roots of the covariances that their poses have.
+class UncertainRig {
+ public:
+  static constexpr int kSide = 4;
+
+  UncertainRig() : rig_(geometry()) {
+    rig_.mutable_camera()->set_width_px(kSide);
+    rig_.mutable_camera()->set_height_px(kSide);
     for (int pose = 0; pose < 2; ++pose) {
-      const auto index = static_cast<size_t>(pose);
+      // About 0.1 degrees and 0.1 mm, with correlations.
+      Matrix6d root;
+      for (double& number : root.reshaped()) number = 0.5 * normal_(random_);
+      root += Matrix6d::Identity();
+      root.topRows<3>() *= 2e-3;
+      root.bottomRows<3>() *= 0.1;
+      roots_.push_back(root);
+      turns_.push_back(
+          (Eigen::AngleAxisd(0.3 - 0.2 * pose, Vector3d::UnitY()) * Eigen::AngleAxisd(0.2, Vector3d::UnitX()))
+              .toRotationMatrix());
+      v1::MonitorPose& own = *rig_.mutable_monitors(pose);
+      for (int i = 0; i < 9; ++i) own.set_rotation(i, turns_.back()(i / 3, i % 3));
+      const Matrix6d covariance = root * root.transpose();
+      for (const double number : covariance.reshaped()) own.add_covariance(number);
+    }
+  }
+  const v1::RigGeometry& mean() const { return rig_; }
+  // One of the rigs that the calibration may have been of.
+  v1::RigGeometry drawn() {
+    v1::RigGeometry drawn = rig_;
+    for (int pose = 0; pose < 2; ++pose) {
       Vector6d error;
-      for (double& number : error) number = normal(random);
-      error = roots[index] * error;
+      for (double& number : error) number = normal_(random_);
+      error = roots_[static_cast<size_t>(pose)] * error;
       const Vector3d turn = error.head<3>();
-      const Eigen::Matrix3d turned =
-          Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix() * turns[index];
+      const Eigen::Matrix3d turned = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix() *
+                                     turns_[static_cast<size_t>(pose)];
       v1::MonitorPose& own = *drawn.mutable_monitors(pose);
       for (int i = 0; i < 9; ++i) own.set_rotation(i, turned(i / 3, i % 3));
       for (int i = 0; i < 3; ++i) own.set_translation_mm(i, own.translation_mm(i) + error[3 + i]);
     }
-    const RayMatte moved = match_rays(near, far, drawn, poses).value();
-    for (int i = 0; i < kSide * kSide; ++i) {
-      const Ray &truth = rays.rays(i % kSide, i / kSide, 1)[0], &ray = moved.rays(i % kSide, i / kSide, 1)[0];
+    return drawn;
+  }
+
+ private:
+  std::mt19937 random_{7};
+  std::normal_distribution<double> normal_;
+  v1::RigGeometry rig_;
+  std::vector<Matrix6d> roots_;
+  std::vector<Eigen::Matrix3d> turns_;
+};
+
+// Places that are known far better than the poses are, spread over the monitor.
+Matte sure_matte(int side, double bent) {
+  Matte made(0, 0, side, side, 1);
+  v1::Monitor& monitor = *made.metadata.add_monitors();
+  monitor.set_name("back");
+  monitor.set_width_px(kMonitorWidth);
+  monitor.set_height_px(kMonitorHeight);
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      made.coverage(x, y) = 1.0f;
+      for (int c = 0; c < kChannels; ++c) {
+        made.modes(x, y, c)[0] = {.weight = 0.9f,
+                                  .x_px = static_cast<float>(20.0 + (20.0 + bent) * x),
+                                  .y_px = static_cast<float>(15.0 + (15.0 - 0.5 * bent) * y + 2.0 * bent),
+                                  .xx_px2 = 1.0f,
+                                  .yy_px2 = 1.0f,
+                                  .centre_sd_px = 1e-4f};
+      }
+    }
+  }
+  return made;
+}
+
+// Poses are drawn from the covariances of a calibration; rays must scatter as their standard errors say.
+TEST(MatchRays, StandardErrorsHaveThoseOfThePoses) {
+  constexpr int kSide = UncertainRig::kSide, kDraws = 2000;
+  UncertainRig rig;
+  const Matte near = sure_matte(kSide, 0.0), far = sure_matte(kSide, 4.0);
+  const std::vector<std::string> poses = {"near", "far"};
+  const RayMatte rays = match_rays(near, far, rig.mean(), poses).value();
+  std::vector<double> origins(kSide * kSide), directions(kSide * kSide);
+  for (int draw = 0; draw < kDraws; ++draw) {
+    const RayMatte moved = match_rays(near, far, rig.drawn(), poses).value();
+    for (size_t i = 0; i < origins.size(); ++i) {
+      const int x = static_cast<int>(i) % kSide, y = static_cast<int>(i) / kSide;
+      const Ray &mean = rays.rays(x, y, 1)[0], &ray = moved.rays(x, y, 1)[0];
       const auto across = [&](const Eigen::Vector3f& to, const Eigen::Vector3f& from) {
-        const Vector3d direction = truth.direction.cast<double>(),
+        const Vector3d direction = mean.direction.cast<double>(),
                        by = to.cast<double>() - from.cast<double>();
         return 0.5 * (by - direction * direction.dot(by)).squaredNorm() / kDraws;
       };
-      origins[static_cast<size_t>(i)] += across(ray.origin_mm, truth.origin_mm);
-      directions[static_cast<size_t>(i)] += across(ray.direction, truth.direction);
+      origins[i] += across(ray.origin_mm, mean.origin_mm);
+      directions[i] += across(ray.direction, mean.direction);
     }
   }
   // Four standard deviations of the scatter of 2000 draws along one axis are 6 %.
-  for (int i = 0; i < kSide * kSide; ++i) {
-    const Ray& ray = rays.rays(i % kSide, i / kSide, 1)[0];
+  for (size_t i = 0; i < origins.size(); ++i) {
+    const Ray& ray = rays.rays(static_cast<int>(i) % kSide, static_cast<int>(i) / kSide, 1)[0];
     ASSERT_EQ(ray.state, RayState::kMatched);
-    EXPECT_NEAR(std::sqrt(origins[static_cast<size_t>(i)]) / static_cast<double>(ray.origin_sd_mm), 1.0,
-                0.06);
-    EXPECT_NEAR(std::sqrt(directions[static_cast<size_t>(i)]) / static_cast<double>(ray.direction_sd), 1.0,
-                0.06);
+    EXPECT_NEAR(std::sqrt(origins[i]) / static_cast<double>(ray.origin_sd_mm), 1.0, 0.06);
+    EXPECT_NEAR(std::sqrt(directions[i]) / static_cast<double>(ray.direction_sd), 1.0, 0.06);
   }
 }
 
