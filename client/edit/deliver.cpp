@@ -57,6 +57,7 @@ void add_matte_deliver_command(CLI::App& matte, Client& client) {
       "and what was left out, and has a thumbnail. Keep the matte itself: the server takes no such file.\n\n"
       "Examples:\n"
       "  glasswing matte deliver vase.exr --half --hug -o vase_delivery.exr\n"
+      "  glasswing matte deliver both.exr --half --ids both_ids.exr -o both_delivery.exr\n"
       "  glasswing matte deliver large.exr --half --tile 128 -o large_delivery.exr",
       arguments, deliver);
   command.add_flag("--half", arguments->options.half,
@@ -65,6 +66,8 @@ void add_matte_deliver_command(CLI::App& matte, Client& client) {
   command.add_flag("--hug", arguments->options.hug,
                    "keep only the smallest rectangle that holds the object; the display window stays the "
                    "camera's picture");
+  command.add_option("--ids", arguments->options.ids,
+                     "add which object each pixel shows: a Cryptomatte that merge --ids wrote");
   command
       .add_option("--tile", arguments->options.tile_px, "write tiles of this side, px; default: scan lines")
       ->check(CLI::Range(kMinTile_px, kMaxTile_px));

@@ -3,6 +3,7 @@
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfStdIO.h>
 #include <OpenEXR/ImfStringAttribute.h>
@@ -17,11 +18,12 @@
 
 #include "core/base/status.h"
 #include "core/matte/exr_writer.h"
+#include "core/matte/matte_layers.h"
 
 namespace glasswing {
 namespace {
 
-constexpr const char* kLayer = "object";
+constexpr const char* kLayer = kIdsPart;
 constexpr int kPerLayer = 2;  // pairs of id and share, in R G and B A
 constexpr std::array<const char*, 4> kColours{"R", "G", "B", "A"};
 
@@ -134,6 +136,49 @@ absl::StatusOr<std::string> encode_cryptomatte(std::span<const ObjectShares> obj
     }
     return stream.str();
   });
+}
+
+absl::StatusOr<Cryptomatte> read_cryptomatte(const std::filesystem::path& path) {
+  const auto bad = [&path](std::string_view what) {
+    return absl::DataLossError(fmt::format("{}: {}", path.string(), what));
+  };
+  std::error_code ignored;
+  if (!std::filesystem::exists(path, ignored))
+    return absl::NotFoundError(fmt::format("there is no file {}", path.string()));
+  try {
+    Imf::InputFile file(path.c_str());
+    const Imf::Header& header = file.header();
+    const Imath::Box2i window = header.dataWindow();
+    if (window != header.displayWindow() || window.min != Imath::V2i(0, 0))
+      return bad("its data window is not the picture");
+    Cryptomatte ids;
+    ids.width_px = window.max.x + 1;
+    ids.height_px = window.max.y + 1;
+    std::string layer;
+    for (auto attribute = header.begin(); attribute != header.end(); ++attribute) {
+      const std::string name = attribute.name();
+      const auto* const text = dynamic_cast<const Imf::StringAttribute*>(&attribute.attribute());
+      if (text == nullptr || !name.starts_with("cryptomatte/")) continue;
+      ids.attributes[name] = text->value();
+      if (name.ends_with("/name")) layer = text->value();
+    }
+    for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel) {
+      if (!layer.empty() && std::string_view(channel.name()).starts_with(layer) &&
+          channel.channel().type == Imf::FLOAT)
+        ids.channels.emplace_back(channel.name());
+    }
+    if (ids.channels.empty()) return bad("it is no Cryptomatte of 32 bits");
+    Imf::FrameBuffer buffer;
+    const size_t pixels = static_cast<size_t>(ids.width_px) * static_cast<size_t>(ids.height_px);
+    ids.planes.resize(ids.channels.size(), std::vector<float>(pixels));
+    for (size_t c = 0; c < ids.channels.size(); ++c)
+      buffer.insert(ids.channels[c], Imf::Slice::Make(Imf::FLOAT, ids.planes[c].data(), window));
+    file.setFrameBuffer(buffer);
+    file.readPixels(window.min.y, window.max.y);
+    return ids;
+  } catch (const std::exception& error) {
+    return bad(error.what());
+  }
 }
 
 }  // namespace glasswing

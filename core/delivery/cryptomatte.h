@@ -9,6 +9,8 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <filesystem>
+#include <map>
 #include <span>
 #include <string>
 #include <string_view>
@@ -34,5 +36,16 @@ inline constexpr int kMaxCryptomatteLayers = 3;
 // there twice, two names of the same id, or shares that are not as many as the pixels.
 absl::StatusOr<std::string> encode_cryptomatte(std::span<const ObjectShares> objects, int width_px,
                                                int height_px);
+
+// A Cryptomatte of a whole picture: the layers of its file, and what its header says of them.
+struct Cryptomatte {
+  int width_px = 0, height_px = 0;
+  std::map<std::string, std::string> attributes;  // "cryptomatte/..."
+  std::vector<std::string> channels;              // sorted
+  std::vector<std::vector<float>> planes;         // of each channel, by rows
+};
+// Reads the layers that the header names. DATA_LOSS names the file, if it cannot be read, is no Cryptomatte
+// of 32 bits, or its data window is not the picture. NOT_FOUND: there is no such file.
+absl::StatusOr<Cryptomatte> read_cryptomatte(const std::filesystem::path& file);
 
 }  // namespace glasswing

@@ -27,6 +27,7 @@
 
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/delivery/cryptomatte.h"
 #include "core/delivery/half_channels.h"
 #include "core/delivery/thumbnail.h"
 #include "core/matte/matte_file.h"
@@ -140,11 +141,13 @@ std::string half_text(const std::vector<std::string>& layers) {
 class StripWriter {
  public:
   StripWriter(const MatteOutline& outline, const DeliveryOptions& options, const ExrWindow& window,
-              const Survey& survey, const std::vector<ExrPart>& parts, bool primaries_known,
-              const fs::path& path, int threads)
+              const Survey& survey, const std::vector<ExrPart>& parts, const std::optional<Cryptomatte>& ids,
+              bool primaries_known, const fs::path& path, int threads)
       : options_(options),
         window_(window),
         parts_(parts),
+        ids_(ids),
+        matte_parts_(parts.size() - (ids ? 1 : 0)),
         matte_width_px_(outline.width_px),
         left_(window.x0_px - outline.x0_px),
         strip_rows_(std::min(options.tile_px > 0 ? options.tile_px : kStripRows, window.height_px)) {
@@ -166,7 +169,7 @@ class StripWriter {
       std::vector<Channel>& channels = strip_.emplace_back();
       for (size_t c = 0; c < parts[part].channels.size(); ++c) {
         Channel& channel = channels.emplace_back();
-        channel.half = options.half && survey.halves.is_half(part, c);
+        channel.half = options.half && part < matte_parts_ && survey.halves.is_half(part, c);
         header.channels().insert(parts[part].channels[c],
                                  Imf::Channel(channel.half ? Imf::HALF : Imf::FLOAT));
         channel.samples.resize(static_cast<size_t>(strip_rows_) * row_bytes(channel));
@@ -184,9 +187,16 @@ class StripWriter {
       for (size_t part = 0; part < strip_.size(); ++part) {
         for (size_t c = 0; c < strip_[part].size(); ++c) {
           Channel& channel = strip_[part][c];
+          char* const to = channel.samples.data() + static_cast<size_t>(held_) * row_bytes(channel);
+          if (part >= matte_parts_) {
+            const int y = window_.y0_px + written_ + held_;
+            std::memcpy(
+                to, ids_->planes[c].data() + static_cast<std::ptrdiff_t>(y) * ids_->width_px + window_.x0_px,
+                row_bytes(channel));
+            continue;
+          }
           float* const from =
               block.planes(part)[c] + static_cast<std::ptrdiff_t>(row) * matte_width_px_ + left_;
-          char* const to = channel.samples.data() + static_cast<size_t>(held_) * row_bytes(channel);
           if (!channel.half) {
             std::memcpy(to, from, row_bytes(channel));
             continue;
@@ -251,7 +261,9 @@ class StripWriter {
 
   const DeliveryOptions& options_;
   const ExrWindow& window_;
-  const std::vector<ExrPart>& parts_;
+  const std::vector<ExrPart>& parts_;  // of the matte, and the ids
+  const std::optional<Cryptomatte>& ids_;
+  const size_t matte_parts_;
   const int matte_width_px_, left_, strip_rows_;
   int held_ = 0, written_ = 0;  // rows of the strip, and of the file
   std::vector<std::vector<Channel>> strip_;
@@ -307,6 +319,15 @@ absl::StatusOr<Delivery> write_delivery(std::string_view matte, const DeliveryOp
   GW_ASSIGN_OR_RETURN(const Survey survey, survey_of(matte, outline, mix, thread_count, report));
   if (options.hug && survey.object.right < 0)
     return absl::InvalidArgumentError("no pixel shows the object, which the data window is to hug");
+  std::optional<Cryptomatte> ids;
+  if (!options.ids.empty()) {
+    GW_ASSIGN_OR_RETURN(ids, read_cryptomatte(options.ids));
+    if (ids->width_px != outline.metadata.width_px() || ids->height_px != outline.metadata.height_px()) {
+      return absl::InvalidArgumentError(fmt::format(
+          "{} is of a picture of {}x{} px, the matte of one of {}x{}", options.ids.string(), ids->width_px,
+          ids->height_px, outline.metadata.width_px(), outline.metadata.height_px()));
+    }
+  }
   Delivery delivery;
   delivery.window = window_of(outline, options, survey.object);
   if (options.half) delivery.half_layers = survey.halves.layers();
@@ -322,6 +343,12 @@ absl::StatusOr<Delivery> write_delivery(std::string_view matte, const DeliveryOp
         options.tile_px > 0 ? fmt::format("tiles of {} px", options.tile_px) : "scan lines");
     if (!delivery.half_layers.empty()) part.attributes["glasswing:half"] = half_text(delivery.half_layers);
   }
+  std::vector<ExrPart> all_parts = parts;
+  if (ids) {
+    all_parts.push_back({.name = kIdsPart, .channels = ids->channels, .attributes = {}});
+    // Programs look for these in the first part, whichever has the layers.
+    for (ExrPart& part : all_parts) part.attributes.insert(ids->attributes.begin(), ids->attributes.end());
+  }
   const fs::path partial = fmt::format("{}.{}.tmp", file.string(), ::getpid());
   const int threads_before = Imf::globalThreadCount();
   Imf::setGlobalThreadCount(thread_count);
@@ -330,7 +357,7 @@ absl::StatusOr<Delivery> write_delivery(std::string_view matte, const DeliveryOp
   absl::Status status;
   const absl::Status written =
       written_exr([&] {
-        StripWriter writer(outline, options, delivery.window, survey, parts, !mix.is_unit(), partial,
+        StripWriter writer(outline, options, delivery.window, survey, all_parts, ids, !mix.is_unit(), partial,
                            thread_count);
         Planes planes(outline, mix);
         int done = 0;

@@ -23,6 +23,8 @@ struct DeliveryOptions {
   bool half = false;  // 16 bits where that is enough (half_channels.h)
   bool hug = false;   // the data window is the smallest that holds the object; the rest is left out
   int tile_px = 0;    // side of tiles; 0: scan lines
+  // A file of which object each pixel shows (cryptomatte.h), to be one more part; empty: none.
+  std::filesystem::path ids = {};
 };
 
 struct Delivery {
@@ -33,7 +35,8 @@ struct Delivery {
 
 // Writes a matte's file anew, a few rows at a time; `thread_count` 0: all cores. `report` gets the fraction
 // done. The same matte and options give the same bytes. INVALID_ARGUMENT: hug, but no pixel shows the object;
-// or the tile's side is not kMinTile_px to kMaxTile_px. Others as decode_matte() of `matte`, and of writing.
+// the tile's side is not kMinTile_px to kMaxTile_px; or the ids are of a picture of another size. Others as
+// decode_matte() of `matte`, and of writing.
 absl::StatusOr<Delivery> write_delivery(
     std::string_view matte, const DeliveryOptions& options, const std::filesystem::path& file,
     int thread_count = 0, absl::FunctionRef<void(double)> report = [](double) {});

@@ -78,7 +78,7 @@ class RowReader {
         stored_(file.header(0).dataWindow()),
         parts_(matte_parts(outline_.modes_per_channel, outline_.colourless)),
         block_(outline_.modes_per_channel, outline_.colourless, outline_.width_px) {
-    for (int i = 0; i < file.parts(); ++i) inputs_.emplace_back(file, i);
+    for (size_t i = 0; i < parts_.size(); ++i) inputs_.emplace_back(file, static_cast<int>(i));
   }
 
   // Reads `rows` rows, at most a block, from `row` on, counted from the outline's first. Pixels that the file

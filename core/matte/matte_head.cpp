@@ -31,6 +31,13 @@ bool is_delivery(const Imf::MultiPartInputFile& file) {
   return file.header(0).findTypedAttribute<Imf::StringAttribute>(kMatteDelivery) != nullptr;
 }
 
+// Parts that hold the matte: in a delivery file ids of objects may follow them.
+int matte_part_count(const Imf::MultiPartInputFile& file) {
+  const int parts = file.parts();
+  const Imf::Header& last = file.header(parts - 1);
+  return is_delivery(file) && last.hasName() && last.name() == kIdsPart ? parts - 1 : parts;
+}
+
 // Whether a part is packed as mattes are, or as files for other programs may be.
 bool is_well_packed(const Imf::Header& header, bool delivery) {
   if (!header.hasType()) return false;
@@ -49,7 +56,7 @@ struct Parts {
 // Checks that the file has the parts of a matte, and no more pixels than `file_bytes` can hold, so that later
 // reads are bounded by the file's size, whatever its header promises.
 absl::StatusOr<Parts> checked_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
-  const int modes = file.parts() - static_cast<int>(kFirstModePart);
+  const int part_count = matte_part_count(file), modes = part_count - static_cast<int>(kFirstModePart);
   if (modes < 1 || modes > kMaxModes) return absl::DataLossError("it does not have the parts of a matte");
   const Imath::Box2i window = file.header(0).dataWindow();
   constexpr int kMaxSide = kMaxSide_px;
@@ -72,7 +79,8 @@ absl::StatusOr<Parts> checked_parts(const Imf::MultiPartInputFile& file, size_t 
               channel.channel().xSampling == 1 && channel.channel().ySampling == 1;
       pixel_bytes += type == Imf::HALF ? 2 : sizeof(float);
     }
-    const ExrPart& part = checked.parts[static_cast<size_t>(i)];
+    if (plain && i >= part_count) continue;
+    const ExrPart& part = checked.parts[static_cast<size_t>(std::min(i, part_count - 1))];
     if (!plain || layers != part.channels || !header.hasName() || header.name() != part.name)
       return absl::DataLossError(fmt::format("its part {} does not have the layers of a matte", i));
     checked.layer_count += layers.size();
@@ -126,7 +134,7 @@ absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, s
   outline.y0_px = window.min.y;
   outline.width_px = window.max.x - window.min.x + 1;
   outline.height_px = window.max.y - window.min.y + 1;
-  outline.modes_per_channel = file.parts() - static_cast<int>(kFirstModePart);
+  outline.modes_per_channel = matte_part_count(file) - static_cast<int>(kFirstModePart);
   outline.colourless = is_colourless(file);
   outline.delivery = is_delivery(file);
   GW_ASSIGN_OR_RETURN(const std::string metadata, text_of(header, kMatteMetadata));

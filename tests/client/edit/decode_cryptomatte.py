@@ -37,7 +37,9 @@ def id_of(name):
 
 
 def shares_in(path):
-    ((part, planes),) = exr.read_parts(path)
+    parts = exr.read_parts(path)
+    part, planes = parts[-1]  # the only one, or the last of a delivery file
+    assert all(key in parts[0][0].text for key in part.text if key.startswith("cryptomatte/"))
     keys = {key.split("/")[2]: value for key, value in part.text.items() if key.startswith("cryptomatte/")}
     (stem,) = {key.split("/")[1] for key in part.text if key.startswith("cryptomatte/")}
     assert keys["hash"] == "MurmurHash3_32" and keys["conversion"] == "uint32_to_float32", keys

@@ -38,9 +38,9 @@ class MatteIds : public ScratchTest {
     mattes.insert(mattes.end(), {"-o", path("all.exr"), "--ids", path("ids.exr")});
     return run_glasswing(mattes);
   }
-  nlohmann::json decoded() const {
+  nlohmann::json decoded(const std::string& file = "ids.exr") const {
     const Said said = run_program(fmt::format("PYTHONDONTWRITEBYTECODE=1 /usr/bin/python3 {} {}",
-                                              std::getenv("GLASSWING_DECODE_CRYPTOMATTE"), path("ids.exr")));
+                                              std::getenv("GLASSWING_DECODE_CRYPTOMATTE"), path(file)));
     EXPECT_EQ(said.status, 0) << said.text;
     return nlohmann::json::parse(said.text, nullptr, false);
   }
@@ -69,6 +69,41 @@ TEST_F(MatteIds, AnIndependentDecoderFindsTheObjects) {
       EXPECT_NEAR(all.coverage(x, y), sum, 1e-6);
     }
   }
+}
+
+// In a delivery file the ids are one more part, which leaves the matte as it is.
+TEST_F(MatteIds, DeliveryFilesHaveThem) {
+  ASSERT_EQ(merge({write("a.exr", "vase", 2), write("b.exr", "glass", 6)}).status, 0);
+  const nlohmann::json whole = decoded();
+  const auto deliver = [this](std::vector<std::string> more) {
+    more.insert(more.begin(),
+                {"matte", "deliver", path("all.exr"), "--ids", path("ids.exr"), "-o", path("delivery.exr")});
+    return run_glasswing(more);
+  };
+  ASSERT_EQ(deliver({}).status, 0);
+  EXPECT_EQ(decoded("delivery.exr"), whole);
+  EXPECT_EQ(encode_matte(read_matte(path("delivery.exr")).value()).value(),
+            encode_matte(read_matte(path("all.exr")).value()).value());
+  ASSERT_EQ(deliver({"--half", "--hug"}).status, 0);
+  const nlohmann::json hugged = decoded("delivery.exr");
+  EXPECT_EQ(hugged["glass"].size(), size_t{14 * (kHeight - 3)});
+  EXPECT_EQ(hugged["glass"][13], whole["glass"][3 * kWidth + 2 + 13]);
+  expect_one_line_error(
+      run_glasswing({"matte", "deliver", path("all.exr"), "--ids", path("a.exr"), "-o", path("none.exr")}),
+      "a.exr: it is no Cryptomatte");
+  ASSERT_EQ(run_glasswing({"matte", "crop", path("all.exr"), "9x9+0+0", "-o", path("part.exr")}).status, 0);
+  expect_one_line_error(
+      run_glasswing({"matte", "deliver", path("part.exr"), "--ids", path("ids.exr"), "-o", path("none.exr")}),
+      "is of a picture of 24x18 px, the matte of one of 9x9");
+  EXPECT_FALSE(std::filesystem::exists(path("none.exr")));
+  // Tiles hold the same samples, which oiiotool compares.
+  std::filesystem::rename(path("delivery.exr"), path("lines.exr"));
+  ASSERT_EQ(deliver({"--half", "--hug", "--tile", "16"}).status, 0);
+  EXPECT_TRUE(read_matte(path("delivery.exr")).ok());
+  if (!is_installed("oiiotool")) GTEST_SKIP() << "oiiotool is not installed";
+  const Said same =
+      run_program(fmt::format("oiiotool -a {} {} --diff", path("lines.exr"), path("delivery.exr")));
+  EXPECT_EQ(same.status, 0) << same.text;
 }
 
 TEST_F(MatteIds, ObjectsOfOneSessionAreCalledAsTheirFiles) {
@@ -109,21 +144,29 @@ render.filepath = output
 bpy.ops.render.render(write_still=True)
 )";
 
+// Of the file of ids alone, and of a delivery file that has them.
 TEST_F(MatteIds, BlendersNodePicksAnObjectByItsName) {
   if (!is_installed("blender")) GTEST_SKIP() << "blender is not installed";
   ASSERT_EQ(merge({write("a.exr", "vase", 2), write("b.exr", "glass", 6)}).status, 0);
+  ASSERT_EQ(run_glasswing({"matte", "deliver", path("all.exr"), "--half", "--ids", path("ids.exr"), "-o",
+                           path("delivery.exr")})
+                .status,
+            0);
   ASSERT_TRUE(write_file_durably(path("pick.py"), kPick).ok());
-  const Said said = run_program(
-      fmt::format("cd {0} && HOME={0} blender -b --factory-startup --python-exit-code 1 -P pick.py -- "
-                  "{0}/ids.exr glass {0}/picked.exr {1} {2}",
-                  scratch_.string(), kWidth, kHeight));
-  ASSERT_EQ(said.status, 0) << said.text;
-  const absl::StatusOr<RadianceImage> picked = read_radiance(path("picked.exr"), Encoding::kLinear);
-  ASSERT_TRUE(picked.ok()) << picked.status() << said.text;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const float expected = y < 3 ? 0.0f : (1.0f - coverage(2, x)) * coverage(6, x);
-      EXPECT_NEAR(picked->at(x, y, 0), expected, 1e-3) << x << " " << y;
+  for (const char* file : {"ids.exr", "delivery.exr"}) {
+    const Said said = run_program(
+        fmt::format("cd {0} && HOME={0} blender -b --factory-startup --python-exit-code 1 -P pick.py -- "
+                    "{0}/{3} glass {0}/picked.exr {1} {2}",
+                    scratch_.string(), kWidth, kHeight, file));
+    ASSERT_EQ(said.status, 0) << said.text;
+    const absl::StatusOr<RadianceImage> picked = read_radiance(path("picked.exr"), Encoding::kLinear);
+    ASSERT_TRUE(picked.ok()) << picked.status() << said.text;
+    std::filesystem::remove(path("picked.exr"));
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const float expected = y < 3 ? 0.0f : (1.0f - coverage(2, x)) * coverage(6, x);
+        ASSERT_NEAR(picked->at(x, y, 0), expected, 1e-3) << file << " " << x << " " << y;
+      }
     }
   }
 }
