@@ -1,5 +1,6 @@
 // Moves a picture with mouse, touch, wheel and keys.
 import type { Standing } from "../light/compositor";
+import { listenToMoves } from "../parts/pointers";
 import { kStill } from "./stage";
 
 export interface Movable {
@@ -55,59 +56,17 @@ export function shownWidth({ width, height, clientWidth, clientHeight }: HTMLCan
 
 /** Returns a function that removes the listeners. */
 export function listenToGestures(canvas: HTMLCanvasElement, picture: Movable): () => void {
-  const end = new AbortController();
-  const options = { signal: end.signal };
-  const fingers = new Map<number, { x: number; y: number }>();
-  const spread = (): number => {
-    const [a, b] = [...fingers.values()];
-    return a && b ? Math.max(1, Math.hypot(a.x - b.x, a.y - b.y)) : 1;
-  };
-
-  canvas.addEventListener(
-    "pointerdown",
-    (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    },
-    options,
-  );
-  canvas.addEventListener(
-    "pointermove",
-    (event) => {
-      const finger = fingers.get(event.pointerId);
-      if (!finger) return;
-      const before = spread();
-      // With two fingers, each moves the picture by half.
-      const share = picture.size().width / shownWidth(canvas) / fingers.size;
-      const [dx, dy] = [(event.clientX - finger.x) * share, (event.clientY - finger.y) * share];
-      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+  return listenToMoves(canvas, {
+    move: (dx, dy, factor) => {
+      const share = picture.size().width / shownWidth(canvas);
       const standing = picture.get();
-      picture.set(scaled({ ...standing, dx: standing.dx + dx, dy: standing.dy + dy }, spread() / before));
+      picture.set(scaled({ ...standing, dx: standing.dx + dx * share, dy: standing.dy + dy * share }, factor));
     },
-    options,
-  );
-  const lift = (event: PointerEvent): void => void fingers.delete(event.pointerId);
-  canvas.addEventListener("pointerup", lift, options);
-  canvas.addEventListener("pointercancel", lift, options);
-  canvas.addEventListener(
-    "wheel",
-    (event) => {
-      event.preventDefault();
-      const pixels = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 * event.deltaY : event.deltaY;
-      picture.set(scaled(picture.get(), Math.exp(-0.0015 * pixels)));
-    },
-    { ...options, passive: false },
-  );
-  canvas.addEventListener(
-    "keydown",
-    (event) => {
-      if (event.ctrlKey || event.altKey || event.metaKey) return;
+    scale: (factor) => picture.set(scaled(picture.get(), factor)),
+    key: (event) => {
       const standing = byKey(event, picture.get(), picture.size());
-      if (!standing) return;
-      event.preventDefault();
-      picture.set(standing);
+      if (standing) picture.set(standing);
+      return standing !== undefined;
     },
-    options,
-  );
-  return () => end.abort();
+  });
 }

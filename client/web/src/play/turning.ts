@@ -1,4 +1,5 @@
 // Turns an environment with mouse, touch and keys; plus, minus and the wheel change its light.
+import { listenToMoves } from "../parts/pointers";
 import { shownWidth } from "./gestures";
 
 export interface Facing {
@@ -41,36 +42,16 @@ export function listenToTurns(
   environment: { get: () => Facing; set: (facing: Facing) => void },
   first = environment.get(),
 ): void {
-  const fingers = new Map<number, number>();
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    fingers.set(event.pointerId, event.clientX);
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    const before = fingers.get(event.pointerId);
-    if (before === undefined) return;
-    fingers.set(event.pointerId, event.clientX);
-    const share = (event.clientX - before) / shownWidth(canvas) / fingers.size;
-    const facing = environment.get();
-    environment.set({ ...facing, turn_deg: facing.turn_deg + share * view_deg });
-  });
-  const lift = (event: PointerEvent): void => void fingers.delete(event.pointerId);
-  canvas.addEventListener("pointerup", lift);
-  canvas.addEventListener("pointercancel", lift);
-  canvas.addEventListener(
-    "wheel",
-    (event) => {
-      event.preventDefault();
-      const pixels = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 * event.deltaY : event.deltaY;
-      environment.set(brighter(environment.get(), Math.exp(-0.0015 * pixels)));
+  listenToMoves(canvas, {
+    move: (dx) => {
+      const facing = environment.get();
+      environment.set({ ...facing, turn_deg: facing.turn_deg + (dx / shownWidth(canvas)) * view_deg });
     },
-    { passive: false },
-  );
-  canvas.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
-    const facing = byKey(event, environment.get(), first);
-    if (!facing) return;
-    event.preventDefault();
-    environment.set(facing);
+    scale: (factor) => environment.set(brighter(environment.get(), factor)),
+    key: (event) => {
+      const facing = byKey(event, environment.get(), first);
+      if (facing) environment.set(facing);
+      return facing !== undefined;
+    },
   });
 }

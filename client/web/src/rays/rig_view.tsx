@@ -1,6 +1,7 @@
 // The rig in space: the camera, monitors at their poses, and some of the rays.
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { colourOf, useDark } from "../parts/colours";
+import { listenToMoves } from "../parts/pointers";
 import { kRayStates, type RayState, type Rig, type SampledRay } from "./geometry";
 import { byKey, orbitAround, turnedBy, View, zoomedBy, type Orbit, type Point } from "./orbit";
 import { fromCamera, frustumOf, gapOf, linesOfPose, linesOfRays, placesOf, type Line } from "./rig_lines";
@@ -17,60 +18,17 @@ const kSides: [string, number, number][] = [
   ["From above", 0, 89],
 ];
 
-/** Turns by one pointer, scales by two and the wheel, or does both by keys. */
+/** Turns by one pointer, scales by two and the wheel, or does both by keys. Returns a function that removes the listeners. */
 function listen(canvas: HTMLCanvasElement, get: () => Orbit, set: (orbit: Orbit) => void, first: () => Orbit): () => void {
-  const end = new AbortController();
-  const options = { signal: end.signal };
-  const fingers = new Map<number, Point>();
-  const spread = (): number => {
-    const [a, b] = [...fingers.values()];
-    return a && b ? Math.max(1, Math.hypot(a[0] - b[0], a[1] - b[1])) : 1;
-  };
-  canvas.addEventListener(
-    "pointerdown",
-    (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      fingers.set(event.pointerId, [event.clientX, event.clientY]);
-    },
-    options,
-  );
-  canvas.addEventListener(
-    "pointermove",
-    (event) => {
-      const finger = fingers.get(event.pointerId);
-      if (!finger) return;
-      const before = spread();
-      fingers.set(event.pointerId, [event.clientX, event.clientY]);
-      const share = kTurn_deg / fingers.size;
-      const turned = turnedBy(get(), -share * (event.clientX - finger[0]), share * (event.clientY - finger[1]));
-      set(zoomedBy(turned, spread() / before, first()));
-    },
-    options,
-  );
-  const lift = (event: PointerEvent): void => void fingers.delete(event.pointerId);
-  canvas.addEventListener("pointerup", lift, options);
-  canvas.addEventListener("pointercancel", lift, options);
-  canvas.addEventListener(
-    "wheel",
-    (event) => {
-      event.preventDefault();
-      const pixels = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 * event.deltaY : event.deltaY;
-      set(zoomedBy(get(), Math.exp(-0.0015 * pixels), first()));
-    },
-    { ...options, passive: false },
-  );
-  canvas.addEventListener(
-    "keydown",
-    (event) => {
-      if (event.ctrlKey || event.altKey || event.metaKey) return;
+  return listenToMoves(canvas, {
+    move: (dx, dy, factor) => set(zoomedBy(turnedBy(get(), -kTurn_deg * dx, kTurn_deg * dy), factor, first())),
+    scale: (factor) => set(zoomedBy(get(), factor, first())),
+    key: (event) => {
       const orbit = byKey(event, get(), first());
-      if (!orbit) return;
-      event.preventDefault();
-      set(orbit);
+      if (orbit) set(orbit);
+      return orbit !== undefined;
     },
-    options,
-  );
-  return () => end.abort();
+  });
 }
 
 interface Label {
