@@ -98,6 +98,30 @@ class Series {
   const Peer<v1::SessionService> server_{client_.server_title(), client_.server};
 };
 
+absl::Status check_range(const RailPositions& positions, const std::string& monitor, const v1::Rail& rail) {
+  for (const double position_mm : positions.mm) {
+    if (position_mm >= rail.min_mm() && position_mm <= rail.max_mm()) continue;
+    return absl::InvalidArgumentError(
+        fmt::format("--rail-mm has {}; the rail of monitor \"{}\" takes {} to {} mm", position_mm, monitor,
+                    rail.min_mm(), rail.max_mm()));
+  }
+  return absl::OkStatus();
+}
+
+// Whatever would be refused at a later position is refused before anything is moved.
+absl::Status check_captures(const Client& client, const v1::CreateSessionRequest& request,
+                            const RailPositions& positions) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  for (const double position_mm : positions.mm) {
+    v1::EstimateSessionRequest estimate;
+    estimate.set_name(session_at(request.name(), position_mm));
+    *estimate.mutable_plan() = request.plan();
+    GW_RETURN_IF_ERROR(
+        call(server, &v1::SessionService::Stub::EstimateSession, estimate, kLongCallTimeout).status());
+  }
+  return absl::OkStatus();
+}
+
 // An error of one position, with what is left to do.
 absl::Status with_rest(const absl::Status& status, const RailPositions& positions, size_t failed) {
   if (failed + 1 >= positions.mm.size()) return status;
@@ -132,6 +156,8 @@ absl::Status capture_at_positions(const Client& client, const v1::CreateSessionR
         "ask at; move it by hand, and capture each position by itself: --rail-mm {0}:{1}",
         monitor, positions.mm[0]));
   }
+  if (has_rail) GW_RETURN_IF_ERROR(check_range(positions, monitor, rig.rails.at(monitor)));
+  GW_RETURN_IF_ERROR(check_captures(client, request, positions));
   Series series(client, request, monitor, has_rail);
   v1::ListSessionsResponse captured;
   for (size_t i = 0; i < positions.mm.size(); ++i) {

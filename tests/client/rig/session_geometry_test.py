@@ -53,6 +53,7 @@ class SessionGeometryTest(unittest.TestCase):
         self.refused('monitor "back" has no rail that could move it', "rail", "7")
         self.rig.glasswing(*map(str, capture), "6")  # taken at their word
         self.assertEqual(self.rig.shown("hand-6")["rail_mm"], {"back": 6})
+        self.refused('there is a session "hand-6" already', *capture, "back:6")
         theirs, ours = pty.openpty()
         self.addCleanup(os.close, theirs)
         os.write(theirs, b"\n\n")  # the answers
