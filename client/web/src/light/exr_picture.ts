@@ -1,7 +1,8 @@
 // Reads pictures in OpenEXR as light (openexr.com, "OpenEXR File Layout"): scan lines of half or float R, G and B, or Y, not
-// compressed or by RLE, ZIPS or ZIP. Of several parts the first. Of a data window the display window's size does not matter: it
+// compressed or by RLE, ZIPS, ZIP or PIZ. Of several parts the first. Of a data window the display window's size does not matter: it
 // is the picture, as for `glasswing composite`.
 import { Cursor, inflate, kMagic, unpredict } from "./exr";
+import { unpiz } from "./exr_piz";
 import { fromHalf } from "./half";
 import { putLight, type Hdr } from "./hdr";
 
@@ -13,9 +14,10 @@ export class NotExr extends Error {
 const refused = (what: string): NotExr => new NotExr(what);
 
 const kCompressions = ["none", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"];
-const kLinesOf: Record<string, number> = { none: 1, RLE: 1, ZIPS: 1, ZIP: 16 };
+const kLinesOf: Record<string, number> = { none: 1, RLE: 1, ZIPS: 1, ZIP: 16, PIZ: 32 };
 const [kTiled, kLongNames, kDeep, kMultiPart] = [0x200, 0x400, 0x800, 0x1000];
 const [kHalf, kFloat] = [1, 2];
+const kTurn_ms = 30;
 const kMaxSide = 1 << 15;
 const kMaxPixels = 1 << 26;
 
@@ -105,9 +107,16 @@ function unrun(packed: Uint8Array, size: number): Uint8Array {
   return out;
 }
 
-async function unpacked(packed: Uint8Array<ArrayBuffer>, size: number, compression: string): Promise<Uint8Array> {
+async function unpacked(
+  packed: Uint8Array<ArrayBuffer>,
+  count: number,
+  { channels, compression, width }: Header,
+): Promise<Uint8Array> {
+  const sizes = channels.map(({ isHalf }) => (isHalf ? 1 : 2));
+  const size = 2 * count * width * sizes.reduce((sum, each) => sum + each, 0);
   // What compression would not shorten is stored as it is.
   if (packed.length === size || compression === "none") return packed;
+  if (compression === "PIZ") return unpiz(packed, width, count, sizes, refused);
   if (compression === "RLE") return unpredict(unrun(packed, size));
   return unpredict(
     await inflate(packed, size, refused).catch((error: unknown) => {
@@ -154,7 +163,13 @@ export async function readExrPicture(bytes: Uint8Array<ArrayBuffer>): Promise<Hd
       putLight(codes, row * width + x, sample(columns[0]!, x), sample(columns[1]!, x), sample(columns[2]!, x));
   };
   const table = Array.from({ length: Math.ceil(height / lines) }, () => cursor.offset());
+  let since = performance.now();
   for (const place of table) {
+    // Between blocks the page stays alive.
+    if (performance.now() - since > kTurn_ms) {
+      await new Promise((resolve) => setTimeout(resolve));
+      since = performance.now();
+    }
     const chunk = new Cursor(bytes, refused);
     chunk.skip(place);
     if (isMultiPart && chunk.int() !== 0) throw refused("a chunk is not of its first part");
@@ -163,7 +178,7 @@ export async function readExrPicture(bytes: Uint8Array<ArrayBuffer>): Promise<Hd
     const count = Math.min(lines, height - row);
     const size = chunk.int();
     const start = chunk.skip(size);
-    const block = await unpacked(bytes.subarray(start, start + size), count * lineBytes, compression);
+    const block = await unpacked(bytes.subarray(start, start + size), count, header);
     if (block.length !== count * lineBytes) throw refused("a line has a wrong length");
     const view = new DataView(block.buffer, block.byteOffset, block.length);
     for (let i = 0; i < count; ++i) takeLine(view, i * lineBytes, row + i);

@@ -1,3 +1,4 @@
+import { readFileSync } from "node:fs";
 import { deflateSync } from "node:zlib";
 import { describe, expect, it } from "vitest";
 import { isExr, NotExr, readExrPicture } from "../../src/light/exr_picture";
@@ -101,9 +102,58 @@ describe("OpenEXR as light", () => {
     const file = halves(3, (line) => deflateSync(predict(line)), 16);
     for (let length = 4; length < file.length; ++length)
       await expect(readExrPicture(file.slice(0, length))).rejects.toThrow(NotExr);
-    await expect(readExrPicture(halves(4, (line) => line, 32))).rejects.toThrow("its compression is PIZ; it must be none, RLE, ZIPS, ZIP");
+    await expect(readExrPicture(halves(5, (line) => line, 16))).rejects.toThrow("its compression is PXR24; it must be none, RLE, ZIPS, ZIP, PIZ");
     await expect(readExrPicture(halves(0, (line) => line, 1, 0x202))).rejects.toThrow("tiles");
     const y = { name: "light", channels: { A: kLight.map(() => 1) } };
     await expect(readExrPicture(exrBytes([y], kWidth, kHeight))).rejects.toThrow("it must have R, G and B, or Y");
+  });
+});
+
+// Written by OpenEXR 3.1 (Imf::OutputFile, PIZ_COMPRESSION), 45x39: two blocks, odd sides. Red has few words, green is smooth,
+// blue jumps.
+const pizLight = (x: number, y: number): [number, number, number] => [
+  ((7 * x + 13 * y) % 64) / 16,
+  (x + y) / 8,
+  ((31 * x * x + 17 * y * y + 5 * x * y) % 1024) / 64,
+];
+const pizFile = (name: string): Uint8Array<ArrayBuffer> =>
+  new Uint8Array(readFileSync(new URL(`./piz_${name}.exr`, import.meta.url)));
+
+describe("PIZ", () => {
+  it.each(["half", "float"])("is undone: %s", async (name) => {
+    const { width, height, codes } = await readExrPicture(pizFile(name));
+    expect([width, height]).toEqual([45, 39]);
+    const wrong: string[] = [];
+    for (let y = 0; y < height; ++y)
+      for (let x = 0; x < width; ++x) {
+        const at = 4 * (y * width + x);
+        const light = pizLight(x, y);
+        const unit = 2 ** (codes[at + 3]! - 136);
+        light.forEach((each, c) => {
+          if (Math.abs(codes[at + c]! * unit - each) > Math.max(...light) / 250) wrong.push(`${x},${y},${c}`);
+        });
+      }
+    expect(wrong).toEqual([]);
+  });
+
+  it("is undone where words are too many for 14 bits", async () => {
+    // 520x32 of Y, whose halves have the bits 0, 1, 2 ...
+    const { codes } = await readExrPicture(pizFile("ramp"));
+    for (let bits = 0; bits < 520 * 32; ++bits) {
+      const [exponent, mantissa] = [bits >> 10, bits & 1023];
+      const light = exponent === 0 ? mantissa * 2 ** -24 : (1024 + mantissa) * 2 ** (exponent - 25);
+      const unit = 2 ** (codes[4 * bits + 3]! - 136);
+      if (Math.abs(codes[4 * bits + 1]! * unit - light) > light / 250) expect.fail(`pixel ${bits}`);
+    }
+  });
+
+  it("of a damaged file is an error of ours, or a picture", async () => {
+    const whole = pizFile("half");
+    for (let at = 340; at < whole.length; at += 61) {
+      const file = whole.slice();
+      file[at]! ^= 0x55;
+      await readExrPicture(file).catch((error: unknown) => expect(error).toBeInstanceOf(NotExr));
+      await expect(readExrPicture(whole.slice(0, at))).rejects.toThrow(NotExr);
+    }
   });
 });
