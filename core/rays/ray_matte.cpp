@@ -1,5 +1,6 @@
 #include "core/rays/ray_matte.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace glasswing {
@@ -19,7 +20,8 @@ bool meet_plane(const Ray& ray, const MonitorPlane& plane, double from_mm, Plane
   const double cosine = plane.normal.dot(direction);
   if (!(std::abs(cosine) > kMinCosine)) return false;
   const double along = plane.normal.dot(plane.corner_mm - origin) / cosine;
-  if (!(along >= from_mm)) return false;
+  // What leads back towards the camera's side comes from there.
+  if (!(along >= (cosine > 0.0 ? from_mm : std::max(from_mm, 0.0)))) return false;
   const double to_px = 1.0 / (plane.pitch_mm * plane.pitch_mm);
   const auto in_px = [&](const Eigen::Vector3d& on_plane) {
     return Eigen::Vector2d(plane.x_mm.dot(on_plane) * to_px, plane.y_mm.dot(on_plane) * to_px);

@@ -85,7 +85,8 @@ struct PlaneFootprint {
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();
 };
 // Where a ray meets a plane ahead of its origin or behind it; false where it runs along the plane, or meets
-// it against its direction before `from_mm` (along the ray, from its origin).
+// it before `from_mm` (along the ray, from its origin), or behind its origin though it leads to the camera's
+// side.
 bool meet_plane(const Ray& ray, const MonitorPlane& plane, double from_mm, PlaneFootprint& footprint);
 
 // Inside the object (coverage above 0).

@@ -4,7 +4,7 @@
     card_figures.py DIRECTORY [NAME...]
 
 In the environment deploy/pictures/lake.jpg: a sphere of glass in closed form, clear and frosted. Of the rendered scene
-L_depth, where it is (GLASSWING_DATA): planes at four depths, exact there and exact far away, and its environment. PSNR is of
+L_depth, where it is (GLASSWING_DATA): planes at several depths, exact there, elsewhere and far away, and its environment. PSNR is of
 linear light where the object is; L_depth's lens bends the picture, so its render is six times finer and is averaged where
 each pixel is. DIRECTORY/NAME.png has the composite, the render, and five times their difference.
 """
@@ -41,21 +41,29 @@ def depth_rays(directory):
 def all_cases(directory):
     """{name: (file of rays, finer, exact depth, words of glasswing composite, what stands behind)}"""
     lake = ROOT / "deploy/pictures/lake.jpg"
+    still = str(directory / "still.exr")
     cases = {}
+
+    def add_plane(name, rays, finer, depth, exact):
+        name = f"{name}: plane at {depth}, exact {exact or 'far away'}"
+        cases[name] = rays, finer, exact, ["--plane", f"{depth}:{still}"], {"planes": [{"depth": depth, "picture": still}]}
+
     for name, frost in (("clear", 0), ("frosted", 5)):
         run(BIN / "glass-sphere", 160, 120, frost, directory / f"{name}.exr")
         run(BIN / "glasswing", "convert", lake, directory / "lake.exr")
         environment = str(directory / "lake.exr")
         cases[f"sphere, {name}: environment, exact far away"] = directory / f"{name}.exr", 1, 0, ["--environment", environment], {"environment": environment}
     if SCENE.exists():
-        rays, sky, still = depth_rays(directory), str(directory / "sky.exr"), str(directory / "still.exr")
+        rays, sky = depth_rays(directory), str(directory / "sky.exr")
         run(BIN / "glasswing", "convert", SCENE / "env.exr", sky)
         run(BIN / "glasswing", "convert", SCENE / "near/stim/photo_stilllife.png", still)
         cases["L_depth: environment, exact far away"] = rays, FINER, 0, ["--environment", sky], {"environment": sky}
+        add_plane("sphere, clear", directory / "clear.exr", 1, 300.0, 0.0)
         for depth in (200.0, 225.6, 251.2, 302.4):
             for exact in (depth, 0.0):
-                behind = {"planes": [{"depth": depth, "picture": still}]}
-                cases[f"L_depth: plane at {depth}, exact {exact or 'far away'}"] = rays, FINER, exact, ["--plane", f"{depth}:{still}"], behind
+                add_plane("L_depth", rays, FINER, depth, exact)
+        for depth in (251.2, 400.0):
+            add_plane("L_depth", rays, FINER, depth, 302.4)
     return cases
 
 

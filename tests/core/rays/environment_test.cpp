@@ -150,6 +150,19 @@ TEST(Surroundings, NearPlanesHideFarOnesByTheirShare) {
               2e-3f);
 }
 
+TEST(Surroundings, RaysThatGoBackSeeNoPlaneBehindThem) {
+  Ray ray = bundle({0.0, 0.2, -1.0}, 0.01, 0.01, 0.0);
+  ray.origin_mm = {0.0f, 0.0f, 150.0f};
+  const Surroundings around{.planes = {{plane_at(200.0), uniform(1.0f)}},
+                            .environment = Environment{uniform(0.25f)},
+                            .lossless = false};
+  EXPECT_NEAR(composite_rays(one_pixel(ray), around, true, 1).value().at(0, 0, 1), 0.25f, 1e-4f);
+  // Towards the plane, past which the ray began.
+  ray.origin_mm.z() = 250.0f;
+  ray.direction = -ray.direction;
+  EXPECT_NEAR(composite_rays(one_pixel(ray), around, true, 1).value().at(0, 0, 1), 1.0f, 1e-4f);
+}
+
 TEST(Surroundings, LightThatNoRayTellsOfIsTheMeanIfSo) {
   Ray ray = bundle({0, 0, 1}, 0.01, 0.01, 0.0);
   ray.weight = 0.75f;
