@@ -36,7 +36,7 @@ void name_values(CLI::App& app) {
       {"input", "FILE"},      {"a", "FILE"},           {"b", "FILE"},        {"output", "FILE"},
       {"directory", "FILE"},  {"--plan", "FILE"},      {"--output", "FILE"}, {"--background", "FILE"},
       {"--match", "FILE"},    {"--matte", "FILE"},     {"--list", "FILE"},   {"--archive", "DIR"},
-      {"--empty", "DIR"}};
+      {"--empty", "DIR"},     {"mattes", "FILE"},      {"--ids", "FILE"}};
   for (CLI::Option* option : app.get_options({})) {
     const auto kind = kKinds.find(option->get_positional() ? option->get_name(true) : option->get_name());
     if (kind != kKinds.end() && option->get_type_name() == "TEXT") option->type_name(kind->second);

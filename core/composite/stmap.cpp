@@ -80,6 +80,7 @@ class StmapWriter {
         "monitor px.",
         metadata.monitors(texture).width_px(), metadata.monitors(texture).height_px(),
         kColourNames[static_cast<size_t>(channel)], metadata.session(), metadata.monitors(texture).name());
+    part.attributes["colorInteropID"] = "data";
     writer_.emplace(std::vector{part}, window, file);
   }
 

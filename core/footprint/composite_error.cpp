@@ -99,7 +99,8 @@ absl::StatusOr<std::string> encode_composite_error(const RadianceImage& error) {
   }
   const ExrPart part{.name = "error",
                      .channels = {"A", "B", "G", "R"},
-                     .attributes = {{"glasswing:conventions",
+                     .attributes = {{"colorInteropID", "data"},
+                                    {"glasswing:conventions",
                                      "R, G, B: the standard error that noise leaves in a composite, in its "
                                      "linear light; A: 1 where it is known, else 0"}}};
   const int width_px = error.width_px, height_px = error.height_px;

@@ -140,6 +140,9 @@ TEST_F(Completion, BashOffersWhatMayFollow) {
   EXPECT_EQ(bash("glasswing plan "), "make design check estimate");
   EXPECT_EQ(bash("glasswing matte "), "crop resize flip grade merge fill deliver");
   EXPECT_EQ(bash("glasswing matte grade vase.exr --only "), "passing foreground");
+  EXPECT_EQ(bash("glasswing matte merge va"), "vase.exr");
+  EXPECT_EQ(bash("glasswing matte deliver vase.exr --ids va"), "vase.exr");
+  EXPECT_EQ(bash("glasswing convert va --ocio-config va"), "vase.exr");
   EXPECT_EQ(bash("glasswing --server 127.0.0.1:1 comple"), "completion");
   EXPECT_EQ(bash("glasswing capture --se"), "--session --server");
   EXPECT_EQ(bash("glasswing composite vase.exr --form"), "--format");

@@ -158,6 +158,7 @@ TEST_F(CompositeCommand, ErrorsAreOfSolvedPixels) {
                                          path("out.exr"), "--error", path("error.exr")});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   const RadianceImage error = read_radiance(path("error.exr"), Encoding::kLinear).value();
+  EXPECT_EQ(colour_of_file(path("error.exr"), Encoding::kLinear).interop_id, "data");
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       const bool solved = !(x == 3 && y == 4) && !(x == 5 && y == 6);

@@ -115,6 +115,7 @@ TEST_F(StMap, HoldsPlaceWeightAndWidth) {
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_EQ(nlohmann::json::parse(outcome.out)["channel"], "b");  // where nearly all light is
   EXPECT_EQ(nlohmann::json::parse(outcome.out)["monitor"], "back");
+  EXPECT_EQ(colour_of_file(path("st.exr"), Encoding::kLinear).interop_id, "data");
   const auto planes = read_exr(path("st.exr"));
   const std::map<std::string, float> first{{"R", 0.25f},       {"G", 0.75f},      {"B", 1.0f},
                                            {"A", 1.0f},        {"blur.Y", 2.0f},  {"weight.R", 0.125f},

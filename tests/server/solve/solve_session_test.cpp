@@ -35,6 +35,20 @@ class SolveSession : public testing::Test {
   std::unique_ptr<SessionStore> store_;
 };
 
+// A tile is a matte's rows, and never a file that is packed for other programs.
+TEST(TileRows, DeliveryFilesAreNoTiles) {
+  MatteOutline tile;
+  tile.width_px = 4;
+  tile.height_px = 3;
+  tile.metadata.set_height_px(3);
+  v1::Session session;
+  session.set_name("vase");
+  session.set_pixel_count(12);
+  EXPECT_TRUE(check_rows(tile, {.first = 0, .count = 3}, session).ok());
+  tile.delivery = true;
+  EXPECT_TRUE(absl::IsInvalidArgument(check_rows(tile, {.first = 0, .count = 3}, session)));
+}
+
 TEST_F(SolveSession, IsThatOfTheLeasesJob) {
   EXPECT_TRUE(ask("vase", 7).ok());
 }
