@@ -133,7 +133,8 @@ const char* colour_of(size_t part, bool primaries_known) {
 std::string half_text(const std::vector<std::string>& layers) {
   return fmt::format(
       "16 bits: {}; each sample of light or of an error is within 2^-11 of itself, so a composite is within "
-      "2^-11 of its light; all others are exact. 32 bits: what 16 would move further, as places and widths",
+      "2^-11 of the light that adds up to it; all others are exact. 32 bits: what 16 would move further, as "
+      "places and widths",
       fmt::join(layers, ", "));
 }
 

@@ -1,10 +1,11 @@
 // Which channels of a matte are as good in 16 bits.
 //
 // A half has 11 significant bits: |half(v) - v| <= 2^-11 |v| from 6e-5 to 65504, and 2^-25 below. All light
-// of a composite is a sum of F and of weights times pictures, none of them negative, so halves move a
-// composite by at most 2^-11 = 4.9e-4 of its own light, whatever the number of modes. Places need more: 2^-11
-// of a monitor 3840 px wide is two pixels. So do covariances: 2^-11 of the variance along a footprint 50 px
-// long is more than all of that across it.
+// of a composite is a sum of F and of weights times pictures, none of them negative but for what noise takes
+// F below 0. So halves move a composite, in the camera's channels, by at most 2^-11 = 4.9e-4 of the light
+// that adds up to it, whatever the number of modes. Places need more: 2^-11 of a monitor 3840 px wide is two
+// pixels. So do covariances: 2^-11 of the variance along a footprint 50 px long is more than all of that
+// across it.
 #pragma once
 
 #include <cstddef>
