@@ -52,7 +52,9 @@ def all_cases(directory):
         run(BIN / "glass-sphere", 160, 120, frost, directory / f"{name}.exr")
         run(BIN / "glasswing", "convert", lake, directory / "lake.exr")
         environment = str(directory / "lake.exr")
-        cases[f"sphere, {name}: environment, exact far away"] = directory / f"{name}.exr", 1, 0, ["--environment", environment], {"environment": environment}
+        behind = {"environment": environment}
+        cases[f"sphere, {name}: environment, exact far away"] = (
+            directory / f"{name}.exr", 1, 0, ["--environment", environment], behind)
     if SCENE.exists():
         rays, sky = depth_rays(directory), str(directory / "sky.exr")
         run(BIN / "glasswing", "convert", SCENE / "env.exr", sky)
