@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/geometry/rig_geometry.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/match_rays.h"
@@ -94,7 +95,17 @@ RayLimits ray_limits(std::int64_t memory_bytes) {
 }
 
 absl::StatusOr<v1::RigGeometry> geometry_in(const std::string& text) {
-  return parse_geometry(text, "the geometry");
+  GW_ASSIGN_OR_RETURN(v1::RigGeometry geometry, parse_geometry(text, "the geometry"));
+  // What is answered is JSON. Escapes of protobuf's text may be any bytes.
+  for (const v1::MonitorPose& pose : geometry.monitors()) {
+    if (!is_utf8(pose.name()) || !is_utf8(pose.monitor()))
+      return absl::InvalidArgumentError(
+          fmt::format("the geometry: the name of a pose or of its monitor, \"{}\", is not UTF-8",
+                      printable(is_utf8(pose.name()) ? pose.monitor() : pose.name())));
+  }
+  if (std::ranges::all_of(geometry.warnings(), [](const std::string& each) { return is_utf8(each); }))
+    return geometry;
+  return absl::InvalidArgumentError("the geometry: a warning is not UTF-8");
 }
 
 absl::StatusOr<std::string> rays_to_play(const v1::RigGeometry& geometry,

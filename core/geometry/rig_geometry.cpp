@@ -28,10 +28,31 @@ Eigen::Matrix3d rotation_of(const v1::MonitorPose& pose) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(pose.rotation().data());
 }
 
+// Of each number of `message`, which `title` names: finite, and of a size at which products still are.
+absl::Status check_numbers(const google::protobuf::Message& message, const std::string& title) {
+  constexpr double kMaxNumber = 1e9;
+  const google::protobuf::Reflection& values = *message.GetReflection();
+  std::vector<const google::protobuf::FieldDescriptor*> fields;
+  values.ListFields(message, &fields);
+  for (const google::protobuf::FieldDescriptor* field : fields) {
+    if (field->cpp_type() != google::protobuf::FieldDescriptor::CPPTYPE_DOUBLE) continue;
+    const int count = field->is_repeated() ? values.FieldSize(message, field) : 1;
+    for (int i = 0; i < count; ++i) {
+      const double value = field->is_repeated() ? values.GetRepeatedDouble(message, field, i)
+                                                : values.GetDouble(message, field);
+      if (std::abs(value) <= kMaxNumber) continue;
+      return absl::InvalidArgumentError(fmt::format("{} of {} is {}; it must be a number of up to {}",
+                                                    field->name(), title, value, kMaxNumber));
+    }
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status check_geometry(const v1::RigGeometry& geometry) {
   const v1::CameraGeometry& camera = geometry.camera();
+  GW_RETURN_IF_ERROR(check_numbers(camera, "the camera"));
   if (!(camera.fx_px() > 0.0 && camera.fy_px() > 0.0) || camera.width_px() < 1 || camera.height_px() < 1) {
     return absl::InvalidArgumentError(
         fmt::format("the camera is {}x{} px, its fx_px {} and fy_px {}; all must be above 0",
@@ -39,6 +60,7 @@ absl::Status check_geometry(const v1::RigGeometry& geometry) {
   }
   if (geometry.monitors().empty()) return absl::InvalidArgumentError("it has no pose in monitors");
   for (const v1::MonitorPose& pose : geometry.monitors()) {
+    GW_RETURN_IF_ERROR(check_numbers(pose, fmt::format("pose \"{}\"", pose.name())));
     if (pose.rotation_size() != 9 || pose.translation_mm_size() != 3) {
       return absl::InvalidArgumentError(
           fmt::format("pose \"{}\" has {} numbers of rotation and {} of translation_mm; they must be 9 and 3",

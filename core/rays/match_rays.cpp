@@ -25,6 +25,7 @@ constexpr double kMaxCost = 1.0;     // of a pair
 constexpr double kStrayLight = 0.1;  // of a mode's light, that may be left without a partner
 constexpr double kSameCost = 0.1;    // of two pairs of which either may be right
 constexpr int kPasses = 4;
+constexpr float kMaxLengthError = 1e-4f;  // of a direction
 
 // A mode on one monitor, as the matching needs it.
 struct Place {
@@ -617,6 +618,11 @@ RayMatte gathered(const Matte& matte, const v1::RigGeometry& geometry, const std
             // The empty stage passes all light.
             rays.push_back(straight_ray(lens, x, y, 1.0f));
           }
+          // Planes that cross where both were seen, or a lens that cannot be undone there.
+          std::erase_if(rays, [](const Ray& ray) {
+            return !ray.origin_mm.allFinite() || !ray.direction.allFinite() ||
+                   std::abs(ray.direction.norm() - 1.0f) > kMaxLengthError;
+          });
           std::ranges::stable_sort(rays, [](const Ray& a, const Ray& b) { return a.weight > b.weight; });
           if (rays.size() > static_cast<size_t>(kMaxModes)) rays.resize(static_cast<size_t>(kMaxModes));
         }

@@ -99,6 +99,10 @@ TEST_F(MadeRays, NameWhatIsWrong) {
   const absl::Status file = rays_to_play(geometry_, wrong, {}, false).status();
   EXPECT_EQ(file.code(), absl::StatusCode::kDataLoss);
   EXPECT_EQ(file.message().substr(0, 21), "the matte of second: ") << file;
+  std::string bytes = kStraightGeometry;
+  bytes.replace(bytes.find("\"far\""), 5, "\"f\\377\"");
+  EXPECT_EQ(geometry_in(bytes).status().message(),
+            "the geometry: the name of a pose or of its monitor, \"f\\xff\", is not UTF-8");
   EXPECT_EQ(geometry_in("camera {\n  width: 3 }").status().message().substr(0, 22), "the geometry: line 2: ");
 }
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace glasswing {
 namespace {
 
@@ -32,6 +34,26 @@ TEST(SampledCamera, LooksAlongThePixelsThatAreLeft) {
     EXPECT_EQ(sampled.width_px(), columns);
     EXPECT_EQ(sampled.sd_size(), step == 1 ? 1 : 0);
   }
+}
+
+TEST(CheckGeometry, NamesNumbersThatAreNone) {
+  v1::RigGeometry geometry;
+  *geometry.mutable_camera() = a_camera();
+  v1::MonitorPose& pose = *geometry.add_monitors();
+  pose.set_name("near");
+  pose.set_width_px(64);
+  pose.set_height_px(48);
+  pose.set_pitch_mm(1.0);
+  for (const double r : {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}) pose.add_rotation(r);
+  for (const double t : {-32.0, -24.0, 200.0}) pose.add_translation_mm(t);
+  ASSERT_TRUE(check_geometry(geometry).ok()) << check_geometry(geometry);
+  geometry.mutable_camera()->set_cx_px(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(check_geometry(geometry).message(),
+            "cx_px of the camera is nan; it must be a number of up to 1000000000");
+  geometry.mutable_camera()->set_cx_px(48.0);
+  pose.set_translation_mm(1, 1e300);
+  EXPECT_EQ(check_geometry(geometry).message(),
+            "translation_mm of pose \"near\" is 1e+300; it must be a number of up to 1000000000");
 }
 
 }  // namespace
