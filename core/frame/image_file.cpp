@@ -5,6 +5,7 @@
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfRgbaFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
@@ -171,23 +172,54 @@ PictureColour colour_in(const Imf::Header& header) {
   return colour;
 }
 
+// Of a file's first part; 0 where it has no channel of a name.
+void read_channels(Imf::InputFile& file, const std::array<const char*, kChannels>& names,
+                   RadianceImage& image) {
+  const Imath::Box2i window = file.header().dataWindow();
+  constexpr size_t kPixel = kChannels * sizeof(float);
+  const size_t row = kPixel * static_cast<size_t>(image.width_px);
+  Imf::FrameBuffer frame;
+  for (size_t c = 0; c < names.size(); ++c) {
+    char* const first = reinterpret_cast<char*>(image.samples.data() + c);
+    frame.insert(names[c], Imf::Slice(Imf::FLOAT,
+                                      first - window.min.x * static_cast<std::ptrdiff_t>(kPixel) -
+                                          window.min.y * static_cast<std::ptrdiff_t>(row),
+                                      kPixel, row));
+  }
+  file.setFrameBuffer(frame);
+  file.readPixels(window.min.y, window.max.y);
+}
+
+// Luminance and chroma, as halves.
+void read_luma(const fs::path& path, RadianceImage& image) {
+  Imf::RgbaInputFile file(path.c_str());
+  const Imath::Box2i window = file.dataWindow();
+  Imf::Array2D<Imf::Rgba> pixels(image.height_px, image.width_px);
+  file.setFrameBuffer(
+      &pixels[0][0] - window.min.x - static_cast<std::ptrdiff_t>(window.min.y) * image.width_px, 1,
+      static_cast<size_t>(image.width_px));
+  file.readPixels(window.min.y, window.max.y);
+  for (int y = 0; y < image.height_px; ++y) {
+    for (int x = 0; x < image.width_px; ++x) {
+      const Imf::Rgba& pixel = pixels[y][x];
+      image.at(x, y, 0) = pixel.r, image.at(x, y, 1) = pixel.g, image.at(x, y, 2) = pixel.b;
+    }
+  }
+}
+
 absl::StatusOr<RadianceImage> read_exr(const fs::path& path) {
   try {
-    Imf::RgbaInputFile file(path.c_str());
-    const Imath::Box2i window = file.dataWindow();
-    const int width = window.max.x - window.min.x + 1;
-    const int height = window.max.y - window.min.y + 1;
-    Imf::Array2D<Imf::Rgba> pixels(height, width);
-    file.setFrameBuffer(&pixels[0][0] - window.min.x - static_cast<ptrdiff_t>(window.min.y) * width, 1,
-                        static_cast<size_t>(width));
-    file.readPixels(window.min.y, window.max.y);
-    RadianceImage image(width, height);
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) {
-        image.at(x, y, 0) = pixels[y][x].r;
-        image.at(x, y, 1) = pixels[y][x].g;
-        image.at(x, y, 2) = pixels[y][x].b;
-      }
+    Imf::InputFile file(path.c_str());
+    const Imath::Box2i window = file.header().dataWindow();
+    RadianceImage image(window.max.x - window.min.x + 1, window.max.y - window.min.y + 1);
+    const Imf::ChannelList& channels = file.header().channels();
+    const bool luminance = channels.findChannel("Y") != nullptr;
+    if (luminance && channels.findChannel("RY") != nullptr) {
+      read_luma(path, image);
+    } else {
+      read_channels(file, {luminance ? "Y" : "R", "G", "B"}, image);
+      for (size_t i = 0; luminance && i < image.samples.size(); i += kChannels)
+        image.samples[i + 1] = image.samples[i + 2] = image.samples[i];
     }
     for (const float sample : image.samples) {
       if (!std::isfinite(sample))

@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kWidth = 64, kHeight = 48;
 constexpr int kFrames = 3;
-constexpr double kExrRounding = 1.0 / 4096;  // pictures in EXR are read with half precision
+constexpr double kExrRounding = 1.0 / 4096;  // what halves are rounded by
 
 // Every pixel sees straight through; the object's own light rises from frame to frame.
 Matte frame(int number) {
