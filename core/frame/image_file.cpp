@@ -172,11 +172,12 @@ PictureColour colour_in(const Imf::Header& header) {
   return colour;
 }
 
+constexpr size_t kRgb = 3;
+
 // Of a file's first part; 0 where it has no channel of a name.
-void read_channels(Imf::InputFile& file, const std::array<const char*, kChannels>& names,
-                   RadianceImage& image) {
+void read_channels(Imf::InputFile& file, const std::array<const char*, kRgb>& names, RadianceImage& image) {
   const Imath::Box2i window = file.header().dataWindow();
-  constexpr size_t kPixel = kChannels * sizeof(float);
+  constexpr size_t kPixel = kRgb * sizeof(float);
   const size_t row = kPixel * static_cast<size_t>(image.width_px);
   Imf::FrameBuffer frame;
   for (size_t c = 0; c < names.size(); ++c) {
@@ -218,7 +219,7 @@ absl::StatusOr<RadianceImage> read_exr(const fs::path& path) {
       read_luma(path, image);
     } else {
       read_channels(file, {luminance ? "Y" : "R", "G", "B"}, image);
-      for (size_t i = 0; luminance && i < image.samples.size(); i += kChannels)
+      for (size_t i = 0; luminance && i < image.samples.size(); i += kRgb)
         image.samples[i + 1] = image.samples[i + 2] = image.samples[i];
     }
     for (const float sample : image.samples) {
