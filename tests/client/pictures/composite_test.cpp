@@ -12,7 +12,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kWidth = 12, kHeight = 8;
-constexpr double kExrRounding = 1.0 / 4096;  // what halves are rounded by
+constexpr double kExrRounding = 1e-6;  // of sums of 32-bit floats
 
 v1::MatteMetadata two_monitors() {
   v1::MatteMetadata metadata;

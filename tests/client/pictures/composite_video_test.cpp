@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kWidth = 64, kHeight = 48;
 constexpr int kFrames = 3;
-constexpr double kExrRounding = 1.0 / 4096;  // what halves are rounded by
+constexpr double kExrRounding = 1e-6;  // of sums of 32-bit floats
 
 // Every pixel sees straight through; the object's own light rises from frame to frame.
 Matte frame(int number) {
