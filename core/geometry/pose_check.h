@@ -9,6 +9,7 @@
 #include <absl/status/statusor.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 
 #include "core/geometry/monitor_sightings.h"
 #include "glasswing/v1/rays.pb.h"
@@ -23,10 +24,12 @@ struct PoseCheck {
   double shift_mm = 0.0;    // of its middle
   double away_mm = 0.0;     // of that, along the camera's axis
   double turn_deg = 0.0;
-  bool has_moved() const { return off_px > kMoved_px; }
+  bool has_moved() const { return off_px > std::max(kMoved_px, kMovedScatters * scatter_px); }
 
   // Of a rig at rest, places that two sessions find differ by some hundredths of a pixel.
   static constexpr double kMoved_px = 0.2;
+  // A stage's map that bends where no lens does was not well known, and its sightings err together.
+  static constexpr double kMovedScatters = 3.0;
 };
 
 // INVALID_ARGUMENT: the monitor has another size. FAILED_PRECONDITION: no pose suits the sightings.
