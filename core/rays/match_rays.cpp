@@ -9,6 +9,8 @@
 
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
+#include "core/footprint/footprint.h"
+#include "core/footprint/seen_part.h"
 
 namespace glasswing {
 namespace {
@@ -20,6 +22,7 @@ using Eigen::Vector3d;
 
 constexpr double kMinWeight = 1e-4;  // of a mode, below which it is left out
 constexpr float kMaxWeight = 1.05f;  // no object has more
+constexpr double kLeastSeen = 0.25;  // of a mode's light, below which its monitor did not tell the whole
 constexpr double kNearPx = 4.0;      // as LightPaths
 constexpr double kMaxCost = 1.0;     // of a pair
 constexpr double kStrayLight = 0.1;  // of a mode's light, that may be left without a partner
@@ -58,11 +61,30 @@ Place place_of(const Mode& mode) {
   return place;
 }
 
+// A mode that mostly lies beyond the monitor counts with the part that was seen: what the rest of it would be
+// is the fit's guess, of any size, and would show in an environment.
+Mode as_seen(const Mode& mode, const MonitorExtent& extent) {
+  if (mode.x_px >= 0.0f && mode.y_px >= 0.0f && static_cast<double>(mode.x_px) <= extent.width_px &&
+      static_cast<double>(mode.y_px) <= extent.height_px)
+    return mode;
+  const Footprint seen = seen_part({.weight = static_cast<double>(mode.weight),
+                                    .x_px = static_cast<double>(mode.x_px),
+                                    .y_px = static_cast<double>(mode.y_px),
+                                    .xx_px2 = static_cast<double>(mode.xx_px2),
+                                    .xy_px2 = static_cast<double>(mode.xy_px2),
+                                    .yy_px2 = static_cast<double>(mode.yy_px2)},
+                                   extent);
+  if (seen.weight > kLeastSeen * static_cast<double>(mode.weight)) return mode;
+  return mode_of(seen, static_cast<double>(mode.weight_sd), static_cast<double>(mode.centre_sd_px),
+                 mode.texture);
+}
+
 std::vector<Place> places_of(const Matte& matte, int x, int y, int channel) {
   std::vector<Place> places;
   for (const Mode& mode : matte.modes(x, y, channel)) {
-    if (static_cast<double>(mode.weight) > kMinWeight && mode.weight <= kMaxWeight)
-      places.push_back(place_of(mode));
+    if (!(static_cast<double>(mode.weight) > kMinWeight && mode.weight <= kMaxWeight)) continue;
+    const Mode seen = as_seen(mode, extent_of(matte.metadata.monitors(mode.texture)));
+    if (static_cast<double>(seen.weight) > kMinWeight) places.push_back(place_of(seen));
   }
   return places;
 }

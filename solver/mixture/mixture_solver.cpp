@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "core/base/median.h"
+#include "core/footprint/seen_part.h"
 #include "solver/method/clipped_noise.h"
 
 namespace glasswing {
@@ -16,6 +17,7 @@ constexpr int kPolish = 20;           // steps of a round
 constexpr double kQuarterOfNormal = 0.31864;  // of |x|, in standard deviations
 constexpr int kNoiseFits = 8;                 // pixels of a row
 constexpr double kPoorFit = 0.1;              // of the strongest weight: rms of what is left
+constexpr double kLeastLight = 1e-4;          // of a mode, on the monitor
 
 bool is_finite(const Footprint& mode) {
   return std::isfinite(mode.weight + mode.x_px + mode.y_px + mode.xx_px2 + mode.xy_px2 + mode.yy_px2);
@@ -200,6 +202,8 @@ void MixtureSolver::solve_channel(int x, int y, int channel, Matte& matte) {
         flags |= kFlagNotConverged;
         continue;
       }
+      // A mode beyond the monitor changes no sample, so its light may be any.
+      if (!(seen_part(fit.modes[k], layout_.monitors[m].extent).weight > kLeastLight)) continue;
       strongest = std::max(strongest, fit.modes[k].weight);
       // What is left beyond noise makes everything less certain.
       const double excess = std::sqrt(std::max(noise_left(fit), 1.0));

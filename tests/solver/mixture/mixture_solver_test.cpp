@@ -118,6 +118,10 @@ TEST(MixtureSolver, FindsTheNoiseWhereARowIsAllObject) {
       // Noise may split a footprint; where its light comes from stays.
       double light = 0.0, x_px = 0.0, y_px = 0.0;
       for (const Mode& mode : matte.modes(x, y, c)) {
+        // One that lies beyond the monitor would change no sample, and its light be any.
+        EXPECT_LT(std::hypot(mode.x_px - std::clamp(mode.x_px, 0.0f, 128.0f),
+                             mode.y_px - std::clamp(mode.y_px, 0.0f, 96.0f)),
+                  5.0f * std::sqrt(mode.xx_px2 + mode.yy_px2) + 1.0f);
         light += static_cast<double>(mode.weight);
         x_px += static_cast<double>(mode.weight * mode.x_px);
         y_px += static_cast<double>(mode.weight * mode.y_px);

@@ -130,7 +130,7 @@ export function figuresOf(pose: Pose): PoseFigures {
 /** "200.4 ± 0.05", with as many digits as the standard error allows, `digits` where it is unknown. */
 export function measuredText({ value, sd }: Measured, digits: number): string {
   if (sd === undefined || !(sd > 0)) return value.toFixed(digits);
-  const places = Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(sd))));
+  const places = Math.min(5, Math.max(0, 1 - Math.floor(Math.log10(sd))));
   return `${value.toFixed(places)} ± ${sd.toFixed(places)}`;
 }
 
