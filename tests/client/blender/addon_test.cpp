@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
@@ -13,9 +12,8 @@
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/ray_file.h"
+#include "tests/client/blender/blender_cases.h"
 #include "tests/client/host_mattes.h"
-#include "tests/client/run_glasswing.h"
-#include "tests/core/matte/other_program.h"
 
 namespace glasswing {
 namespace {
@@ -34,39 +32,17 @@ double psnr_db(const RadianceImage& picture, const RadianceImage& expected) {
   return -10.0 * std::log10(squares / static_cast<double>(expected.samples.size()));
 }
 
-class BlenderAddOn : public ScratchTest {
+class BlenderAddOn : public BlenderCases {
  protected:
-  void SetUp() override {
-    if (!is_installed("blender")) GTEST_SKIP() << "blender is not installed";
-  }
-
-  std::string path(const std::string& name) const { return (scratch_ / name).string(); }
   std::string write_matte(const std::string& name, const Matte& matte) const {
-    EXPECT_TRUE(write_file_durably(path(name), encode_matte(matte).value()).ok());
-    return path(name);
+    return write_bytes(name, encode_matte(matte).value());
   }
   std::string write_picture(const std::string& name, const RadianceImage& picture) const {
-    EXPECT_TRUE(write_radiance(path(name), picture, Encoding::kDisplay).ok());
-    return path(name);
+    return BlenderCases::write_picture(name, picture, Encoding::kDisplay);
   }
-
   // Of settings and the pictures' properties by monitor.
   void add_case(const std::string& name, json settings, json pictures) {
-    cases_.push_back({{"settings", std::move(settings)},
-                      {"pictures", std::move(pictures)},
-                      {"output", path(name)},
-                      {"error", path(name + ".txt")}});
-  }
-  void run() const {
-    ASSERT_TRUE(write_file_durably(path("cases.json"), cases_.dump()).ok());
-    const Said said = run_program(fmt::format(
-        "HOME={0} XDG_CONFIG_HOME={0} blender -b --factory-startup --python-exit-code 1 -P {1} -- {2} "
-        "{0}/cases.json",
-        scratch_.string(), std::getenv("GLASSWING_BLENDER_SCRIPT"), std::getenv("GLASSWING_BLENDER_ADDON")));
-    ASSERT_EQ(said.status, 0) << said.text;
-  }
-  std::string error_of(const std::string& name) const {
-    return read_file(path(name + ".txt")).value_or("no error");
+    BlenderCases::add_case(name, std::move(settings), {{"pictures", std::move(pictures)}});
   }
   // r, g, b of the case's picture; its alpha, too, if asked for.
   RadianceImage picture_of(const std::string& name, int width_px, int height_px,
@@ -84,8 +60,6 @@ class BlenderAddOn : public ScratchTest {
     }
     return picture;
   }
-
-  json cases_ = json::array();
 };
 
 // Gaussians and boxes, on both monitors, which leak into the camera's channels.

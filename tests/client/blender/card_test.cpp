@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
@@ -13,9 +12,8 @@
 #include "core/matte/matte_file.h"
 #include "core/rays/ray_file.h"
 #include "core/rays/surroundings.h"
+#include "tests/client/blender/blender_cases.h"
 #include "tests/client/host_mattes.h"
-#include "tests/client/run_glasswing.h"
-#include "tests/core/matte/other_program.h"
 #include "tests/core/rays/snell.h"
 
 namespace glasswing {
@@ -128,38 +126,15 @@ RayMatte sphere_rays(Glass glass) {
   return rays;
 }
 
-class BlenderCard : public ScratchTest {
+class BlenderCard : public BlenderCases {
  protected:
-  void SetUp() override {
-    if (!is_installed("blender")) GTEST_SKIP() << "blender is not installed";
-  }
-
-  std::string path(const std::string& name) const { return (scratch_ / name).string(); }
   std::string write_rays(const std::string& name, const RayMatte& rays) const {
-    EXPECT_TRUE(write_file_durably(path(name), encode_rays(rays).value()).ok());
-    return path(name);
+    return write_bytes(name, encode_rays(rays).value());
   }
   std::string write_picture(const std::string& name, const RadianceImage& picture) const {
-    EXPECT_TRUE(write_radiance(path(name), picture, Encoding::kLinear).ok());
-    return path(name);
+    return BlenderCases::write_picture(name, picture, Encoding::kLinear);
   }
 
-  void add_case(const std::string& name, json settings, json others) {
-    others.update(
-        {{"settings", std::move(settings)}, {"output", path(name)}, {"error", path(name + ".txt")}});
-    cases_.push_back(std::move(others));
-  }
-  void run() const {
-    ASSERT_TRUE(write_file_durably(path("cases.json"), cases_.dump()).ok());
-    const Said said = run_program(fmt::format(
-        "HOME={0} XDG_CONFIG_HOME={0} blender -b --factory-startup --python-exit-code 1 -P {1} -- {2} "
-        "{0}/cases.json",
-        scratch_.string(), std::getenv("GLASSWING_BLENDER_SCRIPT"), std::getenv("GLASSWING_BLENDER_ADDON")));
-    ASSERT_EQ(said.status, 0) << said.text;
-  }
-  std::string error_of(const std::string& name) const {
-    return read_file(path(name + ".txt")).value_or("no error");
-  }
   RadianceImage render_of(const std::string& name) const {
     const absl::StatusOr<std::string> bytes = read_file(path(name));
     RadianceImage picture(kWidth, kHeight);
@@ -186,8 +161,6 @@ class BlenderCard : public ScratchTest {
     EXPECT_GT(db, kGoal_db) << name;
     RecordProperty(name, std::to_string(db));
   }
-
-  json cases_ = json::array();
 };
 
 // Once before the add-on's own camera, once before one that stands elsewhere and looks up.
