@@ -10,10 +10,10 @@ import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node
 import { tmpdir } from "node:os";
 import { basename, join } from "node:path";
 import { difference } from "./mattes.mjs";
-import { open_folder, wait_until_drawn } from "./web_page.mjs";
+import { open_folder, pace_of_moves, wait_until_drawn } from "./web_page.mjs";
 
 const [kMaxMean, kMinPsnr_db] = [1, 40];
-const [kTurn_deg, kGain, kKeyStep_deg, kTurnTime_ms] = [100, 0.75, 3, 4000];
+const [kTurn_deg, kGain, kKeyStep_deg] = [100, 0.75, 3];
 
 const [glasswing, player, rays, ...environments] = process.argv.slice(2);
 if (environments.length === 0) {
@@ -31,34 +31,6 @@ const facing = ["--environment-turn", `${kTurn_deg}`, "--environment-gain", `${k
 const written = JSON.parse(run("--json", "web", rays, "-o", folder, "--player", player, ...offered, ...facing, ...clear));
 console.log(`${written.width_px}x${written.height_px}: ${written.bytes} bytes, ${written.matte_bytes} of them the rays`);
 const shown = JSON.parse(readFileSync(join(folder, "matte.json"), "utf8"));
-
-/** Pictures a second, each of them whole, while the environment turns by a pixel a picture. */
-function pace(page) {
-  return page.evaluate(async (time_ms) => {
-    const stage = document.querySelector("#stage");
-    const pointer = (type, x) => stage.dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX: x }));
-    stage.setPointerCapture = () => undefined;
-    // Without a clock the page does not know that it is slow, and never draws coarsely.
-    const clock = performance.now.bind(performance);
-    performance.now = () => 0;
-    const fence = WebGL2RenderingContext.prototype.fenceSync;
-    const times = [];
-    WebGL2RenderingContext.prototype.fenceSync = function (...args) {
-      times.push(clock());
-      return fence.apply(this, args);
-    };
-    pointer("pointerdown", 0);
-    for (let x = 1; clock() < times[0] + time_ms || x < 10; ++x) {
-      pointer("pointermove", x);
-      await new Promise(requestAnimationFrame);
-    }
-    pointer("pointerup", 0);
-    // The next picture begins once the one before is done.
-    const gaps = times.slice(2).map((time, i) => time - times[i + 1]);
-    gaps.sort((a, b) => a - b);
-    return { median: 1000 / gaps[gaps.length >> 1], best: 1000 / gaps[gaps.length >> 4] };
-  }, kTurnTime_ms);
-}
 
 const { page, complaints, close } = await open_folder(folder, { width: shown.width_px, height: shown.height_px });
 let failed = false;
@@ -103,7 +75,7 @@ try {
     failed = true;
     console.error(`${first} looks different as a visitor's own file`);
   }
-  const { median, best } = await pace(page);
+  const { median, best } = await pace_of_moves(page);
   console.log(`${median.toFixed(1)} whole pictures a second while it turns: the median; ${best.toFixed(1)} by the best sixteenth`);
   for (const complaint of complaints) console.error(complaint);
   failed ||= complaints.length > 0;

@@ -3,13 +3,14 @@
 //   node tests/browser/web_folder_test.mjs GLASSWING PLAYER MATTE.exr PICTURE.png...
 //
 // PLAYER is the built player's directory. Pictures have the monitors' shape. Prints sizes, the mean colour difference in 1/255 of
-// sRGB and the time to the first picture, and fails if a mean exceeds 1 or if another server is called.
+// sRGB, the time to the first picture and the pictures a second while it is dragged, and fails if a mean exceeds 1 or if another
+// server is called.
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { basename, join } from "node:path";
 import { difference, monitors_of } from "./mattes.mjs";
-import { open_folder, wait_until_drawn } from "./web_page.mjs";
+import { open_folder, pace_of_moves, wait_until_drawn } from "./web_page.mjs";
 
 const kMaxMean = 1;
 
@@ -44,6 +45,10 @@ try {
     const { mean, most, psnr_db } = await difference(page, ours, theirs);
     console.log(`${basename(picture).padEnd(20)} mean ${mean.toFixed(2)}, largest ${most}, of 255; ${psnr_db.toFixed(1)} dB`);
     failed ||= !(mean <= kMaxMean);
+  }
+  for (const whole of [false, true]) {
+    const { median } = await pace_of_moves(page, whole);
+    console.log(`${median.toFixed(1)} ${whole ? "whole " : ""}pictures a second while it is dragged`);
   }
   for (const complaint of complaints) console.error(complaint);
   failed ||= complaints.length > 0;

@@ -30,6 +30,42 @@ async function served(folder) {
 export const wait_until_drawn = (page) =>
   page.waitForFunction(() => document.querySelector("#stage").ariaBusy === "false", undefined, { timeout: 120_000 });
 
+const kMoving_ms = 4000;
+
+/** Pictures a second while a pointer moves by a pixel a picture: the median, and the best sixteenth. Each is `whole`, or drawn
+ * coarsely where the page finds that it is slow. */
+export function pace_of_moves(page, whole = true) {
+  return page.evaluate(
+    async ([time_ms, whole]) => {
+      const stage = document.querySelector("#stage");
+      const pointer = (type, x) => stage.dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX: x }));
+      stage.setPointerCapture = () => undefined;
+      // Without a clock the page does not know that it is slow, and never draws coarsely.
+      const clock = performance.now.bind(performance);
+      if (whole) performance.now = () => 0;
+      const fence = WebGL2RenderingContext.prototype.fenceSync;
+      const times = [];
+      WebGL2RenderingContext.prototype.fenceSync = function (...args) {
+        times.push(clock());
+        return fence.apply(this, args);
+      };
+      pointer("pointerdown", 0);
+      for (let x = 1; clock() < times[0] + time_ms || x < 10; ++x) {
+        pointer("pointermove", x);
+        await new Promise(requestAnimationFrame);
+      }
+      pointer("pointerup", 0);
+      performance.now = clock;
+      WebGL2RenderingContext.prototype.fenceSync = fence;
+      // The next picture begins once the one before is done.
+      const gaps = times.slice(2).map((time, i) => time - times[i + 1]);
+      gaps.sort((a, b) => a - b);
+      return { median: 1000 / gaps[gaps.length >> 1], best: 1000 / gaps[gaps.length >> 4] };
+    },
+    [kMoving_ms, whole],
+  );
+}
+
 /** `size`: of the page. Resolves to { page, complaints, close }; complaints are errors, and calls of another server. */
 export async function open_folder(folder, size) {
   const server = await served(folder);
