@@ -11,5 +11,5 @@ export default defineConfig({
   build: { target: "es2023", assetsInlineLimit: 0, modulePreload: { polyfill: false } },
   worker: { format: "es" },
   server: { proxy: Object.fromEntries(passed_on.map((path) => [path, console_server])) },
-  test: { include: ["tests/**/*_test.ts"] },
+  test: { include: ["tests/**/*_test.ts"], testTimeout: 60_000 }, // of a machine that compiles meanwhile
 });
