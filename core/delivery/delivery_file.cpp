@@ -306,6 +306,72 @@ std::string edit_of(const DeliveryOptions& options, const Delivery& delivery) {
   return words.empty() ? "" : fmt::format("deliver {}", fmt::join(words, " "));
 }
 
+absl::StatusOr<std::optional<Cryptomatte>> ids_of(const DeliveryOptions& options,
+                                                  const v1::MatteMetadata& matte) {
+  if (options.ids.empty()) return std::nullopt;
+  GW_ASSIGN_OR_RETURN(Cryptomatte ids, read_cryptomatte(options.ids));
+  if (ids.width_px == matte.width_px() && ids.height_px == matte.height_px()) return ids;
+  return absl::InvalidArgumentError(fmt::format("{} is of a picture of {}x{} px, the matte of one of {}x{}",
+                                                options.ids.string(), ids.width_px, ids.height_px,
+                                                matte.width_px(), matte.height_px()));
+}
+
+// A matte's parts, without those of the ids.
+std::vector<ExrPart> described_parts(const MatteOutline& outline, const std::string& metadata,
+                                     const DeliveryOptions& options, const Delivery& delivery) {
+  std::vector<ExrPart> parts = matte_parts(outline.modes_per_channel, outline.colourless);
+  describe(parts, metadata,
+           std::string(static_cast<size_t>(delivery.window.height_px) * kRowChecksumDigits, '-'));
+  for (ExrPart& part : parts) {
+    part.attributes[kMatteDelivery] = fmt::format(
+        "a matte for other programs; {}, {}", options.hug ? "its data window hugs the object" : "all pixels",
+        options.tile_px > 0 ? fmt::format("tiles of {} px", options.tile_px) : "scan lines");
+    if (!delivery.half_layers.empty()) part.attributes["glasswing:half"] = half_text(delivery.half_layers);
+  }
+  return parts;
+}
+
+// Puts the rows of a matte that lie in the window. `make_writer` opens the file. Returns the rows' checksums,
+// and the size of the file's head.
+struct WrittenRows {
+  std::string checksums;
+  std::uint64_t head_bytes = 0;
+};
+template <typename MakeWriter>
+absl::StatusOr<WrittenRows> write_rows(std::string_view matte, const MatteOutline& outline,
+                                       const ExrWindow& window, const PrimaryMix& mix,
+                                       const MakeWriter& make_writer,
+                                       absl::FunctionRef<void(double)> report) {
+  WrittenRows written;
+  absl::Status status;
+  status.Update(written_exr([&] {
+                  StripWriter writer = make_writer();
+                  Planes planes(outline, mix);
+                  int done = 0;
+                  status = for_rows_of_matte(matte, [&](const Matte& block) {
+                    return written_exr([&] {
+                             const int top = std::max(window.y0_px - block.y0_px(), 0);
+                             const int bottom =
+                                 std::min(window.y0_px + window.height_px - block.y0_px(), block.height_px());
+                             if (bottom > top) {
+                               planes.take(block);
+                               writer.put(planes.block(), top, bottom - top);
+                             }
+                             report(0.5 + 0.5 * (done += block.height_px()) / outline.height_px);
+                             return std::string();
+                           })
+                        .status();
+                  });
+                  if (status.ok()) {
+                    written.head_bytes = writer.head_bytes();
+                    written.checksums = writer.finish();
+                  }
+                  return std::string();
+                }).status());
+  if (!status.ok()) return status;
+  return written;
+}
+
 }  // namespace
 
 absl::StatusOr<Delivery> write_delivery(std::string_view matte, const DeliveryOptions& options,
@@ -320,30 +386,14 @@ absl::StatusOr<Delivery> write_delivery(std::string_view matte, const DeliveryOp
   GW_ASSIGN_OR_RETURN(const Survey survey, survey_of(matte, outline, mix, thread_count, report));
   if (options.hug && survey.object.right < 0)
     return absl::InvalidArgumentError("no pixel shows the object, which the data window is to hug");
-  std::optional<Cryptomatte> ids;
-  if (!options.ids.empty()) {
-    GW_ASSIGN_OR_RETURN(ids, read_cryptomatte(options.ids));
-    if (ids->width_px != outline.metadata.width_px() || ids->height_px != outline.metadata.height_px()) {
-      return absl::InvalidArgumentError(fmt::format(
-          "{} is of a picture of {}x{} px, the matte of one of {}x{}", options.ids.string(), ids->width_px,
-          ids->height_px, outline.metadata.width_px(), outline.metadata.height_px()));
-    }
-  }
+  GW_ASSIGN_OR_RETURN(const std::optional<Cryptomatte> ids, ids_of(options, outline.metadata));
   Delivery delivery;
   delivery.window = window_of(outline, options, survey.object);
   if (options.half) delivery.half_layers = survey.halves.layers();
   if (const std::string edit = edit_of(options, delivery); !edit.empty()) outline.metadata.add_edits(edit);
 
-  std::vector<ExrPart> parts = matte_parts(outline.modes_per_channel, outline.colourless);
   const std::string metadata = json_of(outline.metadata);
-  const int height = delivery.window.height_px;
-  describe(parts, metadata, std::string(static_cast<size_t>(height) * kRowChecksumDigits, '-'));
-  for (ExrPart& part : parts) {
-    part.attributes[kMatteDelivery] = fmt::format(
-        "a matte for other programs; {}, {}", options.hug ? "its data window hugs the object" : "all pixels",
-        options.tile_px > 0 ? fmt::format("tiles of {} px", options.tile_px) : "scan lines");
-    if (!delivery.half_layers.empty()) part.attributes["glasswing:half"] = half_text(delivery.half_layers);
-  }
+  const std::vector<ExrPart> parts = described_parts(outline, metadata, options, delivery);
   std::vector<ExrPart> all_parts = parts;
   if (ids) {
     all_parts.push_back({.name = kIdsPart, .channels = ids->channels, .attributes = {}});
@@ -353,39 +403,19 @@ absl::StatusOr<Delivery> write_delivery(std::string_view matte, const DeliveryOp
   const fs::path partial = fmt::format("{}.{}.tmp", file.string(), ::getpid());
   const int threads_before = Imf::globalThreadCount();
   Imf::setGlobalThreadCount(thread_count);
-  std::string rows;
-  std::uint64_t head_bytes = 0;
-  absl::Status status;
-  const absl::Status written =
-      written_exr([&] {
-        StripWriter writer(outline, options, delivery.window, survey, all_parts, ids, !mix.is_unit(), partial,
+  const absl::StatusOr<WrittenRows> rows = write_rows(
+      matte, outline, delivery.window, mix,
+      [&] {
+        return StripWriter(outline, options, delivery.window, survey, all_parts, ids, !mix.is_unit(), partial,
                            thread_count);
-        Planes planes(outline, mix);
-        int done = 0;
-        status = for_rows_of_matte(matte, [&](const Matte& block) {
-          return written_exr([&] {
-                   const int top = std::max(delivery.window.y0_px - block.y0_px(), 0);
-                   const int bottom =
-                       std::min(delivery.window.y0_px + height - block.y0_px(), block.height_px());
-                   if (bottom > top) {
-                     planes.take(block);
-                     writer.put(planes.block(), top, bottom - top);
-                   }
-                   report(0.5 + 0.5 * (done += block.height_px()) / outline.height_px);
-                   return std::string();
-                 })
-              .status();
-        });
-        if (status.ok()) {
-          head_bytes = writer.head_bytes();
-          rows = writer.finish();
-        }
-        return std::string();
-      }).status();
+      },
+      report);
   Imf::setGlobalThreadCount(threads_before);
-  status.Update(written);
-  if (status.ok())
-    status.Update(put_checksums(partial, head_bytes, rows, matte_checksum(metadata, parts, rows)));
+  absl::Status status = rows.status();
+  if (rows.ok()) {
+    status = put_checksums(partial, rows->head_bytes, rows->checksums,
+                           matte_checksum(metadata, parts, rows->checksums));
+  }
   std::error_code ignored;
   if (status.ok()) {
     delivery.bytes = fs::file_size(partial, ignored);
