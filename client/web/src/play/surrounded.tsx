@@ -10,7 +10,7 @@ import { listenToTurns, type Facing } from "./turning";
 import "./play.css";
 
 const kFirst: Facing = { turn_deg: 0, gain: 1 };
-const kMostStops = 8;
+const kMaxStops = 8;
 
 /** What a person chose, for the next rays: where it is turned to, and the environment that was opened last. */
 const kept: { facing: Facing; choice: string; own?: { name: string; picture: Environment } } = {
@@ -149,8 +149,8 @@ export function Surrounded({ name, rays, view_deg }: SurroundedProps) {
           Light
           <input
             type="range"
-            min={-kMostStops}
-            max={kMostStops}
+            min={-kMaxStops}
+            max={kMaxStops}
             step={0.25}
             value={stops}
             onInput={(event) => face({ ...facing, gain: 2 ** Number(event.currentTarget.value) })}

@@ -16,7 +16,7 @@ import { RigTable } from "./rig_table";
 import { RigView } from "./rig_view";
 import "./rays.css";
 
-const kMostGeometry = 1 << 20; // bytes, as the console takes
+const kMaxGeometry = 1 << 20; // bytes, as the console takes
 
 interface Geometry {
   name: string;
@@ -169,8 +169,8 @@ export default function Page({ path: [near = "", far = ""] }: PageProps) {
   };
   const open = async (file: File): Promise<void> => {
     try {
-      if (file.size > kMostGeometry)
-        throw new Error(`${file.name} has ${file.size} bytes; a geometry's text has at most ${kMostGeometry}`);
+      if (file.size > kMaxGeometry)
+        throw new Error(`${file.name} has ${file.size} bytes; a geometry's text has at most ${kMaxGeometry}`);
       await openText(file.name, await file.text());
     } catch (reason) {
       setError(reason);

@@ -14,16 +14,16 @@ export interface PoseLines {
   grid_px: number;
 }
 
-const kMostCells = 16;
+const kMaxCells = 16;
 const kFrustum = 0.35; // of the nearest monitor's distance
 const kOrigin: Vector = [0, 0, 0];
 
 const closed = (corners: Vector[]): Line[] => corners.map((corner, i) => [corner, corners[(i + 1) % corners.length]!]);
 
-/** A power of two with at most kMostCells cells along the longer side. */
+/** A power of two with at most kMaxCells cells along the longer side. */
 export function gridStep({ width_px, height_px }: { width_px: number; height_px: number }): number {
   let step = 1;
-  while (Math.max(width_px, height_px) > kMostCells * step) step *= 2;
+  while (Math.max(width_px, height_px) > kMaxCells * step) step *= 2;
   return step;
 }
 
