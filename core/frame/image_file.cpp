@@ -178,14 +178,10 @@ constexpr size_t kRgb = 3;
 void read_channels(Imf::InputFile& file, const std::array<const char*, kRgb>& names, RadianceImage& image) {
   const Imath::Box2i window = file.header().dataWindow();
   constexpr size_t kPixel = kRgb * sizeof(float);
-  const size_t row = kPixel * static_cast<size_t>(image.width_px);
   Imf::FrameBuffer frame;
   for (size_t c = 0; c < names.size(); ++c) {
-    char* const first = reinterpret_cast<char*>(image.samples.data() + c);
-    frame.insert(names[c], Imf::Slice(Imf::FLOAT,
-                                      first - window.min.x * static_cast<std::ptrdiff_t>(kPixel) -
-                                          window.min.y * static_cast<std::ptrdiff_t>(row),
-                                      kPixel, row));
+    frame.insert(names[c], Imf::Slice::Make(Imf::FLOAT, image.samples.data() + c, window, kPixel,
+                                            kPixel * static_cast<size_t>(image.width_px)));
   }
   file.setFrameBuffer(frame);
   file.readPixels(window.min.y, window.max.y);

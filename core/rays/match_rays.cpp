@@ -67,13 +67,7 @@ Mode as_seen(const Mode& mode, const MonitorExtent& extent) {
   if (mode.x_px >= 0.0f && mode.y_px >= 0.0f && static_cast<double>(mode.x_px) <= extent.width_px &&
       static_cast<double>(mode.y_px) <= extent.height_px)
     return mode;
-  const Footprint seen = seen_part({.weight = static_cast<double>(mode.weight),
-                                    .x_px = static_cast<double>(mode.x_px),
-                                    .y_px = static_cast<double>(mode.y_px),
-                                    .xx_px2 = static_cast<double>(mode.xx_px2),
-                                    .xy_px2 = static_cast<double>(mode.xy_px2),
-                                    .yy_px2 = static_cast<double>(mode.yy_px2)},
-                                   extent);
+  const Footprint seen = seen_part(footprint_of(mode), extent);
   if (seen.weight > kLeastSeen * static_cast<double>(mode.weight)) return mode;
   return mode_of(seen, static_cast<double>(mode.weight_sd), static_cast<double>(mode.centre_sd_px),
                  mode.texture);

@@ -5,10 +5,10 @@
 // Besides the given pictures it uses one-pixel checks and noise. Every monitor of the matte shows the same picture. Prints the
 // mean and the largest colour difference in 1/255 of sRGB, and fails if a mean exceeds 2.
 import { execFileSync } from "node:child_process";
-import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { basename, join } from "node:path";
-import { open_browser } from "./browser.mjs";
+import { drop_file, open_browser } from "./browser.mjs";
 import { difference, monitors_of } from "./mattes.mjs";
 import { checks, noise, png } from "./pictures.mjs";
 import { stand_in_of } from "./stand_in.mjs";
@@ -30,19 +30,6 @@ const made = (name, colour) => {
   return file;
 };
 const pictures = [...given, made("checks", checks(1)), made("noise", noise(20261122))];
-
-/** Drops a file on the page. */
-async function drop(page, file) {
-  const data = await page.evaluateHandle(
-    ([text, name]) => {
-      const transfer = new DataTransfer();
-      transfer.items.add(new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], name));
-      return transfer;
-    },
-    [readFileSync(file).toString("base64"), basename(file)],
-  );
-  await page.getByRole("application").dispatchEvent("drop", { dataTransfer: data });
-}
 
 async function show(page, picture, put) {
   for (const [t] of monitors.entries()) {
@@ -85,7 +72,7 @@ try {
   for (const picture of pictures) {
     const last = picture === pictures.at(-1);
     await show(page, picture, (file) =>
-      last ? drop(page, file) : page.locator("input[type=file]").setInputFiles(file),
+      last ? drop_file(page.getByRole("application"), file) : page.locator("input[type=file]").setInputFiles(file),
     );
     await compare(basename(picture), picture, []);
   }

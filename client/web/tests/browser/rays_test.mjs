@@ -12,7 +12,7 @@ import { tmpdir } from "node:os";
 import { basename, join } from "node:path";
 import { fileURLToPath } from "node:url";
 import axe from "axe-core";
-import { open_browser } from "./browser.mjs";
+import { drop_file, open_browser } from "./browser.mjs";
 import { difference } from "./mattes.mjs";
 import { start_rig } from "./rig.mjs";
 
@@ -38,18 +38,6 @@ function written(name, text) {
   const file = join(work, name);
   writeFileSync(file, text);
   return file;
-}
-
-async function drop(page, selector, file) {
-  const data = await page.evaluateHandle(
-    ([text, name]) => {
-      const transfer = new DataTransfer();
-      transfer.items.add(new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], name));
-      return transfer;
-    },
-    [readFileSync(file).toString("base64"), basename(file)],
-  );
-  await page.locator(selector).dispatchEvent("drop", { dataTransfer: data });
 }
 
 const wait_until_drawn = (page) =>
@@ -124,7 +112,7 @@ async function make_and_play(page, rig, near, far, geometry, environments) {
   const stage = page.locator(".stage");
   for (const [i, environment] of environments.entries()) {
     if (i % 2 === 0) await page.getByLabel("Open an environment…").setInputFiles(environment);
-    else await drop(page, ".stage", environment);
+    else await drop_file(page.locator(".stage"), environment);
     await page.locator("option[value=own]", { hasText: basename(environment) }).waitFor({ state: "attached" });
     await stage.press("0");
     await compare(page, rig, made, environment, 0, 1, false);
@@ -186,7 +174,7 @@ async function check_errors(page, rig, near, far) {
   await page.getByRole("button", { name: "Make rays" }).click();
   await page.getByRole("button", { name: "Download rays.exr" }).waitFor();
   const broken = written("broken.txtpb", "camera {\n  width: 3\n}");
-  await drop(page, ".ray-choice", broken);
+  await drop_file(page.locator(".ray-choice"), broken);
   await page.getByRole("alert").filter({ hasText: "the geometry: line 2" }).waitFor();
   const small = written("small.txtpb", camera(100, 80, 200, 50, 40, 0) + pose(near, 1, 200) + pose(far, 1.3, 251.2));
   await page.getByLabel("Geometry").setInputFiles(small);

@@ -10,7 +10,7 @@ import { mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSyn
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import axe from "axe-core";
-import { open_browser } from "./browser.mjs";
+import { drop_file, open_browser } from "./browser.mjs";
 import { checks, png } from "./pictures.mjs";
 import { start_rig } from "./rig.mjs";
 
@@ -217,13 +217,7 @@ async function download_all(page, rig) {
 /** The downloaded archive, dropped as a tar file, is a session again; a folder without one of its frames is an error. */
 async function import_archive(page, rig, folder) {
   await look(page, "#/session", "table");
-  const dropped = await page.evaluateHandle((base64) => {
-    const transfer = new DataTransfer();
-    const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
-    transfer.items.add(new File([bytes], "first.tar"));
-    return transfer;
-  }, readFileSync(join(folder, "first.tar")).toString("base64"));
-  await page.locator(".session").dispatchEvent("drop", { dataTransfer: dropped });
+  await drop_file(page.locator(".session"), join(folder, "first.tar"));
   const dialog = page.getByRole("dialog");
   await dialog.getByLabel("Name").fill("imported");
   await photograph(page, "import");
