@@ -1,8 +1,8 @@
 # Debian packages, made by CPack: one for each component of the install rules. deploy/package builds them all.
 # The cache variable GLASSWING_PACKAGE_CONTACT is the maintainer that the packages name.
 
-if(NOT TARGET glasswing_native)
-  return()  # Sanitizer builds are for tests only.
+if(NOT GLASSWING_MODULES)
+  return()  # There would be no package of Python's and none of the filter.
 endif()
 set(GLASSWING_PACKAGE_CONTACT "Glasswing <glasswing@example.org>" CACHE STRING "maintainer of Debian packages")
 

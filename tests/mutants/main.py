@@ -185,7 +185,7 @@ def main() -> int:
     print("building the tests without a fault ...", flush=True)
     # File by file, so that a fault costs the compilation of one. A warning does not catch a fault; an index out of
     # range does.
-    configure = ["cmake", "--preset", "release", "-DCMAKE_UNITY_BUILD=OFF", "-DGLASSWING_WERROR=OFF",
+    configure = ["cmake", "--preset", "tests", "-DCMAKE_UNITY_BUILD=OFF", "-DGLASSWING_WERROR=OFF",
                  "-DCMAKE_CXX_FLAGS=-D_GLIBCXX_ASSERTIONS"]
     subprocess.run(configure, cwd=_TREE, check=True, stdout=subprocess.DEVNULL)
     tests = tests_of(set(sources))

@@ -3,7 +3,6 @@
 # files, with mutual TLS. Whichever host is cut off during a solve, for longer than a lease, the session ends
 # with the same matte, and the host continues when it is back.
 [[ $(id -u) == 0 ]] || { echo "skipped: only root makes network namespaces"; exit 77; }
-command -v ip >/dev/null || { echo "skipped: there is no ip"; exit 77; }
 source "$(dirname "$0")/rig.sh"
 lab=gw$$
 space() { echo "$lab-$1"; } # HOST: its network namespace

@@ -47,17 +47,13 @@ done_by=$(glasswing fleet --json | awk -F '"' '/"tiles_done": "/ { sum += $4 } E
 echo "== Prometheus accepts all metrics"
 for n in 0 1 2 3 4; do scrape "$n" >"$work/metrics.$n" || fail "daemon $n does not answer"; done
 cat "$work"/metrics.* >"$work/exposed"
-if command -v promtool >/dev/null; then
-  for n in 0 1 2 3 4; do
-    # Ignore the names that the library itself adds.
-    promtool check metrics <"$work/metrics.$n" 2>&1 | grep -v '^exposer_' >"$work/lint" || true
-    [[ ! -s $work/lint ]] || fail "daemon $n: $(cat "$work/lint")"
-  done
-  promtool check config "$root/deploy/prometheus/prometheus.yml" >"$work/promtool.log" 2>&1 || fail "$(cat "$work/promtool.log")"
-  promtool check rules "$root/deploy/prometheus/alerts.yml" >"$work/promtool.log" 2>&1 || fail "$(cat "$work/promtool.log")"
-else
-  echo "skipped: promtool is not installed"
-fi
+for n in 0 1 2 3 4; do
+  # Ignore the names that the library itself adds.
+  promtool check metrics <"$work/metrics.$n" 2>&1 | grep -v '^exposer_' >"$work/lint" || true
+  [[ ! -s $work/lint ]] || fail "daemon $n: $(cat "$work/lint")"
+done
+promtool check config "$root/deploy/prometheus/prometheus.yml" >"$work/promtool.log" 2>&1 || fail "$(cat "$work/promtool.log")"
+promtool check rules "$root/deploy/prometheus/alerts.yml" >"$work/promtool.log" 2>&1 || fail "$(cat "$work/promtool.log")"
 
 echo "== every name that the dashboard and the alerts use exists"
 python3 - "$work/exposed" "$root" <<'PYTHON' || fail "a name is missing"

@@ -15,7 +15,6 @@ cleanup() {
 trap cleanup EXIT
 
 ((EUID == 0)) || skip "it must be run as root"
-for program in debootstrap systemd-nspawn dpkg-shlibdeps; do command -v "$program" >/dev/null || skip "there is no $program"; done
 mirror=$(apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' 'Created-By: Packages' |
   awk '$2 == "bookworm" && $3 == "main" { print $1; exit }')
 [[ -n $mirror ]] || skip "apt's sources name no mirror of bookworm main"

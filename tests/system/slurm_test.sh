@@ -3,9 +3,6 @@
 # node dies during a solve, its job is requeued; the matte equals that of a local solve; and all jobs end when
 # no work is left.
 [[ $(id -u) == 0 ]] || { echo "skipped: only root can run Slurm here"; exit 77; }
-for program in munged slurmctld slurmd sbatch squeue; do
-  PATH=$PATH:/usr/sbin command -v "$program" >/dev/null || { echo "skipped: there is no $program"; exit 77; }
-done
 source "$(dirname "$0")/rig.sh"
 export PATH=$PATH:/usr/sbin GLASSWING_BIN=$bin SLURM_CONF=$work/slurm.conf GLASSWING_UNTIL_IDLE=4
 rig=$root/deploy/local-rig

@@ -2,7 +2,6 @@
 # A session shown by a real X server and seen by the simulated camera: every step is proven, and the session
 # is solved.
 source "$(dirname "$0")/rig.sh"
-command -v Xvfb >/dev/null || { echo "skipped: no Xvfb here"; exit 77; }
 screen=$((40000 + RANDOM % 20000))
 
 Xvfb ":$screen" -screen 0 128x96x24 -nolisten tcp -noreset >"$work/x.log" 2>&1 &

@@ -17,10 +17,6 @@ namespace glasswing {
 
 class BlenderCases : public ScratchTest {
  protected:
-  void SetUp() override {
-    if (!is_installed("blender")) GTEST_SKIP() << "blender is not installed";
-  }
-
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }
   std::string write_bytes(const std::string& name, const std::string& bytes) const {
     EXPECT_TRUE(write_file_durably(path(name), bytes).ok());

@@ -103,7 +103,6 @@ class StMap : public ScratchTest {
 };
 
 TEST_F(StMap, HoldsPlaceWeightAndWidth) {
-  if (!is_installed("oiiotool")) GTEST_SKIP() << "oiiotool is not installed";
   Matte matte = empty_matte();
   // The stronger of two on the monitor; one beyond its edge; one elsewhere; none.
   matte.modes(0, 0, 2)[0] = {.weight = 0.25f, .x_px = 1.0f, .y_px = 1.0f};
@@ -131,7 +130,6 @@ TEST_F(StMap, HoldsPlaceWeightAndWidth) {
 
 // F + weight x warped picture is the matte's composite where every path is a point, for any of its monitors.
 TEST_F(StMap, OiiotoolWarpsAsTheCompositorDoes) {
-  if (!is_installed("oiiotool")) GTEST_SKIP() << "oiiotool is not installed";
   const Matte matte = scattered();
   write_matte(matte);
   for (int texture = 0; texture < 2; ++texture) {
@@ -198,8 +196,6 @@ bpy.ops.render.render(write_still=True)
 // Blender filters by how far neighbours are apart, which leaves a ramp a ramp: where a straight view sees it
 // is read off its light. A map that is half a pixel off, as conventions differ by, would show.
 TEST_F(StMap, BlenderWarpsToTheSamePlace) {
-  if (!is_installed("blender")) GTEST_SKIP() << "blender is not installed";
-  if (!is_installed("oiiotool")) GTEST_SKIP() << "oiiotool is not installed";
   constexpr int kRampWidth = 400, kRampHeight = 300;
   RadianceImage ramp(kRampWidth, kRampHeight);
   for (int y = 0; y < kRampHeight; ++y) {

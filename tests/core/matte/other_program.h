@@ -7,10 +7,6 @@
 
 namespace glasswing {
 
-inline bool is_installed(const std::string& program) {
-  return std::system(("command -v " + program + " > /dev/null 2>&1").c_str()) == 0;
-}
-
 struct Said {
   int status = 0;
   std::string text;  // standard output and error
