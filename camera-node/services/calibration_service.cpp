@@ -14,33 +14,38 @@ absl::StatusOr<std::shared_ptr<const MappedArchive>> map(ArchiveStore& store, co
   return MappedArchive::open_interpolated(archive->directory());
 }
 
-absl::StatusOr<v1::CameraCalibration> fit_camera(ArchiveStore& store, const std::string& session) {
+absl::StatusOr<v1::FitCameraResponse> fit_camera(ArchiveStore& store, const std::string& session) {
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedArchive> archive, map(store, session));
-  return calibrate_camera(*archive);
+  v1::FitCameraResponse response;
+  GW_ASSIGN_OR_RETURN(*response.mutable_calibration(), calibrate_camera(*archive));
+  return response;
 }
 
-absl::StatusOr<DisplayCalibrations> fit_displays(ArchiveStore& store, const std::string& session) {
+absl::StatusOr<v1::FitDisplaysResponse> fit_displays(ArchiveStore& store, const std::string& session) {
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedArchive> archive, map(store, session));
-  return calibrate_displays(*archive);
+  GW_ASSIGN_OR_RETURN(DisplayCalibrations fitted, calibrate_displays(*archive));
+  v1::FitDisplaysResponse response;
+  for (v1::DisplayCalibration& display : fitted.measured) *response.add_calibrations() = std::move(display);
+  for (std::string& why : fitted.unmeasured) response.add_unmeasured(std::move(why));
+  return response;
 }
 
 }  // namespace
 
-grpc::Status CalibrationServiceImpl::FitCamera(grpc::ServerContext*, const v1::FitCameraRequest* request,
+grpc::Status CalibrationServiceImpl::FitCamera(grpc::ServerContext* context,
+                                               const v1::FitCameraRequest* request,
                                                v1::FitCameraResponse* response) {
-  absl::StatusOr<v1::CameraCalibration> fitted = fit_camera(store_, request->session());
-  if (!fitted.ok()) return to_grpc(fitted.status());
-  *response->mutable_calibration() = *std::move(fitted);
-  return grpc::Status::OK;
+  return answer(
+      camera_fits_.run(*context, request->session(), [&] { return fit_camera(store_, request->session()); }),
+      *response);
 }
 
-grpc::Status CalibrationServiceImpl::FitDisplays(grpc::ServerContext*, const v1::FitDisplaysRequest* request,
+grpc::Status CalibrationServiceImpl::FitDisplays(grpc::ServerContext* context,
+                                                 const v1::FitDisplaysRequest* request,
                                                  v1::FitDisplaysResponse* response) {
-  absl::StatusOr<DisplayCalibrations> fitted = fit_displays(store_, request->session());
-  if (!fitted.ok()) return to_grpc(fitted.status());
-  for (v1::DisplayCalibration& display : fitted->measured) *response->add_calibrations() = std::move(display);
-  for (std::string& why : fitted->unmeasured) response->add_unmeasured(std::move(why));
-  return grpc::Status::OK;
+  return answer(display_fits_.run(*context, request->session(),
+                                  [&] { return fit_displays(store_, request->session()); }),
+                *response);
 }
 
 }  // namespace glasswing

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/archive/archive_store.h"
+#include "core/service/joined_calls.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 
 namespace glasswing {
@@ -15,6 +16,8 @@ class CalibrationServiceImpl final : public v1::CalibrationService::Service {
 
  private:
   ArchiveStore& store_;
+  JoinedCalls<v1::FitCameraResponse> camera_fits_{0};     // by session
+  JoinedCalls<v1::FitDisplaysResponse> display_fits_{0};  // by session
 };
 
 }  // namespace glasswing

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <thread>
+#include <utility>
 
 #include "camera-node/camera_metrics.h"
 #include "camera-node/services/preview.h"
+#include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
 
@@ -50,13 +52,6 @@ bool write_whole(const Image16& image, const v1::FrameTaken& taken,
   return written;
 }
 
-template <typename Response>
-grpc::Status answer(absl::StatusOr<Response> result, Response& response) {
-  if (!result.ok()) return to_grpc(result.status());
-  response = *std::move(result);
-  return grpc::Status::OK;
-}
-
 }  // namespace
 
 grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCameraRequest*,
@@ -69,41 +64,46 @@ grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCam
   return grpc::Status::OK;
 }
 
-absl::Status CameraServiceImpl::run(grpc::ServerContext& context, double exposure_ms, size_t keep,
-                                    const std::function<bool(const v1::FrameTaken*)>& take) {
-  // A preview, or a call that was just cancelled, needs a moment to release the camera.
-  ++captures_waiting_;
-  const std::unique_lock only(capturing_, std::chrono::seconds(1));
-  --captures_waiting_;
-  if (!only.owns_lock()) {
-    return absl::FailedPreconditionError(
-        "the camera is capturing for another client; try again when it is free");
+absl::Status CameraServiceImpl::run(CameraCall& call, size_t keep, const Take& take) {
+  GW_RETURN_IF_ERROR(turns_.take(call));
+  absl::Status status;
+  if (!call.started) {
+    fault_point("camera starts");
+    status = camera_.start(call.exposure_ms);
   }
-  GW_RETURN_IF_ERROR(camera_.start(exposure_ms));
+  if (status.ok()) status = run_started(call, keep, take);
+  if (status.ok() && turns_.hand_over(call))
+    return absl::AbortedError("a later call has taken the camera over");
+  camera_.stop();
+  turns_.end(call);
+  return status;
+}
+
+absl::Status CameraServiceImpl::run_started(const CameraCall& call, size_t keep, const Take& take) {
   const double rate_hz = camera_.describe().frame_rate_hz();
   const nanoseconds silence = kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / rate_hz));
   nanoseconds heard = monotonic_now();
   bool wanted = take(nullptr);
-  while (wanted && !context.IsCancelled() && !stopping_) {
+  while (wanted && !call.replaced && !call.is_gone()) {
     std::optional<CapturedFrame> frame = camera_.next(std::chrono::milliseconds(200));
     if (!frame && monotonic_now() - heard < silence) continue;
-    if (!frame) {
-      camera_.stop();
+    if (!frame)
       return absl::UnavailableError("the camera has stopped delivering frames; is it still plugged in?");
-    }
     heard = monotonic_now();
     camera_metrics().frames.Increment();
     const v1::FrameTaken taken = frame->taken;
     ring_.push(*std::move(frame), keep);
     wanted = take(&taken);
   }
-  camera_.stop();
   return absl::OkStatus();
 }
 
 grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::CaptureRequest* request,
                                         grpc::ServerWriter<v1::CaptureResponse>* writer) {
-  return to_grpc(run(*context, request->exposure_ms(), kRingFrames, [&](const v1::FrameTaken* taken) {
+  const auto is_gone = [&] { return context->IsCancelled() || stopping_; };
+  CameraCall call{
+      .id = request->request_id(), .exposure_ms = request->exposure_ms(), .is_gone = is_gone};
+  return to_grpc(run(call, kRingFrames, [&](const v1::FrameTaken* taken) {
     v1::CaptureResponse response;
     if (taken != nullptr) *response.mutable_frame() = *taken;
     return writer->Write(response);
@@ -136,17 +136,22 @@ grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
     }
     return wanted.load();
   };
-  return to_grpc(run(*context, request->exposure_ms(), 1, take));
+  const auto is_gone = [&] { return context->IsCancelled() || stopping_; };
+  CameraCall call{.exposure_ms = request->exposure_ms(), .is_gone = is_gone};
+  return to_grpc(run(call, 1, take));
 }
 
-grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest* request,
+grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext* context, const v1::KeepFramesRequest* request,
                                            v1::KeepFramesResponse* response) {
-  return answer(keeper_.keep(*request), *response);
+  return answer(keeps_.run(*context, request->request_id(), [&] { return keeper_.keep(*request); }),
+                *response);
 }
 
-grpc::Status CameraServiceImpl::LearnPatches(grpc::ServerContext*, const v1::LearnPatchesRequest* request,
+grpc::Status CameraServiceImpl::LearnPatches(grpc::ServerContext* context,
+                                             const v1::LearnPatchesRequest* request,
                                              v1::LearnPatchesResponse* response) {
-  return answer(keeper_.learn(*request), *response);
+  return answer(learnings_.run(*context, request->request_id(), [&] { return keeper_.learn(*request); }),
+                *response);
 }
 
 grpc::Status CameraServiceImpl::LookForPatches(grpc::ServerContext*, const v1::LookForPatchesRequest* request,
@@ -195,19 +200,25 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
   const nanoseconds period(static_cast<std::int64_t>(1e9 / request->max_fps()));
   nanoseconds due = monotonic_now();
   std::int64_t shown = -1;
-  std::unique_lock running(capturing_, std::defer_lock);  // held while the camera runs for this call
+  // Whoever wants the camera gets it, however long this call takes to start and stop it.
+  CameraCall call{.exposure_ms = exposure_ms, .is_gone = [] { return true; }};
+  bool running = false;  // the camera, for this call
   const auto give_up = [&] {
-    if (!running.owns_lock()) return;
+    if (!std::exchange(running, false)) return;
     camera_.stop();
-    running.unlock();
+    turns_.end(call);
   };
   while (!context->IsCancelled() && !stopping_) {
-    if (captures_waiting_ > 0) give_up();
-    if (!running.owns_lock() && captures_waiting_ == 0 && running.try_lock()) {
-      if (const absl::Status status = camera_.start(exposure_ms); !status.ok()) return to_grpc(status);
+    if (turns_.is_wanted()) give_up();
+    if (!running && turns_.try_take(call)) {
+      running = true;
+      if (const absl::Status status = camera_.start(exposure_ms); !status.ok()) {
+        give_up();
+        return to_grpc(status);
+      }
     }
     std::optional<CapturedFrame> frame;
-    if (running.owns_lock()) {
+    if (running) {
       frame = camera_.next(kPreviewPause);
     } else {
       std::this_thread::sleep_for(kPreviewPause);

@@ -7,9 +7,11 @@
 #include <mutex>
 
 #include "camera-node/camera.h"
+#include "camera-node/services/camera_turns.h"
 #include "camera-node/services/frame_keeper.h"
 #include "camera-node/services/frame_ring.h"
 #include "core/archive/archive_store.h"
+#include "core/service/joined_calls.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 
 namespace glasswing {
@@ -37,18 +39,20 @@ class CameraServiceImpl final : public v1::CameraService::Service {
                             grpc::ServerWriter<v1::StreamFramesResponse>*) override;
 
  private:
-  // Runs the camera for one call until it is cancelled or `take` returns false. Calls `take` with null once
+  using Take = std::function<bool(const v1::FrameTaken*)>;
+  // Runs the camera for one call until its turn ends or `take` returns false. Calls `take` with null once
   // the camera runs, then with each frame. The newest `keep` frames stay in the ring.
-  absl::Status run(grpc::ServerContext& context, double exposure_ms, size_t keep,
-                   const std::function<bool(const v1::FrameTaken*)>& take);
+  absl::Status run(CameraCall& call, size_t keep, const Take& take);
+  absl::Status run_started(const CameraCall& call, size_t keep, const Take& take);
 
   Camera& camera_;
   FrameRing ring_;
   FrameKeeper keeper_;
   std::atomic<bool> stopping_ = false;
-  // Held by the one Capture or StreamFrames call, or by a Preview while neither wants the camera.
-  std::timed_mutex capturing_;
-  std::atomic<int> captures_waiting_ = 0;
+  CameraTurns
+      turns_;  // of Capture and StreamFrames calls, and of a Preview while none of these wants the camera
+  JoinedCalls<v1::KeepFramesResponse> keeps_;
+  JoinedCalls<v1::LearnPatchesResponse> learnings_;
   std::mutex previewing_;  // held by the one Preview call
 };
 

@@ -1,7 +1,10 @@
 // StageService over a Stage.
 #pragma once
 
+#include <mutex>
+
 #include "camera-node/camera.h"
+#include "core/service/joined_calls.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
 
 namespace glasswing {
@@ -14,6 +17,8 @@ class StageServiceImpl final : public v1::StageService::Service {
 
  private:
   Stage& stage_;
+  std::mutex moving_;
+  JoinedCalls<v1::MoveObjectResponse> moves_;
 };
 
 }  // namespace glasswing

@@ -7,6 +7,7 @@
 #include "core/archive/arriving_frames.h"
 #include "core/archive/copy_archive.h"
 #include "core/archive/row_chunks.h"
+#include "core/base/checksum.h"
 #include "core/base/status.h"
 #include "core/security/peer.h"
 #include "core/service/service.h"
@@ -96,12 +97,17 @@ absl::Status locate(ArchiveStore& store, const v1::LocateArchiveRequest& request
 
 }  // namespace
 
-grpc::Status ArchiveServiceImpl::CreateArchive(grpc::ServerContext*, const v1::CreateArchiveRequest* request,
-                                               v1::CreateArchiveResponse*) {
-  const absl::Status created = store_.create(request->manifest()).status();
-  if (created.ok() && !request->import_token().empty())
-    store_.begin_import(request->manifest().session(), request->import_token());
-  return to_grpc(created);
+grpc::Status ArchiveServiceImpl::CreateArchive(grpc::ServerContext* context,
+                                               const v1::CreateArchiveRequest* request,
+                                               v1::CreateArchiveResponse* response) {
+  const std::string& session = request->manifest().session();
+  const auto create = [&]() -> absl::StatusOr<v1::CreateArchiveResponse> {
+    GW_RETURN_IF_ERROR(store_.create(request->manifest()).status());
+    return v1::CreateArchiveResponse();
+  };
+  const absl::StatusOr<v1::CreateArchiveResponse> created = creations_.run(*context, session, create);
+  if (created.ok() && !request->import_token().empty()) store_.begin_import(session, request->import_token());
+  return answer(created, *response);
 }
 
 grpc::Status ArchiveServiceImpl::GetManifest(grpc::ServerContext*, const v1::GetManifestRequest* request,
@@ -144,13 +150,16 @@ grpc::Status ArchiveServiceImpl::PutFrame(grpc::ServerContext* context,
   return to_grpc(put(store_, *context->auth_context(), *reader));
 }
 
-grpc::Status ArchiveServiceImpl::SealArchive(grpc::ServerContext*, const v1::SealArchiveRequest* request,
-                                             v1::SealArchiveResponse*) {
-  const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
-  if (!archive.ok()) return to_grpc(archive.status());
-  const absl::Status sealed = (*archive)->seal(request->has_plan() ? &request->plan() : nullptr);
-  if (sealed.ok()) store_.end_import(request->session());
-  return to_grpc(sealed);
+grpc::Status ArchiveServiceImpl::SealArchive(grpc::ServerContext* context,
+                                             const v1::SealArchiveRequest* request,
+                                             v1::SealArchiveResponse* response) {
+  const auto seal = [&]() -> absl::StatusOr<v1::SealArchiveResponse> {
+    GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store_.find(request->session()));
+    GW_RETURN_IF_ERROR(archive->seal(request->has_plan() ? &request->plan() : nullptr));
+    store_.end_import(request->session());
+    return v1::SealArchiveResponse();
+  };
+  return answer(seals_.run(*context, checksum_of(request->SerializeAsString()), seal), *response);
 }
 
 grpc::Status ArchiveServiceImpl::LocateArchive(grpc::ServerContext*, const v1::LocateArchiveRequest* request,
@@ -161,18 +170,21 @@ grpc::Status ArchiveServiceImpl::LocateArchive(grpc::ServerContext*, const v1::L
 grpc::Status ArchiveServiceImpl::CopyArchive(grpc::ServerContext* context,
                                              const v1::CopyArchiveRequest* request,
                                              grpc::ServerWriter<v1::CopyArchiveResponse>* writer) {
-  return to_grpc(
-      copy_archive(store_, *request, stopping_.get_token(), [&](const v1::CopyArchiveResponse& progress) {
-        return !context->IsCancelled() && writer->Write(progress);
-      }));
+  return to_grpc(copy_archive(
+      store_, *request, stopping_.get_token(), [context] { return context->IsCancelled(); },
+      [writer](const v1::CopyArchiveResponse& progress) { return writer->Write(progress); }));
 }
 
-grpc::Status ArchiveServiceImpl::DeleteArchive(grpc::ServerContext*, const v1::DeleteArchiveRequest* request,
+grpc::Status ArchiveServiceImpl::DeleteArchive(grpc::ServerContext* context,
+                                               const v1::DeleteArchiveRequest* request,
                                                v1::DeleteArchiveResponse* response) {
-  const absl::StatusOr<std::int64_t> freed = store_.remove(request->session());
-  if (!freed.ok()) return to_grpc(freed.status());
-  response->set_freed_bytes(*freed);
-  return grpc::Status::OK;
+  const auto remove = [&]() -> absl::StatusOr<v1::DeleteArchiveResponse> {
+    GW_ASSIGN_OR_RETURN(const std::int64_t freed, store_.remove(request->session()));
+    v1::DeleteArchiveResponse deleted;
+    deleted.set_freed_bytes(freed);
+    return deleted;
+  };
+  return answer(deletions_.run(*context, request->session(), remove), *response);
 }
 
 grpc::Status ArchiveServiceImpl::ListArchives(grpc::ServerContext*, const v1::ListArchivesRequest*,

@@ -4,6 +4,7 @@
 #include <stop_token>
 
 #include "core/archive/archive_store.h"
+#include "core/service/joined_calls.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 
 namespace glasswing {
@@ -42,6 +43,9 @@ class ArchiveServiceImpl final
  private:
   ArchiveStore& store_;
   std::stop_source stopping_;
+  JoinedCalls<v1::CreateArchiveResponse> creations_{0};  // by session
+  JoinedCalls<v1::SealArchiveResponse> seals_{0};        // by session and plan
+  JoinedCalls<v1::DeleteArchiveResponse> deletions_{0};  // by session
 };
 
 }  // namespace glasswing

@@ -15,9 +15,9 @@ namespace glasswing {
 namespace fs = std::filesystem;
 
 namespace {
-constexpr size_t kMaxOpen = 8;                          // archives
-constexpr size_t kMaxImports = 1000;                    // that nobody finished; one more ends them all
-constexpr std::chrono::seconds kCancelledCopyTime(10);  // for a cancelled copy to end
+constexpr size_t kMaxOpen = 8;                   // archives
+constexpr size_t kMaxImports = 1000;             // that nobody finished; one more ends them all
+constexpr std::chrono::milliseconds kPoll(100);  // for callers who have gone
 }  // namespace
 
 absl::Status ArchiveStore::prepare() {
@@ -96,13 +96,19 @@ bool ArchiveStore::is_import(const std::string& session, const std::string& toke
   return found != imports_.end() && !token.empty() && found->second == token;
 }
 
-absl::Status ArchiveStore::begin_copy(const std::string& session) {
+absl::Status ArchiveStore::begin_copy(const std::string& session, std::function<bool()> is_gone) {
   GW_RETURN_IF_ERROR(check_name("session", session));
   std::unique_lock lock(mutex_);
-  copied_.wait_for(lock, kCancelledCopyTime, [&] { return !copying_.contains(session); });
-  if (copying_.insert(session).second) return absl::OkStatus();
-  return absl::AbortedError(
-      fmt::format("this node is already copying the archive of session \"{}\"", session));
+  for (auto other = copying_.find(session); other != copying_.end(); other = copying_.find(session)) {
+    if (!other->second()) {
+      return absl::AbortedError(
+          fmt::format("this node is already copying the archive of session \"{}\"", session));
+    }
+    if (is_gone()) return absl::CancelledError("the client no longer waits for the copy");
+    copied_.wait_for(lock, kPoll);
+  }
+  copying_.emplace(session, std::move(is_gone));
+  return absl::OkStatus();
 }
 
 void ArchiveStore::end_copy(const std::string& session) {

@@ -4,10 +4,10 @@
 #include <condition_variable>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -47,9 +47,10 @@ class ArchiveStore {
   void end_import(const std::string& session);
   bool is_import(const std::string& session, const std::string& token);
 
-  // Allows one copy of a session at a time. Waits up to 10 s for a cancelled copy to end. ABORTED: another
-  // copy is still running.
-  absl::Status begin_copy(const std::string& session);
+  // Allows one copy of a session at a time. Waits for one whose caller has gone, however long it takes to
+  // end. `is_gone`: this one's caller has gone; may be called until end_copy(). ABORTED: another copy is
+  // running. CANCELLED: the caller went while it waited.
+  absl::Status begin_copy(const std::string& session, std::function<bool()> is_gone);
   void end_copy(const std::string& session);
 
  private:
@@ -65,7 +66,7 @@ class ArchiveStore {
   std::map<std::string, std::shared_ptr<Archive>> open_;  // guarded by mutex_
   std::deque<std::string> used_;                          // guarded by mutex_; recently used, latest last
   std::map<std::string, std::string> imports_;            // tokens by session; guarded by mutex_
-  std::set<std::string> copying_;                         // guarded by mutex_
+  std::map<std::string, std::function<bool()>> copying_;  // is_gone() by session; guarded by mutex_
   std::condition_variable copied_;
 };
 

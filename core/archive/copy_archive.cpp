@@ -30,8 +30,9 @@ absl::StatusOr<std::vector<int>> missing_in(Archive& archive, const v1::CaptureM
 }  // namespace
 
 absl::Status copy_archive(ArchiveStore& store, const v1::CopyArchiveRequest& request, std::stop_token stop,
+                          const std::function<bool()>& is_gone,
                           const std::function<bool(const v1::CopyArchiveResponse&)>& tell) {
-  GW_RETURN_IF_ERROR(store.begin_copy(request.session()));
+  GW_RETURN_IF_ERROR(store.begin_copy(request.session(), is_gone));
   const absl::Cleanup end = [&] { store.end_copy(request.session()); };
   const RemoteArchive from({request.from_address()}, request.session(), stop);
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, from.manifest());
@@ -57,7 +58,7 @@ absl::Status copy_archive(ArchiveStore& store, const v1::CopyArchiveRequest& req
   progress.set_bytes_done(progress.byte_count() - left);
 
   for (size_t next = 0; next < missing.size();) {
-    if (!tell(progress)) return absl::CancelledError("the client no longer waits for the copy");
+    if (is_gone() || !tell(progress)) return absl::CancelledError("the client no longer waits for the copy");
     std::vector<Archive::CopiedFrame> batch;
     absl::Status read;
     for (size_t bytes = 0; next < missing.size() && bytes < kBatchBytes && !stop.stop_requested(); ++next) {

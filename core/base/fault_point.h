@@ -3,10 +3,15 @@
 // variable nothing happens.
 #pragma once
 
+#include <functional>
 #include <string_view>
 
 namespace glasswing {
 
 void fault_point(std::string_view name);
+
+// For tests within one process: calls `act` with the name of each point, on the thread that visits it, until
+// it is replaced. Null: nothing is called any more; a call that runs goes on.
+void at_fault_points(std::function<void(std::string_view)> act);
 
 }  // namespace glasswing

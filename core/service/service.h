@@ -9,6 +9,7 @@
 #include <chrono>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/base/node_clock.h"
@@ -24,6 +25,14 @@ grpc::Status to_grpc(const absl::Status& status);
 absl::Status from_grpc(const grpc::Status& status);
 // As above, but names a peer that cannot be reached: "camera node at 127.0.0.1:7442 does not answer".
 absl::Status from_grpc(const grpc::Status& status, const std::string& peer);
+
+// Ends a call: sets `response`, or returns the error.
+template <typename Response>
+grpc::Status answer(absl::StatusOr<Response> result, Response& response) {
+  if (!result.ok()) return to_grpc(result.status());
+  response = *std::move(result);
+  return grpc::Status::OK;
+}
 
 // A channel to host:port; every call on it still needs its own deadline. `roles`: as for credentials_for().
 std::shared_ptr<grpc::Channel> dial(const std::string& address, Roles roles = 0);

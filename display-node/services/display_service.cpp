@@ -9,6 +9,8 @@
 #include <deque>
 #include <thread>
 
+#include "core/base/checksum.h"
+#include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "core/frame/photo.h"
 #include "core/pattern/id_patch.h"
@@ -87,7 +89,7 @@ absl::Status DisplayServiceImpl::check_fits(const std::string& png) const {
                                                 size.width_px, size.height_px, sizes));
 }
 
-grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext*,
+grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext* context,
                                           grpc::ServerReader<v1::PutImageRequest>* reader,
                                           v1::PutImageResponse* response) {
   std::string png;
@@ -100,20 +102,27 @@ grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext*,
     }
   }
   if (const absl::Status fits = check_fits(png); !fits.ok()) return to_grpc(fits);
-  const absl::StatusOr<std::string> image = images_.add(png);
-  if (!image.ok()) return to_grpc(image.status());
-  response->set_image(*image);
-  return grpc::Status::OK;
+  const auto put = [&]() -> absl::StatusOr<v1::PutImageResponse> {
+    v1::PutImageResponse stored;
+    GW_ASSIGN_OR_RETURN(*stored.mutable_image(), images_.add(png));
+    return stored;
+  };
+  return answer(puts_.run(*context, checksum_of(png), put), *response);
 }
 
-grpc::Status DisplayServiceImpl::LoadProgram(grpc::ServerContext*, const v1::LoadProgramRequest* request,
-                                             v1::LoadProgramResponse*) {
-  absl::StatusOr<Program> program = Program::create(*request, screens_, images_);
-  if (!program.ok()) return to_grpc(program.status());
+grpc::Status DisplayServiceImpl::LoadProgram(grpc::ServerContext* context,
+                                             const v1::LoadProgramRequest* request,
+                                             v1::LoadProgramResponse* response) {
+  return answer(loads_.run(*context, request->request_id(), [&] { return load(*request); }), *response);
+}
+
+absl::StatusOr<v1::LoadProgramResponse> DisplayServiceImpl::load(const v1::LoadProgramRequest& request) {
+  GW_ASSIGN_OR_RETURN(Program program, Program::create(request, screens_, images_));
+  fault_point("program drawn");
   const std::lock_guard lock(mutex_);
   play_.request_stop();
-  loaded_ = std::make_shared<const Program>(*std::move(program));
-  return grpc::Status::OK;
+  loaded_ = std::make_shared<const Program>(std::move(program));
+  return v1::LoadProgramResponse();
 }
 
 grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
@@ -176,15 +185,16 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
   return to_grpc(status);
 }
 
-grpc::Status DisplayServiceImpl::MoveMonitor(grpc::ServerContext*, const v1::MoveMonitorRequest* request,
+grpc::Status DisplayServiceImpl::MoveMonitor(grpc::ServerContext* context,
+                                             const v1::MoveMonitorRequest* request,
                                              v1::MoveMonitorResponse* response) {
-  const absl::StatusOr<double> moved = move(request->monitor(), request->position_mm());
-  if (!moved.ok()) return to_grpc(moved.status());
-  response->set_position_mm(*moved);
-  return grpc::Status::OK;
+  return answer(moves_.run(*context, request->request_id(),
+                           [&] { return move(request->monitor(), request->position_mm()); }),
+                *response);
 }
 
-absl::StatusOr<double> DisplayServiceImpl::move(const std::string& monitor, double position_mm) {
+absl::StatusOr<v1::MoveMonitorResponse> DisplayServiceImpl::move(const std::string& monitor,
+                                                                 double position_mm) {
   if (std::ranges::find(screens_, monitor, &ScreenInfo::name) == screens_.end()) {
     std::vector<std::string> names;
     for (const ScreenInfo& screen : screens_) names.push_back(screen.name);
@@ -211,7 +221,9 @@ absl::StatusOr<double> DisplayServiceImpl::move(const std::string& monitor, doub
   const std::lock_guard lock(mutex_);
   on->position_mm = moved.ok() ? std::optional(position_mm) : std::nullopt;
   GW_RETURN_IF_ERROR(moved);
-  return position_mm;
+  v1::MoveMonitorResponse response;
+  response.set_position_mm(position_mm);
+  return response;
 }
 
 }  // namespace glasswing

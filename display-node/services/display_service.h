@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/service/joined_calls.h"
 #include "display-node/display.h"
 #include "display-node/playback/program.h"
 #include "display-node/rail.h"
@@ -39,7 +40,8 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
  private:
   // INVALID_ARGUMENT: not a photo of the size of one of the monitors.
   absl::Status check_fits(const std::string& png) const;
-  absl::StatusOr<double> move(const std::string& monitor, double position_mm);
+  absl::StatusOr<v1::LoadProgramResponse> load(const v1::LoadProgramRequest& request);
+  absl::StatusOr<v1::MoveMonitorResponse> move(const std::string& monitor, double position_mm);
 
   const std::string name_;
   Display& display_;
@@ -47,10 +49,13 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
   ImageStore images_;
   std::stop_source stop_;
   std::mutex mutex_;
-  std::shared_ptr<const Program> loaded_;  // guarded by mutex_
-  std::stop_source play_;                  // guarded by mutex_, stops the playing program
-  std::vector<MonitorRail> rails_;         // their positions are guarded by mutex_
-  std::mutex playing_;                     // held while the screens are in use, or a monitor moves
+  std::shared_ptr<const Program> loaded_;      // guarded by mutex_
+  std::stop_source play_;                      // guarded by mutex_, stops the playing program
+  std::vector<MonitorRail> rails_;             // their positions are guarded by mutex_
+  std::mutex playing_;                         // held while the screens are in use, or a monitor moves
+  JoinedCalls<v1::PutImageResponse> puts_{0};  // by image
+  JoinedCalls<v1::LoadProgramResponse> loads_;
+  JoinedCalls<v1::MoveMonitorResponse> moves_;
 };
 
 }  // namespace glasswing

@@ -15,9 +15,26 @@
 #include "server/capture/capture_check.h"
 #include "server/capture/group_capture.h"
 #include "server/rig/embed_calibrations.h"
+#include "server/sessions/session_state.h"
 #include "server/storage/image_name.h"
 
 namespace glasswing {
+namespace {
+
+grpc::Status send_image(const std::string& bytes, grpc::ClientContext& context,
+                        v1::DisplayService::Stub& display) {
+  v1::PutImageResponse response;
+  const auto writer = display.PutImage(&context, &response);
+  for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
+    v1::PutImageRequest chunk;
+    chunk.set_chunk(bytes.substr(at, kChunkBytes));
+    if (!writer->Write(chunk)) break;
+  }
+  writer->WritesDone();
+  return writer->Finish();
+}
+
+}  // namespace
 
 Capture::Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, const ImageFiles& images,
                  v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
@@ -39,9 +56,9 @@ CaptureOutcome Capture::run(std::stop_token stop) {
 }
 
 absl::Status Capture::capture(std::stop_token stop) {
-  GW_RETURN_IF_ERROR(find_rig());
-  GW_RETURN_IF_ERROR(open_archive());
-  GW_RETURN_IF_ERROR(send_images());
+  GW_RETURN_IF_ERROR(find_rig(stop));
+  GW_RETURN_IF_ERROR(open_archive(stop));
+  GW_RETURN_IF_ERROR(send_images(stop));
   const bool video_broke_off = video_.has_run();
   std::optional<bool> object_at = object_confirmed_;
   for (bool more = true; more;) {
@@ -50,13 +67,13 @@ absl::Status Capture::capture(std::stop_token stop) {
     GW_ASSIGN_OR_RETURN(more, add_round(stop));
   }
   if (is_video(progress_.session().plan())) video_.note_lost(video_broke_off);
-  return archive_->seal(progress_.session().plan());
+  return archive_->seal(progress_.session().plan(), stop);
 }
 
 absl::StatusOr<bool> Capture::capture_pending(std::optional<bool>& object_at, std::stop_token stop) {
   for (const Group& group : pending_groups()) {
     if (object_at != group.object) {
-      GW_ASSIGN_OR_RETURN(const bool moved, move_object(group.object));
+      GW_ASSIGN_OR_RETURN(const bool moved, move_object(group.object, stop));
       if (!moved) {
         object_wanted_ = group.object;
         return false;
@@ -81,7 +98,7 @@ absl::StatusOr<bool> Capture::add_round(std::stop_token stop) {
   GW_ASSIGN_OR_RETURN(setup_.steps, expand(grown->plan(), setup_.monitors));
   progress_.grow(*grown, static_cast<int>(setup_.steps.size()));
   if (grown->plan().rounds_size() == rounds) return false;
-  GW_RETURN_IF_ERROR(check_room());
+  GW_RETURN_IF_ERROR(check_room(stop));
   return true;
 }
 
@@ -105,9 +122,13 @@ CaptureOutcome Capture::outcome_of(const absl::Status& status, bool stopped) con
   return {lost ? Kind::kNodeLost : Kind::kFailed, reason};
 }
 
-absl::Status Capture::find_rig() {
+absl::Status Capture::find_rig(std::stop_token stop) {
   const v1::Plan& plan = progress_.session().plan();
-  GW_ASSIGN_OR_RETURN(setup_.links, connect(rig_, calibrations_, plan.camera(), monitors_of(plan)));
+  GW_ASSIGN_OR_RETURN(setup_.links,
+                      connect(rig_, calibrations_, plan.camera(), monitors_of(plan), std::move(stop)));
+  setup_.links.note_slow_calls([this](const std::string& who) {
+    progress_.note_waiting(who.empty() ? "" : fmt::format("{}: {}", kWaitsForAnswer, who));
+  });
   GW_ASSIGN_OR_RETURN(setup_.monitors, setup_.links.monitors());
   GW_RETURN_IF_ERROR(enter_positions(progress_.session(), setup_.monitors));
   progress_.set_archive_address(setup_.links.camera->address());
@@ -116,7 +137,7 @@ absl::Status Capture::find_rig() {
   return absl::OkStatus();
 }
 
-absl::Status Capture::open_archive() {
+absl::Status Capture::open_archive(std::stop_token stop) {
   const v1::Session& session = progress_.session();
   v1::CaptureManifest header;
   header.set_format_version(1);
@@ -127,23 +148,24 @@ absl::Status Capture::open_archive() {
   *header.mutable_camera() = setup_.links.camera_info.camera();
   *header.mutable_plan() = session.plan();
   GW_RETURN_IF_ERROR(embed_calibrations(calibrations_, header));
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, archive_->open(header));
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, archive_->open(header, stop));
   // A resumed session keeps the calibrations that its archive was created with.
   setup_.header = manifest;
   setup_.header.clear_frames();
   progress_.resume(manifest, static_cast<int>(setup_.steps.size()));
-  GW_RETURN_IF_ERROR(check_room());
+  GW_RETURN_IF_ERROR(check_room(stop));
   progress_.report();
   return absl::OkStatus();
 }
 
-absl::Status Capture::check_room() {
+absl::Status Capture::check_room(std::stop_token stop) {
   const bool video_has_run = video_.has_run();
   return archive_->check_room(
-      std::ranges::count_if(setup_.steps, [&](const Step& step) { return is_pending(step, video_has_run); }));
+      std::ranges::count_if(setup_.steps, [&](const Step& step) { return is_pending(step, video_has_run); }),
+      std::move(stop));
 }
 
-absl::Status Capture::send_images() {
+absl::Status Capture::send_images(std::stop_token stop) {
   std::map<std::string, std::set<std::string>> monitors_of;  // by image
   for (const Step& step : setup_.steps) {
     if (!step.stimulus.image().empty()) monitors_of[step.stimulus.image()].insert(step.stimulus.panel());
@@ -158,24 +180,13 @@ absl::Status Capture::send_images() {
     for (const auto& display : setup_.links.displays) {
       const bool shows_it = std::ranges::any_of(
           monitors, [&](const std::string& monitor) { return display->monitor(monitor) != nullptr; });
-      if (shows_it) GW_RETURN_IF_ERROR(send_image(bytes, *display));
+      if (!shows_it) continue;
+      GW_RETURN_IF_ERROR(display->link.call("take a picture", stop, [&](grpc::ClientContext& context) {
+        return send_image(bytes, context, *display->stub);
+      }));
     }
   }
   return absl::OkStatus();
-}
-
-absl::Status Capture::send_image(const std::string& bytes, const DisplayLink& display) const {
-  grpc::ClientContext context;
-  set_deadline(context, kNodeCall);
-  v1::PutImageResponse response;
-  const auto writer = display.stub->PutImage(&context, &response);
-  for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
-    v1::PutImageRequest chunk;
-    chunk.set_chunk(bytes.substr(at, kChunkBytes));
-    if (!writer->Write(chunk)) break;
-  }
-  writer->WritesDone();
-  return from_grpc(writer->Finish(), display.link.title());
 }
 
 bool Capture::is_pending(const Step& step, bool video_has_run) const {
@@ -198,15 +209,16 @@ std::vector<Capture::Group> Capture::pending_groups() const {
   return groups;
 }
 
-absl::StatusOr<bool> Capture::move_object(bool present) {
+absl::StatusOr<bool> Capture::move_object(bool present, std::stop_token stop) {
   v1::MoveObjectRequest request;
   request.set_present(present);
+  request.set_request_id(random_token());
   v1::MoveObjectResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::minutes(2));
-  const NodeLink& camera = *setup_.links.camera;
-  GW_RETURN_IF_ERROR(from_grpc(
-      v1::StageService::NewStub(camera.channel())->MoveObject(&context, request, &response), camera.title()));
+  NodeLink& camera = *setup_.links.camera;
+  const auto stage = v1::StageService::NewStub(camera.channel());
+  GW_RETURN_IF_ERROR(camera.call("move the object", std::move(stop), [&](grpc::ClientContext& context) {
+    return stage->MoveObject(&context, request, &response);
+  }));
   return !response.needs_operator();
 }
 

@@ -68,18 +68,17 @@ class Capture {
   // False: there are to be no further images.
   absl::StatusOr<bool> add_round(std::stop_token stop);
   CaptureOutcome outcome_of(const absl::Status& status, bool stopped) const;
-  absl::Status find_rig();
-  absl::Status open_archive();
+  absl::Status find_rig(std::stop_token stop);
+  absl::Status open_archive(std::stop_token stop);
   // Checks for all steps to come, so that a session that waits for space does not resume for a few frames
   // each time.
-  absl::Status check_room();
-  absl::Status send_images();
-  absl::Status send_image(const std::string& bytes, const DisplayLink& display) const;
+  absl::Status check_room(std::stop_token stop);
+  absl::Status send_images(std::stop_token stop);
   // The steps to capture, split where the stage or the exposure changes.
   std::vector<Group> pending_groups() const;
   bool is_pending(const Step& step, bool video_has_run) const;
   // False: a person has to move it.
-  absl::StatusOr<bool> move_object(bool present);
+  absl::StatusOr<bool> move_object(bool present, std::stop_token stop);
   absl::Status capture_group(const Group& group, std::stop_token stop);
 
   const NodeRegistry& rig_;

@@ -2,50 +2,48 @@
 
 #include <fmt/format.h>
 
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
-#include "core/service/service.h"
 
 namespace glasswing {
-namespace {
-
-constexpr std::chrono::minutes kStoreCall(1);  // of a batch of frames
-
-}  // namespace
 
 CaptureArchive::CaptureArchive(const RigLinks& links, std::string session)
     : links_(links),
       session_(std::move(session)),
       stub_(v1::ArchiveService::NewStub(links.camera->channel())) {}
 
-absl::Status CaptureArchive::stored(const grpc::Status& status) {
-  no_room_ = no_room_ || status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
-  return from_grpc(status, links_.camera->title());
+absl::Status CaptureArchive::store(const std::string& what, std::stop_token stop,
+                                   const std::function<grpc::Status(grpc::ClientContext&)>& call) {
+  const absl::Status stored = links_.camera->call(what, std::move(stop), call);
+  no_room_ = no_room_ || absl::IsResourceExhausted(stored);
+  return stored;
 }
 
-absl::StatusOr<v1::CaptureManifest> CaptureArchive::open(const v1::CaptureManifest& header) {
+absl::StatusOr<v1::CaptureManifest> CaptureArchive::open(const v1::CaptureManifest& header,
+                                                         std::stop_token stop) {
   v1::CreateArchiveRequest create;
   *create.mutable_manifest() = header;
   v1::CreateArchiveResponse created;
-  grpc::ClientContext create_context;
-  set_deadline(create_context, kNodeCall);
-  GW_RETURN_IF_ERROR(stored(stub_->CreateArchive(&create_context, create, &created)));
+  GW_RETURN_IF_ERROR(store("create the archive", stop, [&](grpc::ClientContext& context) {
+    return stub_->CreateArchive(&context, create, &created);
+  }));
   v1::GetManifestRequest get;
   get.set_session(session_);
   v1::GetManifestResponse got;
-  grpc::ClientContext get_context;
-  set_deadline(get_context, kNodeCall);
-  GW_RETURN_IF_ERROR(from_grpc(stub_->GetManifest(&get_context, get, &got), links_.camera->title()));
+  GW_RETURN_IF_ERROR(links_.camera->call("read the archive", stop, [&](grpc::ClientContext& context) {
+    return stub_->GetManifest(&context, get, &got);
+  }));
   return std::move(*got.mutable_manifest());
 }
 
-absl::Status CaptureArchive::check_room(std::int64_t frame_count) {
+absl::Status CaptureArchive::check_room(std::int64_t frame_count, std::stop_token stop) {
   const std::int64_t needed_bytes =
       frame_count * static_cast<std::int64_t>(tiff_size_bytes(shape_of(links_.camera_info.camera())));
   v1::GetSpaceResponse space;
-  grpc::ClientContext context;
-  set_deadline(context, kNodeCall);
-  GW_RETURN_IF_ERROR(from_grpc(stub_->GetSpace(&context, {}, &space), links_.camera->title()));
+  GW_RETURN_IF_ERROR(links_.camera->call("look at its disk", stop, [&](grpc::ClientContext& context) {
+    return stub_->GetSpace(&context, {}, &space);
+  }));
   if (needed_bytes <= space.free_bytes()) return absl::OkStatus();
   no_room_ = true;
   return absl::ResourceExhaustedError(fmt::format(
@@ -55,44 +53,48 @@ absl::Status CaptureArchive::check_room(std::int64_t frame_count) {
       1e-6 * static_cast<double>(needed_bytes), 1e-6 * static_cast<double>(space.free_bytes())));
 }
 
-absl::StatusOr<v1::KeepFramesResponse> CaptureArchive::keep(const std::vector<v1::Frame>& frames) {
+absl::StatusOr<v1::KeepFramesResponse> CaptureArchive::keep(const std::vector<v1::Frame>& frames,
+                                                            std::stop_token stop) {
   v1::KeepFramesRequest request;
   request.set_session(session_);
+  request.set_request_id(random_token());
   request.mutable_frames()->Assign(frames.begin(), frames.end());
   v1::KeepFramesResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, kStoreCall);
-  GW_RETURN_IF_ERROR(stored(links_.camera_stub->KeepFrames(&context, request, &response)));
+  GW_RETURN_IF_ERROR(store("store frames", stop, [&](grpc::ClientContext& context) {
+    return links_.camera_stub->KeepFrames(&context, request, &response);
+  }));
   return response;
 }
 
 absl::StatusOr<v1::LearnPatchesResponse> CaptureArchive::learn_patches(
-    const std::vector<v1::Frame>& frames, const std::vector<std::string>& accept_unseen) {
+    const std::vector<v1::Frame>& frames, const std::vector<std::string>& accept_unseen,
+    std::stop_token stop) {
   v1::LearnPatchesRequest request;
   request.set_session(session_);
+  request.set_request_id(random_token());
   request.mutable_frames()->Assign(frames.begin(), frames.end());
   request.mutable_accept_unseen_patches()->Assign(accept_unseen.begin(), accept_unseen.end());
   v1::LearnPatchesResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, kStoreCall);
-  const grpc::Status status = links_.camera_stub->LearnPatches(&context, request, &response);
-  if (status.error_code() == grpc::StatusCode::UNIMPLEMENTED) {
+  const absl::Status learned = store("learn id patches", stop, [&](grpc::ClientContext& context) {
+    return links_.camera_stub->LearnPatches(&context, request, &response);
+  });
+  if (absl::IsUnimplemented(learned)) {
     return absl::UnimplementedError(
         fmt::format("the {} cannot learn id patches (LearnPatches): install this server's version there",
                     links_.camera->title()));
   }
-  GW_RETURN_IF_ERROR(stored(status));
+  GW_RETURN_IF_ERROR(learned);
   return response;
 }
 
-absl::Status CaptureArchive::seal(const v1::Plan& plan) {
+absl::Status CaptureArchive::seal(const v1::Plan& plan, std::stop_token stop) {
   v1::SealArchiveRequest request;
   request.set_session(session_);
   if (plan.has_adapt()) *request.mutable_plan() = plan;
   v1::SealArchiveResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, kNodeCall);
-  return stored(stub_->SealArchive(&context, request, &response));
+  return store("seal the archive", std::move(stop), [&](grpc::ClientContext& context) {
+    return stub_->SealArchive(&context, request, &response);
+  });
 }
 
 }  // namespace glasswing

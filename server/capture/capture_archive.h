@@ -1,10 +1,13 @@
-// A capture's calls to its archive on the camera node.
+// A capture's calls to its archive on the camera node. Each returns when the node has answered
+// (NodeLink::call), or with CANCELLED when it is stopped.
 #pragma once
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <functional>
 #include <memory>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -20,24 +23,26 @@ class CaptureArchive {
   CaptureArchive(const RigLinks& links, std::string session);
 
   // Creates the archive if it does not exist, and returns its manifest. The header of an existing one stays.
-  absl::StatusOr<v1::CaptureManifest> open(const v1::CaptureManifest& header);
+  absl::StatusOr<v1::CaptureManifest> open(const v1::CaptureManifest& header, std::stop_token stop);
   // RESOURCE_EXHAUSTED: less free disk space than this many frames need.
-  absl::Status check_room(std::int64_t frame_count);
+  absl::Status check_room(std::int64_t frame_count, std::stop_token stop);
   // Returns when all frames that are proven are durable.
-  absl::StatusOr<v1::KeepFramesResponse> keep(const std::vector<v1::Frame>& frames);
+  absl::StatusOr<v1::KeepFramesResponse> keep(const std::vector<v1::Frame>& frames, std::stop_token stop);
   // The same for frames of patch learning steps. Frames of the monitors in `accept_unseen` are stored even if
   // they do not show the id patch. UNIMPLEMENTED: the camera node is of an older build.
   absl::StatusOr<v1::LearnPatchesResponse> learn_patches(const std::vector<v1::Frame>& frames,
-                                                         const std::vector<std::string>& accept_unseen);
+                                                         const std::vector<std::string>& accept_unseen,
+                                                         std::stop_token stop);
   // With the plan as it is now, of a session that adapts.
-  absl::Status seal(const v1::Plan& plan);
+  absl::Status seal(const v1::Plan& plan, std::stop_token stop);
 
   // The camera node ran out of disk space in one of the calls above.
   bool no_room() const { return no_room_; }
 
  private:
-  // Converts the status of a call that stores something.
-  absl::Status stored(const grpc::Status& status);
+  // NodeLink::call() of one that stores something.
+  absl::Status store(const std::string& what, std::stop_token stop,
+                     const std::function<grpc::Status(grpc::ClientContext&)>& call);
 
   const RigLinks& links_;
   const std::string session_;

@@ -15,7 +15,14 @@ constexpr int kMaxUnproven = 1000;  // listed in a session, which is sent as one
 
 CaptureProgress::CaptureProgress(v1::Session session, StepLog& log,
                                  std::function<void(const v1::Session&)> report)
-    : session_(std::move(session)), log_(log), report_(std::move(report)) {}
+    : session_(std::move(session)), log_(log), report_(std::move(report)) {
+  session_.clear_reason();
+}
+
+void CaptureProgress::note_waiting(const std::string& why) {
+  session_.set_reason(why);
+  report();
+}
 
 void CaptureProgress::resume(const v1::CaptureManifest& manifest, int step_count) {
   session_.set_patch_proven_count(0);

@@ -24,6 +24,9 @@ class CaptureProgress {
   bool is_proven(int step) const { return proven_.contains(step); }
   void report() { report_(session_); }
 
+  // The capture waits for something, which `why` says in the session's reason; empty: it goes on.
+  void note_waiting(const std::string& why);
+
   void set_archive_address(const std::string& address) { session_.set_archive_address(address); }
   // Restores the counts from the archive's manifest.
   void resume(const v1::CaptureManifest& manifest, int step_count);

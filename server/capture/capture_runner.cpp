@@ -151,8 +151,8 @@ void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> 
   nanoseconds saved_at = monotonic_now();
   const auto report = [this, &session, &saved_at](const v1::Session& progress) {
     SessionStore::Edit edit = sessions_.edit();
+    if (!progress.reason().empty()) spdlog::warn("{} session={}", progress.reason(), session.name());
     session = progress;
-    session.clear_reason();
     // First, so that a restarted server never shows fewer proven steps than were shown before.
     if (monotonic_now() - saved_at < kProgressSaved) {
       (void)edit.note_progress(session);

@@ -31,7 +31,9 @@ GroupCapture::GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPla
       archive_(archive),
       player_(player),
       progress_(progress),
-      recording_(setup.links, exposure_ms),
+      // The same after a restart of the server, and of no other server's session.
+      recording_(setup.links, exposure_ms,
+                 fmt::format("{} {}", progress.session().name(), progress.session().created())),
       learning_(patches_given_up) {}
 
 absl::Status GroupCapture::start(std::stop_token stop) {
@@ -43,7 +45,7 @@ absl::Status GroupCapture::show(const std::vector<Step>& steps, std::stop_token 
   judged_now_.clear();
   refused_now_.clear();
   unreadable_now_.clear();
-  const auto judging = [this](std::vector<v1::Frame> frames) { return judge(std::move(frames)); };
+  const auto judging = [&](std::vector<v1::Frame> frames) { return judge(std::move(frames), stop); };
   GW_RETURN_IF_ERROR(player_.play(learning_.begin_showing(steps), recording_, judging, stop));
   return stop.stop_requested() ? absl::CancelledError("stopped") : absl::OkStatus();
 }
@@ -66,18 +68,18 @@ absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) 
   return absl::OkStatus();
 }
 
-absl::StatusOr<bool> GroupCapture::judge(std::vector<v1::Frame> frames) {
+absl::StatusOr<bool> GroupCapture::judge(std::vector<v1::Frame> frames, std::stop_token stop) {
   const std::vector<v1::Frame> learning = learning_.take_learning_frames(std::move(frames));
   if (!learning.empty()) {
     GW_ASSIGN_OR_RETURN(const v1::LearnPatchesResponse learned,
-                        archive_.learn_patches(learning, learning_.accepted_unseen()));
+                        archive_.learn_patches(learning, learning_.accepted_unseen(), stop));
     progress_.note_kept(learned.frames(), 0);
     for (const std::string& warning : learning_.note_learned(learned)) progress_.warn(warning);
   }
   const std::optional<std::vector<v1::Frame>> ready = learning_.take_ready_frames();
   if (!ready) return false;
   if (ready->empty()) return true;
-  GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, archive_.keep(*ready));
+  GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, archive_.keep(*ready, stop));
   for (const v1::Frame& frame : *ready) judged_now_.insert(frame.step());
   refused_now_.insert(kept.refused_steps().begin(), kept.refused_steps().end());
   unreadable_now_.insert(kept.unreadable_steps().begin(), kept.unreadable_steps().end());

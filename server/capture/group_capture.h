@@ -39,7 +39,7 @@ class GroupCapture {
  private:
   // Has the camera node store the frames of one batch whose pixels agree. Returns false if a patch learning
   // step was missed, or taught nothing: frames of later steps cannot be judged, and the showing ends.
-  absl::StatusOr<bool> judge(std::vector<v1::Frame> frames);
+  absl::StatusOr<bool> judge(std::vector<v1::Frame> frames, std::stop_token stop);
   void note_retaken(const std::vector<Step>& steps);
   // Why the last showing did not prove the step.
   v1::RetakeCause cause_of(const Step& step) const;

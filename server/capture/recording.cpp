@@ -10,8 +10,8 @@ constexpr size_t kMaxRecent = 4096;
 
 }  // namespace
 
-Recording::Recording(const RigLinks& links, double exposure_ms)
-    : links_(links), camera_(*links.camera, *links.camera_stub, exposure_ms) {}
+Recording::Recording(const RigLinks& links, double exposure_ms, const std::string& request_id)
+    : links_(links), camera_(*links.camera, *links.camera_stub, exposure_ms, request_id) {}
 
 void Recording::begin_showing() {
   shown_now_.clear();

@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 #include <stop_token>
+#include <string>
 #include <vector>
 
 #include "core/timing/proof.h"
@@ -16,8 +17,8 @@ namespace glasswing {
 
 class Recording {
  public:
-  // Starts the camera, which stops at destruction. `links` is borrowed.
-  Recording(const RigLinks& links, double exposure_ms);
+  // Starts the camera, which stops at destruction. `links` is borrowed. `request_id`: CaptureRequest's.
+  Recording(const RigLinks& links, double exposure_ms, const std::string& request_id);
   // Returns when the camera runs as asked, or an error (CaptureStream::wait_running).
   absl::Status wait_running(std::stop_token stop) { return camera_.wait_running(stop); }
   double exposure_ms() const { return camera_.exposure_ms(); }

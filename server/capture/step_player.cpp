@@ -7,6 +7,7 @@
 #include <memory>
 #include <thread>
 
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
@@ -16,7 +17,7 @@ namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
-constexpr nanoseconds kMaxStartLead = std::chrono::seconds(2);
+constexpr nanoseconds kMaxStartLead = std::chrono::seconds(10);
 constexpr milliseconds kPoll(10);
 constexpr int kNoStep = -1;
 constexpr milliseconds kLastFrameWait(1500);  // for frames, after the last step has been replaced
@@ -78,22 +79,24 @@ absl::Status StepPlayer::measure_clocks(int count) {
   return setup_.links.exchange_clocks(count);
 }
 
-absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vector<Step>& steps) {
+absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vector<Step>& steps,
+                                     std::stop_token stop) {
   // Ids of successive showings differ in many bits.
   constexpr std::uint32_t kSpread = 40503, kIds = 1u << IdPatch::kBits;
   for (const Step& step : steps) patch_ids_[step.number] = ++showings_ * kSpread % kIds;
   int monitor_count = 0;
   for (const auto& display : setup_.links.displays) {
-    GW_RETURN_IF_ERROR(load(*display, program, steps));
+    GW_RETURN_IF_ERROR(load(*display, program, steps, stop));
     monitor_count += display->info.monitors_size();
   }
   return monitor_count;
 }
 
-absl::Status StepPlayer::load(const DisplayLink& display, const std::string& program,
-                              const std::vector<Step>& steps) const {
+absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
+                              const std::vector<Step>& steps, std::stop_token stop) const {
   v1::LoadProgramRequest load;
   load.set_program(program);
+  load.set_request_id(random_token());
   load.set_hold_refreshes(hold_refreshes_of(progress_.session().plan()));
   for (const v1::DisplayCalibration& calibration : setup_.header.display_calibrations()) {
     if (display.monitor(calibration.monitor()) != nullptr) *load.add_calibrations() = calibration;
@@ -113,9 +116,9 @@ absl::Status StepPlayer::load(const DisplayLink& display, const std::string& pro
     *load.add_steps() = std::move(shown);
   }
   v1::LoadProgramResponse loaded;
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::minutes(2));
-  return from_grpc(display.stub->LoadProgram(&context, load, &loaded), display.link.title());
+  return display.link.call("draw a program", std::move(stop), [&](grpc::ClientContext& context) {
+    return display.stub->LoadProgram(&context, load, &loaded);
+  });
 }
 
 absl::StatusOr<std::vector<v1::Frame>> StepPlayer::records_of(const std::vector<FrameMatcher::Match>& matches,
@@ -149,7 +152,16 @@ absl::Status StepPlayer::play(const std::vector<Step>& steps, Recording& recordi
                               std::stop_token stop) {
   recording.begin_showing();
   const std::string program = fmt::format("{}-{}", progress_.session().name(), ++program_number_);
-  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps));
+  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps, stop));
+  while (true) {
+    GW_ASSIGN_OR_RETURN(const bool in_time, play_loaded(program, monitor_count, recording, judge, stop));
+    if (in_time) return absl::OkStatus();
+    start_lead_ *= 2;
+  }
+}
+
+absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int monitor_count,
+                                             Recording& recording, const Judge& judge, std::stop_token stop) {
   ProgramFeeds feeds(setup_.links, program, monitor_count, monotonic_now() + start_lead_,
                      hold_refreshes_of(progress_.session().plan()));
   const auto note_shown = [&](const StableWindow& window) {
@@ -159,17 +171,14 @@ absl::Status StepPlayer::play(const std::vector<Step>& steps, Recording& recordi
   nanoseconds played_at{};
   while (!stop.stop_requested()) {
     const absl::StatusOr<bool> playing = feeds.poll(note_shown);
-    if (absl::IsDeadlineExceeded(playing.status()) && start_lead_ < kMaxStartLead) {
-      start_lead_ *= 2;
-      return absl::OkStatus();
-    }
+    if (absl::IsDeadlineExceeded(playing.status()) && start_lead_ < kMaxStartLead) return false;
     GW_RETURN_IF_ERROR(playing.status());
     if (const auto end = recording.end()) return *end;
     progress_.note_frames_taken(recording.take_frames());
     GW_ASSIGN_OR_RETURN(std::vector<v1::Frame> frames, records_of(recording.take_matches(), recording));
     if (!frames.empty()) {
       GW_ASSIGN_OR_RETURN(const bool go_on, judge(std::move(frames)));
-      if (!go_on) return absl::OkStatus();
+      if (!go_on) return true;
     }
     const nanoseconds now = monotonic_now();
     if (*playing) {
@@ -178,12 +187,12 @@ absl::Status StepPlayer::play(const std::vector<Step>& steps, Recording& recordi
       const std::optional<nanoseconds> replaced = feeds.last_replaced();
       const bool all_seen =
           !replaced || recording.frames_seen_until().value_or(nanoseconds(0)) > *replaced + milliseconds(50);
-      if (all_seen || now - played_at > kLastFrameWait) return absl::OkStatus();
+      if (all_seen || now - played_at > kLastFrameWait) return true;
     }
     if (now - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1));
     std::this_thread::sleep_for(kPoll);
   }
-  return absl::OkStatus();
+  return true;
 }
 
 }  // namespace glasswing

@@ -27,17 +27,20 @@ class StepPlayer {
 
   // Measures the offsets of all nodes' clocks. play() repeats this every second.
   absl::Status measure_clocks(int count);
-  // Shows `steps` once. Returns when the last frame that may belong to them has arrived, or earlier: if
-  // `judge` or `stop` ends the showing, or if a display refused it because the command arrived after its
-  // start. The next showing then allows the command more time. ABORTED: another program took the screens.
+  // Shows `steps` once. Returns when the last frame that may belong to them has arrived, or earlier, if
+  // `judge` or `stop` ends the showing. A start that a display refused, because the command arrived too late,
+  // is repeated with more time for the command. ABORTED: another program took the screens.
   absl::Status play(const std::vector<Step>& steps, Recording& recording, const Judge& judge,
                     std::stop_token stop);
 
  private:
   // Returns how many monitors will report each step.
-  absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps);
-  absl::Status load(const DisplayLink& display, const std::string& program,
-                    const std::vector<Step>& steps) const;
+  absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps, std::stop_token stop);
+  absl::Status load(DisplayLink& display, const std::string& program, const std::vector<Step>& steps,
+                    std::stop_token stop) const;
+  // Plays the loaded program. False: the command arrived too late at a display.
+  absl::StatusOr<bool> play_loaded(const std::string& program, int monitor_count, Recording& recording,
+                                   const Judge& judge, std::stop_token stop);
   absl::StatusOr<std::vector<v1::Frame>> records_of(const std::vector<FrameMatcher::Match>& matches,
                                                     const Recording& recording) const;
 

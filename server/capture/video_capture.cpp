@@ -25,12 +25,7 @@ bool VideoCapture::has_run() const {
 }
 
 absl::Status VideoCapture::take(const std::vector<Step>& frames, GroupCapture& group, std::stop_token stop) {
-  const auto was_shown = [&group](const Step& step) { return group.was_shown(step); };
-  // Only a start that came too late is repeated: then nothing was shown.
-  for (int start = 0;
-       start <= retries_of(progress_.session().plan()) && std::ranges::none_of(frames, was_shown); ++start) {
-    GW_RETURN_IF_ERROR(group.show(frames, stop));
-  }
+  GW_RETURN_IF_ERROR(group.show(frames, stop));
   if (has_run()) return absl::OkStatus();
   return group.unproven(fmt::format("none of the video's {} frames has a proof", frames.size()), frames);
 }

@@ -19,6 +19,9 @@
 
 namespace glasswing {
 
+// Nodes answer most calls at once; see NodeLink::call() for others.
+inline constexpr std::chrono::seconds kNodeCall(10);
+
 // A solver that is silent for so long is forgotten. Displays and cameras belong to the rig: they stay listed,
 // as away.
 inline constexpr nanoseconds kForgotten = std::chrono::minutes(10);
@@ -43,6 +46,10 @@ class NodeRegistry {
 
   explicit NodeRegistry(NodeNames names = {}, Now now = monotonic_now, IsAlive is_alive = takes_connections)
       : now_(std::move(now)), is_alive_(std::move(is_alive)), names_(std::move(names)) {}
+
+  // How long a node may take over a call until it is made again (NodeLink). Set before the first call.
+  void set_call_time(std::chrono::milliseconds time) { call_time_ = time; }
+  std::chrono::milliseconds call_time() const { return call_time_; }
 
   // Registers a node, or hears from it again. `caller`: whose certificate registers it; none without TLS.
   // INVALID_ARGUMENT: name or kind. PERMISSION_DENIED: the certificate lacks the kind's role, or another one
@@ -94,6 +101,7 @@ class NodeRegistry {
 
   const Now now_;
   const IsAlive is_alive_;
+  std::chrono::milliseconds call_time_ = kNodeCall;
   mutable std::mutex mutex_;
   NodeNames names_;                             // guarded by mutex_, as the rest
   std::map<std::string, Entry> entries_;        // by name

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/base/status.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -14,9 +15,11 @@ constexpr std::int64_t kSyncErrors =
 
 }  // namespace
 
-CaptureStream::CaptureStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms)
+CaptureStream::CaptureStream(NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms,
+                             const std::string& request_id)
     : camera_(camera), exposure_ms_(exposure_ms) {
   v1::CaptureRequest request;
+  request.set_request_id(request_id);
   request.set_exposure_ms(exposure_ms);
   reader_ = stub.Capture(&context_, request);
   thread_ = std::thread([this] { read(); });
@@ -27,10 +30,16 @@ CaptureStream::~CaptureStream() {
   thread_.join();
 }
 
-absl::Status CaptureStream::wait_running(std::stop_token stop) {
-  std::unique_lock lock(mutex_);
-  started_.wait_for(lock, stop, std::chrono::seconds(20),
-                    [this] { return running_ || inbox.end().has_value(); });
+absl::Status CaptureStream::wait_running(std::stop_token stop, nanoseconds within) {
+  const nanoseconds asked_at = monotonic_now();
+  const auto is_late = [&] { return monotonic_now() - asked_at >= within; };
+  GW_RETURN_IF_ERROR(camera_.wait("start the camera", stop, [&](std::chrono::milliseconds time) {
+    std::unique_lock lock(mutex_);
+    return started_.wait_for(lock, stop, std::min(nanoseconds(time), within), [this] {
+      return running_ || inbox.end().has_value();
+    }) || is_late();
+  }));
+  const std::lock_guard lock(mutex_);
   if (running_) return absl::OkStatus();
   return inbox.end().value_or(absl::DeadlineExceededError(camera_.title() + " did not start in time"));
 }

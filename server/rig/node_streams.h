@@ -48,11 +48,14 @@ class Inbox {
 // A camera's running Capture call, ended by the destructor.
 class CaptureStream {
  public:
-  CaptureStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms);
+  // `request_id`: CaptureRequest's.
+  CaptureStream(NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms,
+                const std::string& request_id);
   ~CaptureStream();
 
-  // Returns when the camera runs at the exposure asked for. DEADLINE_EXCEEDED after 20 s.
-  absl::Status wait_running(std::stop_token stop);
+  // Returns when the camera runs at the exposure asked for, which may take minutes. DEADLINE_EXCEEDED: it
+  // does not `within` this time, or the node does not even answer its clock. CANCELLED: stopped.
+  absl::Status wait_running(std::stop_token stop, nanoseconds within = nanoseconds::max());
   double exposure_ms() const { return exposure_ms_; }
 
   Inbox<v1::FrameTaken> inbox;  // times are the node's
@@ -60,7 +63,7 @@ class CaptureStream {
  private:
   void read();
 
-  const NodeLink& camera_;
+  NodeLink& camera_;
   const double exposure_ms_;
   grpc::ClientContext context_;
   std::unique_ptr<grpc::ClientReader<v1::CaptureResponse>> reader_;

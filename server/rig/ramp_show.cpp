@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/service/monitor.h"
 #include "core/service/service.h"
@@ -62,10 +63,11 @@ absl::Status RampShow::find_monitor(const std::string& name) {
 absl::Status RampShow::move_object(bool present) {
   v1::MoveObjectRequest request;
   request.set_present(present);
+  request.set_request_id(random_token());
   v1::MoveObjectResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::minutes(2));
-  GW_RETURN_IF_ERROR(from_grpc(stage_->MoveObject(&context, request, &response), rig_.camera->title()));
+  GW_RETURN_IF_ERROR(rig_.camera->call("move the object", {}, [&](grpc::ClientContext& context) {
+    return stage_->MoveObject(&context, request, &response);
+  }));
   description_.set_needs_operator(response.needs_operator());
   return absl::OkStatus();
 }

@@ -256,10 +256,11 @@ class RigCheck {
       *shown_frame.mutable_stimulus() = shown;
     }
     v1::LookForPatchesResponse found;
-    grpc::ClientContext context;
-    set_deadline(context, kNodeCall);
-    const grpc::Status status = links.camera_stub->LookForPatches(&context, look, &found);
-    if (!status.ok()) return tell_status("id patch", from_grpc(status, links.camera->title()));
+    const absl::Status looked =
+        links.camera->call("look for id patches", {}, [&](grpc::ClientContext& context) {
+          return links.camera_stub->LookForPatches(&context, look, &found);
+        });
+    if (!looked.ok()) return tell_status("id patch", looked);
     std::map<std::string, int> learned;
     for (const v1::Frame& frame : look.frames()) ++learned[frame.stimulus().panel()];
     for (const v1::DisplayMonitor& monitor : monitors_) {

@@ -5,23 +5,31 @@
 #include <algorithm>
 #include <set>
 
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/service/monitor.h"
 #include "core/service/service.h"
 
 namespace glasswing {
 
-NodeLink::NodeLink(const v1::Node& node)
+namespace {
+
+constexpr int kMostPatience = 16;  // of the call time, for one try
+
+}  // namespace
+
+NodeLink::NodeLink(const v1::Node& node, std::chrono::milliseconds call_time)
     : title_(fmt::format("{} node \"{}\" at {}", node.kind() == v1::NODE_KIND_CAMERA ? "camera" : "display",
                          node.name(), node.address())),
       address_(node.address()),
       channel_(dial(node.address(), only(role_of(node.kind())))),
-      stub_(v1::ClockService::NewStub(dial(node.address(), only(role_of(node.kind()))))) {}
+      stub_(v1::ClockService::NewStub(dial(node.address(), only(role_of(node.kind()))))),
+      call_time_(call_time) {}
 
-absl::Status NodeLink::exchange_clocks(int count) {
+absl::Status NodeLink::exchange_clocks(int count, std::chrono::milliseconds within) {
   for (int i = 0; i < count; ++i) {
     grpc::ClientContext context;
-    set_deadline(context, std::chrono::seconds(2));
+    set_deadline(context, within);
     v1::ExchangeResponse response;
     const nanoseconds sent = monotonic_now();
     const grpc::Status status = stub_->Exchange(&context, {}, &response);
@@ -36,6 +44,33 @@ absl::Status NodeLink::exchange_clocks(int count) {
   return absl::OkStatus();
 }
 
+absl::Status NodeLink::wait(const std::string& what, std::stop_token stop,
+                            const std::function<bool(std::chrono::milliseconds)>& answered) {
+  bool slow = false;
+  for (int patience = 1;; patience = std::min(2 * patience, kMostPatience)) {
+    const bool done = answered(patience * call_time_);
+    if (slow && note_slow_ && (done || stop.stop_requested())) note_slow_("");
+    if (stop.stop_requested()) return absl::CancelledError("stopped");
+    if (done) return absl::OkStatus();
+    GW_RETURN_IF_ERROR(exchange_clocks(1, kNodeCall));
+    if (!std::exchange(slow, true) && note_slow_)
+      note_slow_(fmt::format("the {} takes long to {}", title_, what));
+  }
+}
+
+absl::Status NodeLink::call(const std::string& what, std::stop_token stop,
+                            const std::function<grpc::Status(grpc::ClientContext&)>& make) {
+  grpc::Status status;
+  GW_RETURN_IF_ERROR(wait(what, stop, [&](std::chrono::milliseconds time) {
+    grpc::ClientContext context;
+    set_deadline(context, time);
+    const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
+    status = make(context);
+    return status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED;
+  }));
+  return from_grpc(status, title_);
+}
+
 ClockReading NodeLink::rig_from_node(nanoseconds node_time) const {
   const std::lock_guard lock(mutex_);
   return clock_.rig_from_node(node_time);
@@ -46,13 +81,12 @@ ClockReading NodeLink::node_from_rig(nanoseconds rig_time) const {
   return clock_.node_from_rig(rig_time);
 }
 
-DisplayLink::DisplayLink(const v1::Node& node)
-    : link(node), stub(v1::DisplayService::NewStub(link.channel())) {}
+DisplayLink::DisplayLink(const v1::Node& node, std::chrono::milliseconds call_time)
+    : link(node, call_time), stub(v1::DisplayService::NewStub(link.channel())) {}
 
-absl::Status DisplayLink::describe() {
-  grpc::ClientContext context;
-  set_deadline(context, kNodeCall);
-  return from_grpc(stub->GetDisplay(&context, {}, &info), link.title());
+absl::Status DisplayLink::describe(std::stop_token stop) {
+  return link.call("describe its monitors", std::move(stop),
+                   [this](grpc::ClientContext& context) { return stub->GetDisplay(&context, {}, &info); });
 }
 
 void DisplayLink::use(const CalibrationStore& store) {
@@ -69,14 +103,15 @@ const v1::DisplayMonitor* DisplayLink::monitor(const std::string& name) const {
   return nullptr;
 }
 
-absl::StatusOr<double> DisplayLink::move_monitor(const std::string& name, double position_mm) const {
+absl::StatusOr<double> DisplayLink::move_monitor(const std::string& name, double position_mm) {
   v1::MoveMonitorRequest request;
   request.set_monitor(name);
   request.set_position_mm(position_mm);
+  request.set_request_id(random_token());
   v1::MoveMonitorResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::seconds(70));  // a display may take a minute
-  GW_RETURN_IF_ERROR(from_grpc(stub->MoveMonitor(&context, request, &response), link.title()));
+  GW_RETURN_IF_ERROR(link.call("move its monitor", {}, [&](grpc::ClientContext& context) {
+    return stub->MoveMonitor(&context, request, &response);
+  }));
   return response.position_mm();
 }
 
@@ -87,19 +122,24 @@ MonitorNames monitors_of(const v1::Plan& plan) {
 }
 
 absl::Status RigLinks::exchange_clocks(int count) {
-  GW_RETURN_IF_ERROR(camera->exchange_clocks(count));
-  for (const auto& display : displays) GW_RETURN_IF_ERROR(display->link.exchange_clocks(count));
+  GW_RETURN_IF_ERROR(camera->exchange_clocks(count, kNodeCall));
+  for (const auto& display : displays) GW_RETURN_IF_ERROR(display->link.exchange_clocks(count, kNodeCall));
   return absl::OkStatus();
 }
 
+void RigLinks::note_slow_calls(const std::function<void(const std::string&)>& note) {
+  camera->note_slow_calls(note);
+  for (const auto& display : displays) display->link.note_slow_calls(note);
+}
+
 absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const CalibrationStore& calibrations,
-                                          const MonitorNames& monitors) {
+                                          const MonitorNames& monitors, std::stop_token stop) {
   RigLinks links;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
   absl::Status silent;
   for (const v1::Node& node : displays) {
-    auto display = std::make_unique<DisplayLink>(node);
-    const absl::Status described = display->describe();
+    auto display = std::make_unique<DisplayLink>(node, rig.call_time());
+    const absl::Status described = display->describe(stop);
     if (!described.ok()) {
       silent.Update(described);
       links.silent_displays.push_back(display->link.title());
@@ -118,15 +158,16 @@ absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const Calibra
 }
 
 absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations,
-                                 const std::string& camera, const MonitorNames& monitors) {
-  GW_ASSIGN_OR_RETURN(RigLinks links, connect_displays(rig, calibrations, monitors));
+                                 const std::string& camera, const MonitorNames& monitors,
+                                 std::stop_token stop) {
+  GW_ASSIGN_OR_RETURN(RigLinks links, connect_displays(rig, calibrations, monitors, stop));
   GW_ASSIGN_OR_RETURN(const v1::Node node, rig.camera(camera));
-  links.camera = std::make_unique<NodeLink>(node);
+  links.camera = std::make_unique<NodeLink>(node, rig.call_time());
   links.camera_stub = v1::CameraService::NewStub(links.camera->channel());
-  grpc::ClientContext context;
-  set_deadline(context, kNodeCall);
   GW_RETURN_IF_ERROR(
-      from_grpc(links.camera_stub->GetCamera(&context, {}, &links.camera_info), links.camera->title()));
+      links.camera->call("describe its camera", std::move(stop), [&](grpc::ClientContext& context) {
+        return links.camera_stub->GetCamera(&context, {}, &links.camera_info);
+      }));
   return links;
 }
 

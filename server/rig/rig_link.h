@@ -4,10 +4,13 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <stop_token>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/timing/clock_model.h"
@@ -20,19 +23,28 @@
 
 namespace glasswing {
 
-// The deadline of calls that a node answers at once.
-inline constexpr std::chrono::seconds kNodeCall(10);
-
 // A node and the relation of its clock to ours. Rig time is the server's CLOCK_MONOTONIC, which setting the
 // wall clock does not move. Times may be converted on any thread.
 class NodeLink {
  public:
-  explicit NodeLink(const v1::Node& node);
+  explicit NodeLink(const v1::Node& node, std::chrono::milliseconds call_time = kNodeCall);
   // "camera node \"camera-1\" at 127.0.0.1:7442"
   const std::string& title() const { return title_; }
   const std::string& address() const { return address_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
-  absl::Status exchange_clocks(int count);
+  // DEADLINE_EXCEEDED: the node does not answer `within` this time.
+  absl::Status exchange_clocks(int count, std::chrono::milliseconds within = std::chrono::seconds(2));
+  // Makes a call until the node answers it. One that takes longer than the call time is made again, with
+  // twice the time, as long as the node answers its clock: it is slow, not away. `make` gives a call that
+  // changes something the same request_id each time. `what`: for people, "store frames". DEADLINE_EXCEEDED:
+  // the node does not answer its clock either. CANCELLED: stopped.
+  absl::Status call(const std::string& what, std::stop_token stop,
+                    const std::function<grpc::Status(grpc::ClientContext&)>& make);
+  // The same of a call that is under way: waits for `answered`. DEADLINE_EXCEEDED as call().
+  absl::Status wait(const std::string& what, std::stop_token stop,
+                    const std::function<bool(std::chrono::milliseconds)>& answered);
+  // `note` is told who takes long over what, when a call has taken the call time, and "" once it is answered.
+  void note_slow_calls(std::function<void(const std::string&)> note) { note_slow_ = std::move(note); }
   ClockReading rig_from_node(nanoseconds node_time) const;
   ClockReading node_from_rig(nanoseconds rig_time) const;
 
@@ -42,18 +54,20 @@ class NodeLink {
   // Has a connection of its own: behind the camera's stream of frames an exchange would be delayed in one
   // direction, which biases the offset.
   std::unique_ptr<v1::ClockService::Stub> stub_;
+  const std::chrono::milliseconds call_time_;
+  std::function<void(const std::string&)> note_slow_;
   mutable std::mutex mutex_;
   ClockModel clock_;
 };
 
 struct DisplayLink {
-  explicit DisplayLink(const v1::Node& node);
+  explicit DisplayLink(const v1::Node& node, std::chrono::milliseconds call_time = kNodeCall);
   // Fetches `info`.
-  absl::Status describe();
+  absl::Status describe(std::stop_token stop);
   // Copies measured lag and settling into `sync`.
   void use(const CalibrationStore& store);
   // Errors are those of DisplayService.MoveMonitor.
-  absl::StatusOr<double> move_monitor(const std::string& name, double position_mm) const;
+  absl::StatusOr<double> move_monitor(const std::string& name, double position_mm);
   // Null: the display has no monitor of that name.
   const v1::DisplayMonitor* monitor(const std::string& name) const;
 
@@ -72,6 +86,7 @@ struct RigLinks {
   v1::GetCameraResponse camera_info;
 
   absl::Status exchange_clocks(int count);
+  void note_slow_calls(const std::function<void(const std::string&)>& note);
   // FAILED_PRECONDITION: two monitors have the same name.
   absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
 };
@@ -85,11 +100,12 @@ absl::Status no_monitor(const std::string& name, const std::vector<v1::Monitor>&
 absl::Status check_monitors(const MonitorNames& names, const std::vector<v1::Monitor>& monitors);
 MonitorNames monitors_of(const v1::Plan& plan);
 // `camera`: as for NodeRegistry::camera(), whose errors are returned. UNAVAILABLE: the camera is away, or a
-// display that may have one of the monitors.
+// display that may have one of the monitors. CANCELLED: stopped.
 absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations,
-                                 const std::string& camera, const MonitorNames& monitors);
+                                 const std::string& camera, const MonitorNames& monitors,
+                                 std::stop_token stop = {});
 // The same without a camera.
 absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const CalibrationStore& calibrations,
-                                          const MonitorNames& monitors);
+                                          const MonitorNames& monitors, std::stop_token stop = {});
 
 }  // namespace glasswing

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <thread>
 
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
 
@@ -44,11 +45,11 @@ absl::StatusOr<std::unique_ptr<StaticPattern>> StaticPattern::start(
       if (display->monitor(calibration.monitor()) != nullptr) *request.add_calibrations() = calibration;
     }
     GW_RETURN_IF_ERROR(display->link.exchange_clocks(8));
-    grpc::ClientContext context;
-    set_deadline(context, std::chrono::minutes(1));
+    request.set_request_id(random_token());
     v1::LoadProgramResponse response;
-    GW_RETURN_IF_ERROR(
-        from_grpc(display->stub->LoadProgram(&context, request, &response), display->link.title()));
+    GW_RETURN_IF_ERROR(display->link.call("draw a program", stop, [&](grpc::ClientContext& context) {
+      return display->stub->LoadProgram(&context, request, &response);
+    }));
   }
   const nanoseconds start = monotonic_now() + kPictureLead;
   nanoseconds there = start;

@@ -64,7 +64,8 @@ v1::Stimulus band_stimulus(const Target& target, size_t band) {
 
 absl::StatusOr<v1::MeasureLightResponse> measure_light(RigLinks& rig,
                                                        const std::vector<v1::FrameTaken>& frames,
-                                                       const v1::CameraCalibration* calibration) {
+                                                       const v1::CameraCalibration* calibration,
+                                                       std::stop_token stop) {
   constexpr size_t kBatch = 32;
   v1::MeasureLightResponse measured;
   for (size_t first = 0; first < frames.size(); first += kBatch) {
@@ -73,10 +74,9 @@ absl::StatusOr<v1::MeasureLightResponse> measure_light(RigLinks& rig,
     for (size_t i = first; i < std::min(first + kBatch, frames.size()); ++i)
       request.add_sequences(frames[i].sequence());
     v1::MeasureLightResponse response;
-    grpc::ClientContext context;
-    set_deadline(context, std::chrono::minutes(1));
-    GW_RETURN_IF_ERROR(
-        from_grpc(rig.camera_stub->MeasureLight(&context, request, &response), rig.camera->title()));
+    GW_RETURN_IF_ERROR(rig.camera->call("measure light", stop, [&](grpc::ClientContext& context) {
+      return rig.camera_stub->MeasureLight(&context, request, &response);
+    }));
     for (v1::FrameLight& light : *response.mutable_frames()) *measured.add_frames() = std::move(light);
   }
   return measured;
@@ -145,7 +145,7 @@ absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms,
     wanted.push_back(frame);
   }
   measurement.clock_errors += display_error + camera_error;
-  GW_ASSIGN_OR_RETURN(const v1::MeasureLightResponse measured, measure_light(rig, wanted, calibration));
+  GW_ASSIGN_OR_RETURN(const v1::MeasureLightResponse measured, measure_light(rig, wanted, calibration, stop));
   for (const v1::FrameLight& light : measured.frames()) {
     LightFrame& frame = measurement.record.frames.emplace_back(times.at(light.sequence()));
     frame.row_mean.assign(light.row_mean().begin(), light.row_mean().end());

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <thread>
 
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
 
@@ -12,12 +13,14 @@ namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
-constexpr milliseconds kStartLead(300);  // from the command to the first step
+constexpr std::chrono::seconds kStarted(20);  // how long a camera may take to start
+constexpr milliseconds kStartLead(300);       // from the command to the first step
 constexpr milliseconds kTail(100);
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 constexpr milliseconds kPoll(10);
 
-absl::Status load(const DisplayLink& display, const std::string& program, const TestCapture& test) {
+absl::Status load(DisplayLink& display, const std::string& program, const TestCapture& test,
+                  std::stop_token stop) {
   v1::LoadProgramRequest request;
   request.set_program(program);
   request.set_hold_refreshes(test.hold_refreshes);
@@ -28,21 +31,22 @@ absl::Status load(const DisplayLink& display, const std::string& program, const 
       if (display.monitor(stimulus.panel()) != nullptr) *own.add_stimuli() = stimulus;
     }
   }
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::minutes(1));
+  request.set_request_id(random_token());
   v1::LoadProgramResponse response;
-  return from_grpc(display.stub->LoadProgram(&context, request, &response), display.link.title());
+  return display.link.call("draw a program", std::move(stop), [&](grpc::ClientContext& context) {
+    return display.stub->LoadProgram(&context, request, &response);
+  });
 }
 
 }  // namespace
 
 absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test,
                                                    std::stop_token stop) {
-  CaptureStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms);
-  GW_RETURN_IF_ERROR(camera.wait_running(stop));
+  CaptureStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms, random_token());
+  GW_RETURN_IF_ERROR(camera.wait_running(stop, kStarted));
   GW_RETURN_IF_ERROR(rig.exchange_clocks(8));
   const std::string program = fmt::format("trial-{}", monotonic_now().count());
-  for (const DisplayLink* display : test.displays) GW_RETURN_IF_ERROR(load(*display, program, test));
+  for (DisplayLink* display : test.displays) GW_RETURN_IF_ERROR(load(*display, program, test, stop));
   const nanoseconds start_at = monotonic_now() + kStartLead;
   const std::vector<const DisplayLink*> displays(test.displays.begin(), test.displays.end());
   const nanoseconds step = common_step(displays, test.hold_refreshes);

@@ -83,7 +83,9 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
                       solves_.forget(session.name());
                       drafts_.forget(session.name());
                       captures_.forget(session);
-                    }}) {}
+                    }}) {
+  rig_.set_call_time(options.node_call);
+}
 
 absl::Status Server::take_up() {
   {

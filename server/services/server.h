@@ -39,7 +39,8 @@ struct ServerOptions {
   std::string jobs = {};     // connection string of a PostgreSQL; empty: SQLite below `data`
   std::string address = {};  // where solvers of other servers reach this one; empty: there are none
   std::chrono::milliseconds lease{10000};
-  double min_tile_seconds = kMinTileSeconds;  // of work in a tile of rows
+  double min_tile_seconds = kMinTileSeconds;        // of work in a tile of rows
+  std::chrono::milliseconds node_call = kNodeCall;  // until a call to a node is made again
 };
 
 // Thread-safe.

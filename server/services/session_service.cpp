@@ -44,7 +44,10 @@ grpc::Status SessionServiceImpl::CreateSession(grpc::ServerContext* context,
                                                const v1::CreateSessionRequest* request,
                                                v1::CreateSessionResponse* response) {
   GW_CHECK_LIMITS(*request);
-  return answer(server_.captures().create(*request, caller_of(*context)), response);
+  // A client repeats a call that is not answered in time, and the first may still be at work.
+  return answer(creations_.run(*context, request->request_id(),
+                               [&] { return server_.captures().create(*request, caller_of(*context)); }),
+                response);
 }
 
 grpc::Status SessionServiceImpl::EstimateSession(grpc::ServerContext*,

@@ -3,6 +3,7 @@
 
 #include <atomic>
 
+#include "core/service/joined_calls.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "server/services/server.h"
@@ -60,6 +61,7 @@ class SessionServiceImpl final : public v1::SessionService::Service {
 
   Server& server_;
   Waits waits_;
+  JoinedCalls<v1::Session> creations_{0};
   std::atomic<bool> stopping_ = false;
 };
 

@@ -31,6 +31,7 @@ constexpr OwnReason kOwnReasons[] = {
     {kWaitsForStore, "the job store does not answer: ", "start it; the solve then goes on by itself"},
     {kWaitsForRoom,
      "the camera node's disk is full: ", "free space there; the capture then goes on by itself"},
+    {kWaitsForAnswer, "", "it is at work; the capture then goes on by itself"},
     {kWaitsForNode, "", "start it again; after half a minute the capture pauses, and loses nothing"},
 };
 

@@ -14,6 +14,21 @@ namespace {
 
 constexpr size_t kMaxTileBytes = 256u << 20;
 
+std::string name_of(const v1::TileLease& lease) {
+  return fmt::format("{} {} {}", lease.job(), lease.tile(), lease.attempt());
+}
+
+absl::Status complete_rows(Server& server, const v1::CompleteTileRequest& header,
+                           grpc::ServerReader<v1::CompleteTileRequest>& reader) {
+  std::string matte = header.chunk();
+  for (v1::CompleteTileRequest more; reader.Read(&more);) {
+    matte += more.chunk();
+    if (matte.size() > kMaxTileBytes)
+      return absl::InvalidArgumentError(fmt::format("the tile is larger than {} bytes", kMaxTileBytes));
+  }
+  return server.tiles().complete(header, matte);
+}
+
 absl::Status complete_frames(Server& server, const v1::CompleteTileRequest& header, FrameMattes mattes,
                              grpc::ServerReader<v1::CompleteTileRequest>& reader) {
   int frame = -1;
@@ -39,15 +54,30 @@ grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::
   GW_CHECK_LIMITS(*request);
   if (const absl::Status owned = check_solver(*context, request->solver()); !owned.ok())
     return to_grpc(owned);
-  const nanoseconds until =
-      monotonic_now() + std::chrono::milliseconds(std::clamp(request->wait_ms(), 0, 10000));
+  const std::string id =
+      request->request_id().empty() ? "" : fmt::format("{} {}", request->solver(), request->request_id());
   while (true) {
-    absl::StatusOr<v1::ClaimTileResponse> claimed = server_.tiles().claim(*request);
-    if (!claimed.ok()) return to_grpc(claimed.status());
-    if (claimed->has_lease() || monotonic_now() >= until || context->IsCancelled()) {
-      *response = *std::move(claimed);
-      return grpc::Status::OK;
-    }
+    bool joined = true;
+    absl::StatusOr<v1::ClaimTileResponse> claimed = claims_.run(*context, id, [&] {
+      joined = false;
+      return claim(*context, *request);
+    });
+    // Of an earlier call's answer only a tile that is still this solver's is worth having.
+    const bool is_stale =
+        joined && claimed.ok() && !(claimed->has_lease() && server_.tiles().renew(claimed->lease()).ok());
+    if (!is_stale) return answer(std::move(claimed), *response);
+    claims_.forget(id);
+  }
+}
+
+absl::StatusOr<v1::ClaimTileResponse> WorkServiceImpl::claim(const grpc::ServerContext& context,
+                                                             const v1::ClaimTileRequest& request) {
+  const nanoseconds until =
+      monotonic_now() + std::chrono::milliseconds(std::clamp(request.wait_ms(), 0, 10000));
+  while (true) {
+    absl::StatusOr<v1::ClaimTileResponse> claimed = server_.tiles().claim(request);
+    if (!claimed.ok() || claimed->has_lease() || monotonic_now() >= until || context.IsCancelled())
+      return claimed;
     // An expiring lease gives no hint, so ask again every half second.
     server_.tiles().wait_for_tiles(std::chrono::milliseconds(500));
   }
@@ -61,32 +91,31 @@ grpc::Status WorkServiceImpl::KeepTile(grpc::ServerContext*, const v1::KeepTileR
 
 grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext* context,
                                            grpc::ServerReader<v1::CompleteTileRequest>* reader,
-                                           v1::CompleteTileResponse*) {
+                                           v1::CompleteTileResponse* response) {
   v1::CompleteTileRequest header;
   if (!reader->Read(&header) || !header.has_lease()) {
     return to_grpc(absl::InvalidArgumentError("the first message must name the tile"));
   }
   GW_CHECK_LIMITS(header);
   if (const absl::Status owned = check_solver(*context, header.solver()); !owned.ok()) return to_grpc(owned);
-  absl::StatusOr<std::optional<FrameMattes>> mattes = server_.tiles().frames_of(header.lease());
-  if (!mattes.ok()) return to_grpc(mattes.status());
-  if (*mattes) return to_grpc(complete_frames(server_, header, **std::move(mattes), *reader));
-  std::string matte = header.chunk();
-  v1::CompleteTileRequest more;
-  while (reader->Read(&more)) {
-    matte += more.chunk();
-    if (matte.size() > kMaxTileBytes) {
-      return to_grpc(
-          absl::InvalidArgumentError(fmt::format("the tile is larger than {} bytes", kMaxTileBytes)));
-    }
-  }
-  return to_grpc(server_.tiles().complete(header, matte));
+  const auto complete = [&]() -> absl::StatusOr<v1::CompleteTileResponse> {
+    GW_ASSIGN_OR_RETURN(std::optional<FrameMattes> mattes, server_.tiles().frames_of(header.lease()));
+    GW_RETURN_IF_ERROR(mattes ? complete_frames(server_, header, *std::move(mattes), *reader)
+                              : complete_rows(server_, header, *reader));
+    return v1::CompleteTileResponse();
+  };
+  return answer(results_.run(*context, name_of(header.lease()), complete), *response);
 }
 
-grpc::Status WorkServiceImpl::CompleteSurvey(grpc::ServerContext*, const v1::CompleteSurveyRequest* request,
-                                             v1::CompleteSurveyResponse*) {
+grpc::Status WorkServiceImpl::CompleteSurvey(grpc::ServerContext* context,
+                                             const v1::CompleteSurveyRequest* request,
+                                             v1::CompleteSurveyResponse* response) {
   GW_CHECK_LIMITS(*request);
-  return to_grpc(server_.solves().complete_survey(*request));
+  const auto complete = [&]() -> absl::StatusOr<v1::CompleteSurveyResponse> {
+    GW_RETURN_IF_ERROR(server_.solves().complete_survey(*request));
+    return v1::CompleteSurveyResponse();
+  };
+  return answer(surveys_.run(*context, name_of(request->lease()), complete), *response);
 }
 
 grpc::Status WorkServiceImpl::FailTile(grpc::ServerContext* context, const v1::FailTileRequest* request,

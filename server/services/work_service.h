@@ -1,6 +1,7 @@
 // WorkService, called by solvers.
 #pragma once
 
+#include "core/service/joined_calls.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "server/services/server.h"
 
@@ -20,8 +21,14 @@ class WorkServiceImpl final : public v1::WorkService::Service {
  private:
   // PERMISSION_DENIED: the solver of this name has another certificate.
   absl::Status check_solver(const grpc::ServerContext& context, const std::string& name) const;
+  // Waits for a tile, as long as the request says.
+  absl::StatusOr<v1::ClaimTileResponse> claim(const grpc::ServerContext& context,
+                                              const v1::ClaimTileRequest& request);
 
   Server& server_;
+  JoinedCalls<v1::ClaimTileResponse> claims_{NodeRegistry::kMaxNodes};
+  JoinedCalls<v1::CompleteTileResponse> results_{0};    // by attempt
+  JoinedCalls<v1::CompleteSurveyResponse> surveys_{0};  // by attempt
 };
 
 }  // namespace glasswing

@@ -22,6 +22,7 @@ namespace glasswing {
 // How the reason of a running capture or solve begins while it waits: "waiting for room: " and why.
 inline constexpr std::string_view kWaitsForNode = "waiting", kWaitsForRoom = "waiting for room",
                                   kWaitsForServerRoom = "waiting for room on the server's disk",
+                                  kWaitsForAnswer = "waiting for an answer",
                                   kWaitsForStore = "waiting for the job store";
 
 // "paused"

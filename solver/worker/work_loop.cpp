@@ -17,6 +17,7 @@
 #include "core/base/checksum.h"
 #include "core/base/fault_point.h"
 #include "core/base/low_priority.h"
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/base/version.h"
@@ -148,6 +149,7 @@ class WorkLoop {
   std::vector<std::future<void>> deliveries_;
   std::atomic<size_t> pending_bytes_ = 0;  // of their results
   bool reached_ = true;
+  std::string claim_id_;  // of the claim that the server has not answered yet; one claim runs at a time
 };
 
 Stub& WorkLoop::owner_of(const v1::ClaimTileResponse& tile) {
@@ -164,15 +166,18 @@ absl::StatusOr<std::unique_ptr<OwnTile>> WorkLoop::claim(bool ahead) {
   request.set_wait_ms(ahead ? 0 : 2000);
   request.set_version(kVersion);
   request.set_ahead(ahead);
+  if (claim_id_.empty()) claim_id_ = random_token();
+  request.set_request_id(claim_id_);
   for (const auto& [method, version] : method_versions())
     (*request.mutable_method_versions())[method] = version;
   auto tile = std::make_unique<OwnTile>();
   grpc::ClientContext context;
-  set_deadline(context, seconds(ahead ? 1 : 5));
+  set_deadline(context, ahead ? milliseconds(1000) : options_.claim_time);
   context.set_wait_for_ready(!ahead);
   const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
   const grpc::Status status = asked_->ClaimTile(&context, request, &tile->claim);
-  if (!status.ok()) return from_grpc(status);
+  if (!status.ok()) return from_grpc(status);  // the next claim asks for the tile that this one may have got
+  claim_id_.clear();
   if (!tile->claim.has_lease()) return nullptr;
   fault_point("tile claimed");
   tile->since = std::chrono::steady_clock::now();
@@ -246,7 +251,7 @@ void WorkLoop::deliver(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
     first.set_unsolved_pixel_count(solved.pixels.unsolved);
     for (const v1::RefusedFrame& refused : solved.refused) *first.add_refused() = refused;
     if (tile->claim.frame_count() == 0) first.set_checksum(checksum_of(solved.files.front().bytes));
-    set_deadline(context, std::chrono::minutes(1) + solved.files.size() * seconds(10));
+    set_deadline(context, options_.result_time * (6 + static_cast<int>(solved.files.size())) / 6);
     v1::CompleteTileResponse response;
     const auto writer = owner.CompleteTile(&context, &response);
     bool open = writer->Write(first);
@@ -293,7 +298,7 @@ void WorkLoop::survey_for(OwnTile& tile) {
   request.set_solver(options_.name);
   request.mutable_row_seconds()->Add(row_seconds->begin(), row_seconds->end());
   insist(tile, [&](grpc::ClientContext& context) {
-    set_deadline(context, std::chrono::minutes(1));
+    set_deadline(context, options_.result_time);
     v1::CompleteSurveyResponse response;
     return owner_of(tile.claim).CompleteSurvey(&context, request, &response);
   });

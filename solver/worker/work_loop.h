@@ -11,8 +11,10 @@ namespace glasswing {
 
 struct WorkOptions {
   std::string server, name;
-  int threads = 0;                          // for solving; 0: one for each core
-  std::chrono::milliseconds until_idle{0};  // end after so long without work; 0: never
+  int threads = 0;                               // for solving; 0: one for each core
+  std::chrono::milliseconds until_idle{0};       // end after so long without work; 0: never
+  std::chrono::milliseconds claim_time{5000};    // until a claim is made again, more than its wait of 2 s
+  std::chrono::milliseconds result_time{60000};  // until a result is sent again
 };
 
 // Runs until `stop` is requested and then returns an unsolved tile to the server. While one tile is solved,

@@ -12,14 +12,15 @@ using RepeatedCopy = ArchiveTest;
 
 TEST_F(RepeatedCopy, WaitsForTheEndOfTheFirst) {
   ArchiveStore store(root_ / "node");
-  ASSERT_TRUE(store.begin_copy("s").ok());
+  ASSERT_TRUE(store.begin_copy("s", [] { return true; }).ok());  // its caller has gone
   std::latch asked(1);
   std::jthread first([&] {
     asked.wait();
     store.end_copy("s");
   });
   asked.count_down();
-  EXPECT_TRUE(store.begin_copy("s").ok());
+  EXPECT_TRUE(store.begin_copy("s", [] { return false; }).ok());
+  EXPECT_TRUE(absl::IsAborted(store.begin_copy("s", [] { return false; })));  // that one still runs
 }
 
 }  // namespace

@@ -5,24 +5,37 @@ source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
 "${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1
-# Slowly, so that solvers need not be fast.
 plan=$work/slow.txtpb
 sed 's/^hold_refreshes:.*/hold_refreshes: 6/' "$root/deploy/plans/crystal.txtpb" >"$plan"
 
 is() { [[ $(shown "$1" state) == SESSION_STATE_$2 ]]; } # SESSION STATE
 images() { shown s image_count; } # of the newest draft
+proven() { shown s proven_count; }
+proven_at_least() { (($(proven) >= $1)); } # STEPS
+no_work() { [[ -n $(glasswing nodes --json | grep '"detail": *"waiting for work"') ]]; }
 drafted() { [[ -n $(images) ]]; }
-refined() { [[ -n $(images) && $(images) != "$1" ]]; } # IMAGES
+swept() { glasswing show s | grep -q "^draft .* $1 of 4 sweeps"; } # SWEEPS
+# The capture is held back: it takes some more images when the solver has nothing to do, until the command succeeds.
+hold_back() { # COMMAND...
+  local before
+  until "$@"; do
+    is s CAPTURING || glasswing resume s >/dev/null
+    before=$(proven)
+    until_true 60 proven_at_least $((before + 20)) || fail "s is $(shown s state): $(shown s reason)"
+    glasswing pause s >/dev/null
+    until_true 120 no_work || fail "the solver still works on $(glasswing nodes)"
+  done
+}
 
 echo "== a draft comes while the session is captured"
 glasswing capture "$plan" --session s --solve >/dev/null
 refused 'is capturing' glasswing fetch s -o "$work/none.exr"
-until_true 60 drafted || fail "no draft came"
-is s CAPTURING || fail "the first draft came only when s was $(shown s state)"
+hold_back drafted
 first=$(images)
 planned=$(shown s planned_image_count)
-echo "the first draft is of $first of $planned images, with $(shown s proven_count) proven"
+echo "the first draft is of $first of $planned images, with $(proven) proven"
 ((first < planned / 2)) || fail "it is of $first of $planned images"
+glasswing resume s >/dev/null
 glasswing fetch s -o "$work/draft.exr" --partial | tee "$work/fetched"
 grep -q "a draft of [0-9]* of $planned images, 3 of 4 sweeps" "$work/fetched" || fail "it does not say what it is made of"
 glasswing show s | grep -q '^draft  *a draft of' || fail "show does not tell the draft"
@@ -33,6 +46,7 @@ for daemon in server solver-1 camera-1; do kill -KILL "$(cat "$work/rig/run/$dae
 "${rig[@]}" up --data "$work/rig" >/dev/null
 (($(images) >= first)) || fail "the draft is gone"
 glasswing fetch s -o "$work/again.exr" --partial
+hold_back swept 4
 glasswing resume s >/dev/null
 glasswing watch s 2>"$work/watch" || fail "s is $(shown s state)"
 is s DONE || fail "s is $(shown s state)"

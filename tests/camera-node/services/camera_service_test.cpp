@@ -4,11 +4,17 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cstring>
+#include <future>
+#include <latch>
 #include <limits>
+#include <thread>
 
 #include "core/base/checksum.h"
+#include "core/base/fault_point.h"
 #include "core/base/file.h"
+#include "core/service/joined_calls.h"
 #include "tests/camera-node/services/camera_node_fixture.h"
 
 namespace glasswing {
@@ -224,6 +230,54 @@ TEST_F(CameraNode, PutFramesAreCheckedAndDamageIsNamed) {
   const grpc::Status damaged = read_rows("s", "frames/a.tif", 0, 1, &rows);
   EXPECT_EQ(damaged.error_code(), grpc::StatusCode::DATA_LOSS);
   EXPECT_NE(damaged.error_message().find("frames/a.tif"), std::string::npos) << damaged.error_message();
+}
+
+TEST_F(CameraNode, ARepeatedKeepGetsTheAnswerOfTheFirst) {
+  ASSERT_TRUE(create_archive("s").ok());
+  v1::CaptureRequest request;
+  request.set_exposure_ms(4.0);
+  grpc::ClientContext context;
+  const auto reader = camera_stub_->Capture(&context, request);
+  v1::CaptureResponse response;
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(reader->Read(&response));
+  v1::KeepFramesRequest keep;
+  keep.set_session("s");
+  keep.set_request_id("one");
+  keep.add_frames()->set_sequence(response.frame().sequence());
+  keep.mutable_frames(0)->set_step(7);
+  const auto ask = [&] {
+    v1::KeepFramesResponse kept;
+    grpc::ClientContext keep_context;
+    const grpc::Status status = camera_stub_->KeepFrames(&keep_context, keep, &kept);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return kept;
+  };
+  std::latch begun(1), released(1);
+  std::atomic<int> stored = 0;
+  at_fault_points([&](std::string_view point) {
+    if (point != "frames written" || ++stored > 1) return;
+    begun.count_down();
+    released.wait();
+  });
+  const double joined = joined_calls().Value();
+  auto first = std::async(std::launch::async, ask);
+  begun.wait();
+  auto second = std::async(std::launch::async, ask);
+  while (joined_calls().Value() == joined) std::this_thread::yield();
+  released.count_down();
+  const std::string answer = first.get().SerializeAsString();
+  EXPECT_EQ(second.get().SerializeAsString(), answer);
+  // The frame may have left the ring, and still the answer names it.
+  context.TryCancel();
+  while (reader->Read(&response)) {
+  }
+  keep.mutable_frames(0)->set_sequence(-1);
+  EXPECT_EQ(ask().SerializeAsString(), answer);
+  keep.set_request_id("two");
+  EXPECT_EQ(ask().frames_size(), 0);
+  EXPECT_EQ(stored, 1);
+  at_fault_points(nullptr);
+  EXPECT_EQ(store_->find("s").value()->manifest().frames_size(), 1);
 }
 
 }  // namespace

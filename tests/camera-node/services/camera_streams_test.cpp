@@ -1,9 +1,12 @@
 // CameraService.Preview and StreamFrames of a simulated camera node.
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <latch>
 #include <limits>
 #include <optional>
 
+#include "core/base/fault_point.h"
 #include "core/frame/image.h"
 #include "tests/camera-node/services/camera_node_fixture.h"
 
@@ -199,6 +202,85 @@ TEST_F(CameraNode, RefusesPreviewsThatCannotBe) {
   EXPECT_EQ(code(2.0, 5000, 4.0), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(code(2.0, 640, -1.0), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(code(2.0, 640, nan), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+// Holds the camera back while it starts.
+class SlowStart {
+ public:
+  SlowStart() {
+    at_fault_points([this](std::string_view point) {
+      if (point != "camera starts") return;
+      if (++starts_ == 1) begun_.count_down();
+      released_.wait();
+    });
+  }
+  ~SlowStart() { at_fault_points(nullptr); }
+  void wait_begun() { begun_.wait(); }
+  void release() { released_.count_down(); }
+  int starts() const { return starts_; }
+
+ private:
+  std::latch begun_{1}, released_{1};
+  std::atomic<int> starts_ = 0;
+};
+
+v1::CaptureRequest capture_of(const std::string& session) {
+  v1::CaptureRequest request;
+  request.set_exposure_ms(4.0);
+  request.set_request_id(session);
+  return request;
+}
+
+TEST_F(CameraNode, ARepeatedCaptureTakesTheCameraOverFromTheFirstWhichStillStartsIt) {
+  SlowStart slow;
+  v1::CaptureResponse response;
+  grpc::ClientContext first_context, other_context, again_context;
+  const auto first = camera_stub_->Capture(&first_context, capture_of("s"));
+  slow.wait_begun();
+  // Another session's call is refused, as ever.
+  const auto other = camera_stub_->Capture(&other_context, capture_of("t"));
+  EXPECT_FALSE(other->Read(&response));
+  EXPECT_EQ(other->Finish().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  const auto again = camera_stub_->Capture(&again_context, capture_of("s"));
+  slow.release();
+  ASSERT_TRUE(again->Read(&response)) << again->Finish().error_message();
+  EXPECT_FALSE(response.has_frame());
+  ASSERT_TRUE(again->Read(&response));
+  EXPECT_DOUBLE_EQ(response.frame().exposure_ms(), 4.0);
+  while (first->Read(&response)) {
+  }
+  EXPECT_EQ(first->Finish().error_code(), grpc::StatusCode::ABORTED);
+  EXPECT_EQ(slow.starts(), 1);
+  again_context.TryCancel();
+}
+
+TEST_F(CameraNode, ACaptureWhoseCallerHasGoneIsNoOtherClient) {
+  SlowStart slow;
+  v1::CaptureResponse response;
+  grpc::ClientContext first_context, next_context;
+  const auto first = camera_stub_->Capture(&first_context, capture_of("s"));
+  slow.wait_begun();
+  first_context.TryCancel();
+  (void)first->Finish();
+  const auto next = camera_stub_->Capture(&next_context, capture_of("t"));
+  sleep_until_monotonic(monotonic_now() + std::chrono::milliseconds(1500));  // beyond the wait for a live one
+  slow.release();
+  EXPECT_TRUE(next->Read(&response)) << next->Finish().error_message();
+  next_context.TryCancel();
+}
+
+TEST_F(CameraNode, AnotherExposureOfTheSameSessionStartsTheCameraAnew) {
+  v1::CaptureResponse response;
+  grpc::ClientContext first_context, next_context;
+  const auto first = camera_stub_->Capture(&first_context, capture_of("s"));
+  ASSERT_TRUE(first->Read(&response));
+  v1::CaptureRequest shorter = capture_of("s");
+  shorter.set_exposure_ms(2.0);
+  const auto next = camera_stub_->Capture(&next_context, shorter);
+  ASSERT_TRUE(next->Read(&response)) << next->Finish().error_message();
+  ASSERT_TRUE(next->Read(&response));
+  EXPECT_DOUBLE_EQ(response.frame().exposure_ms(), 2.0);
+  next_context.TryCancel();
 }
 
 }  // namespace

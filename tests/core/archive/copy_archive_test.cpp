@@ -122,12 +122,13 @@ TEST_F(CopyArchive, SaysWhichNodeIsAway) {
   request.set_session("s");
   request.set_from_address(address);
   from_ = nullptr;
-  absl::Status status = copy_archive(to_->store, request, {}, [](const auto&) { return true; });
+  const auto stays = [] { return false; };
+  absl::Status status = copy_archive(to_->store, request, {}, stays, [](const auto&) { return true; });
   EXPECT_TRUE(absl::IsUnavailable(status)) << status;
   EXPECT_NE(status.message().find(address), std::string::npos) << status;
   EXPECT_FALSE(std::filesystem::exists(to_->archive()));
   from_ = std::make_unique<ArchiveNode>(root_ / "from", address);
-  status = copy_archive(to_->store, request, {}, [](const auto&) { return false; });
+  status = copy_archive(to_->store, request, {}, stays, [](const auto&) { return false; });
   EXPECT_TRUE(absl::IsCancelled(status)) << status;
   EXPECT_TRUE(copy().ok());
   expect_whole_copy();

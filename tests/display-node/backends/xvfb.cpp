@@ -37,7 +37,7 @@ std::unique_ptr<Xvfb> Xvfb::start(int depth) {
              "-noreset", nullptr);
     ::_exit(127);
   }
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   while (!answers(server->name_)) {
     const bool ended = ::waitpid(server->process_, nullptr, WNOHANG) != 0;
     if (ended) server->process_ = -1;
@@ -66,7 +66,7 @@ bool Xvfb::set_monitors(const std::vector<Monitor>& monitors) const {
     const Monitor& m = monitors[i];
     // The server's only output goes to the first.
     const std::string command =
-        fmt::format("timeout 10 xrandr -d {} --setmonitor {} {}/100x{}/100+{}+{} {} > /dev/null", name_,
+        fmt::format("timeout 60 xrandr -d {} --setmonitor {} {}/100x{}/100+{}+{} {} > /dev/null", name_,
                     m.name, m.width, m.height, m.x, m.y, i == 0 ? "screen" : "none");
     if (std::system(command.c_str()) != 0) return false;
   }

@@ -3,9 +3,15 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <future>
+#include <latch>
 #include <limits>
+#include <thread>
 
+#include "core/base/fault_point.h"
 #include "core/frame/image_file.h"
+#include "core/service/joined_calls.h"
 #include "core/service/service.h"
 #include "display-node/backends/light_tap.h"
 #include "display-node/backends/sim_display.h"
@@ -366,6 +372,48 @@ TEST_F(DisplayServiceTest, AMonitorWithoutARailIsNotMoved) {
   const absl::Status status = from_grpc(fixed.MoveMonitor(nullptr, &request, &response));
   EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
   EXPECT_NE(std::string(status.message()).find("monitor \"back\" has no rail"), std::string::npos) << status;
+}
+
+TEST_F(DisplayServiceTest, ARepeatedLoadIsJoinedToTheFirst) {
+  std::latch begun(1), released(1);
+  std::atomic<int> drawn = 0;
+  at_fault_points([&](std::string_view point) {
+    if (point != "program drawn" || ++drawn > 1) return;
+    begun.count_down();
+    released.wait();
+  });
+  v1::LoadProgramRequest request = program("p", 3, 2);
+  request.set_request_id("one");
+  const auto ask = [&] {
+    v1::LoadProgramResponse response;
+    grpc::ClientContext context;
+    set_deadline(context, kPatience);
+    return stub_->LoadProgram(&context, request, &response).error_code();
+  };
+  const double joined = joined_calls().Value();
+  auto first = std::async(std::launch::async, ask);
+  begun.wait();
+  auto second = std::async(std::launch::async, ask);
+  while (joined_calls().Value() == joined) std::this_thread::yield();
+  released.count_down();
+  EXPECT_EQ(first.get(), grpc::StatusCode::OK);
+  EXPECT_EQ(second.get(), grpc::StatusCode::OK);
+  // One that comes while the program plays does not stop it.
+  v1::PlayProgramRequest play;
+  play.set_program("p");
+  play.set_start_at_ns((monotonic_now() + milliseconds(100)).count());
+  grpc::ClientContext context;
+  set_deadline(context, kPatience);
+  const auto reader = stub_->PlayProgram(&context, play);
+  v1::PlayProgramResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  EXPECT_EQ(ask(), grpc::StatusCode::OK);
+  while (reader->Read(&response)) {
+  }
+  const grpc::Status end = reader->Finish();
+  EXPECT_TRUE(end.ok()) << end.error_message();
+  EXPECT_EQ(drawn, 1);
+  at_fault_points(nullptr);
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "display-node/services/display_service.h"
 #include "display-node/services/emission_service.h"
 #include "server/services/session_service.h"
+#include "server/services/work_service.h"
 #include "tests/faults/capture/delay_relay.h"
 
 namespace glasswing {
@@ -47,11 +48,12 @@ v1::RegisterRequest registered(v1::NodeKind kind, const std::string& name, const
 }  // namespace
 
 struct FaultyRig::ServerNode {
-  explicit ServerNode(const std::filesystem::path& data)
-      : server(Server::open({.data = data}).value()),
+  ServerNode(const std::filesystem::path& data, const RigFaults& faults)
+      : server(Server::open({.data = data, .node_call = faults.node_call}).value()),
         sessions(*server),
         nodes(*server),
-        host(ServiceHost::start({}, {&sessions, &nodes}).value()) {}
+        work(*server),
+        host(ServiceHost::start({}, {&sessions, &nodes, &work}).value()) {}
   ~ServerNode() {
     sessions.stop();
     host->stop(milliseconds(500));
@@ -59,6 +61,7 @@ struct FaultyRig::ServerNode {
   std::unique_ptr<Server> server;
   SessionServiceImpl sessions;
   NodeServiceImpl nodes;
+  WorkServiceImpl work;
   std::unique_ptr<ServiceHost> host;
 };
 
@@ -128,7 +131,7 @@ FaultyRig::FaultyRig(const RigFaults& faults, std::uint64_t seed, int patch_rows
     : faults_(faults), seed_(seed), patch_rows_(patch_rows), data_(data) {
   std::filesystem::create_directories(data / "server");
   std::filesystem::create_directories(data / "archives");
-  server_ = std::make_unique<ServerNode>(data / "server");
+  server_ = std::make_unique<ServerNode>(data / "server", faults);
   restart_display();
   restart_camera();
   network_ = std::make_unique<Network>(faults.network_delay, seed, server_->host->address(),
@@ -154,6 +157,10 @@ FaultyRig::~FaultyRig() {
 
 Server& FaultyRig::server() {
   return *server_->server;
+}
+
+const std::string& FaultyRig::address() const {
+  return server_->host->address();
 }
 
 std::filesystem::path FaultyRig::archive(const std::string& session) const {

@@ -25,6 +25,7 @@ struct RigFaults {
   nanoseconds network_delay{};                           // at most, each way between the server and the nodes
   bool restart_camera = false, restart_display = false;  // in mid-session
   SpaceOf space = space_of;                              // of the camera node's disk
+  std::chrono::milliseconds node_call = kNodeCall;       // ServerOptions
 };
 
 class FaultyRig {
@@ -39,6 +40,7 @@ class FaultyRig {
 
   v1::SessionService::Stub& sessions() { return *sessions_; }
   Server& server();
+  const std::string& address() const;  // of the server
   std::filesystem::path archive(const std::string& session) const;
   void restart_camera();
   void restart_display();

@@ -32,11 +32,12 @@ class SharedJobs : public testing::Test {
     if (postgres_ == nullptr) GTEST_SKIP() << PostgresFixture::kMissing;
     postgres_->clear();
   }
-  std::unique_ptr<JobStore> open(const std::string& id, milliseconds twice = hours(1)) {
+  std::unique_ptr<JobStore> open(const std::string& id, milliseconds twice = hours(1),
+                                 milliseconds lease = hours(1)) {
     return open_job_store(postgres_->connection(), "",
                           {.server_id = id,
                            .server_address = id + ".lab:7000",
-                           .lease = hours(1),
+                           .lease = lease,
                            .least_before_twice = twice},
                           problems_)
         .value();
@@ -154,7 +155,9 @@ TEST_F(SharedJobs, ItsPasswordIsNotTold) {
 
 TEST_F(SharedJobs, WhatWasAnsweredOutlivesAKilledDatabase) {
   constexpr int kTiles = 400, kThreads = 16, kBefore = 60;
-  const auto a = open("a", milliseconds(0)), b = open("b", milliseconds(0));
+  // A claim whose answer is lost by a kill ends with its lease.
+  const milliseconds lease(2000);
+  const auto a = open("a", milliseconds(0), lease), b = open("b", milliseconds(0), lease);
   const std::int64_t job = create(*a, kTiles);
   std::mutex mutex;
   std::map<int, std::string> answered;  // the result of each tile whose completion was answered OK

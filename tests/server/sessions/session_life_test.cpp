@@ -6,8 +6,10 @@
 
 #include <atomic>
 #include <limits>
+#include <semaphore>
 #include <set>
 
+#include "core/base/fault_point.h"
 #include "core/base/file.h"
 #include "core/base/time.h"
 #include "core/frame/image_file.h"
@@ -404,6 +406,30 @@ TEST_F(SessionLife, ASolveThatFollowsTheCaptureNeedsNoOtherCall) {
   EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
 }
 
+// Its answer was late: the solver does not know that it has a tile.
+TEST_F(SessionLife, ARepeatedClaimGetsTheTileThatTheFirstLeased) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  ASSERT_GT(solve_in_tiles("alpha"), 2);
+  v1::ClaimTileRequest request = IdleSolver::request();
+  const auto claim = [&](const std::string& id) {
+    request.set_request_id(id);
+    v1::ClaimTileResponse response;
+    EXPECT_TRUE(solver_->try_to_claim(request, response).ok());
+    return response;
+  };
+  const v1::ClaimTileResponse first = claim("one");
+  ASSERT_TRUE(first.has_lease());
+  EXPECT_EQ(claim("one").SerializeAsString(), first.SerializeAsString());
+  const v1::ClaimTileResponse second = claim("two");
+  EXPECT_NE(second.lease().tile(), first.lease().tile());
+  // A tile that is done is no answer any more.
+  ASSERT_TRUE(solver_->complete_rows(second, kWidth, kHeight, 1.0f).ok());
+  const v1::ClaimTileResponse third = claim("two");
+  ASSERT_TRUE(third.has_lease());
+  EXPECT_NE(third.lease().tile(), second.lease().tile());
+}
+
 TEST_F(SessionLife, ASolveThatFollowsIsBegunAfterARestart) {
   start();
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
@@ -530,6 +556,11 @@ TEST_F(SessionLife, ASolverThatWouldComputeSomethingElseIsRefused) {
 // What a server that is killed now would find when it starts again.
 TEST_F(SessionLife, TheCatalogueIsNeverBehindWhatWasShown) {
   start();
+  // The next frames are stored when the test has seen the ones before.
+  std::counting_semaphore<> may_store(1);
+  at_fault_points([&](std::string_view point) {
+    if (point == "frames written") may_store.acquire();
+  });
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();
@@ -539,11 +570,12 @@ TEST_F(SessionLife, TheCatalogueIsNeverBehindWhatWasShown) {
   do {
     const std::int64_t change = server().sessions().wait_change(0, std::chrono::milliseconds(0));
     shown = server().sessions().find("s").value();
-    seen.insert(shown.proven_count());
+    if (seen.insert(shown.proven_count()).second) may_store.release();
     EXPECT_GE(server().sessions().stored("s")->proven_count(), shown.proven_count());
     if (shown.state() == v1::SESSION_STATE_CAPTURING)
       server().sessions().wait_change(change, std::chrono::seconds(1));
   } while (shown.state() == v1::SESSION_STATE_CAPTURING);
+  at_fault_points(nullptr);
   EXPECT_EQ(shown.state(), v1::SESSION_STATE_CAPTURED) << shown.reason();
   EXPECT_GT(seen.size(), 2u) << "the capture was not seen on its way";
 }

@@ -25,14 +25,15 @@ export function useArchive(session: SessionJson): ArchiveView {
   useEffect(() => {
     if (!archiveAddress) return;
     const cancel = new AbortController();
-    const look = async (): Promise<void> => {
+    /** False: the node is away. */
+    const look = async (): Promise<boolean> => {
       const { nodes = [] } = await call<ListNodesResponseJson>(
         "NodeService/ListNodes",
         {},
         { signal: cancel.signal },
       );
       const node = nodes.find(({ address }) => address === archiveAddress)?.name;
-      if (node === undefined) return;
+      if (node === undefined) return false;
       const options = { node, signal: cancel.signal };
       const { manifest } = await call<GetManifestResponseJson>(
         "ArchiveService/GetManifest",
@@ -41,13 +42,15 @@ export function useArchive(session: SessionJson): ArchiveView {
       );
       const { freeBytes } = await call<GetSpaceResponseJson>("ArchiveService/GetSpace", {}, options);
       setView({ ...(manifest && { manifest }), freeBytes: Number(freeBytes ?? 0) });
+      return true;
     };
     const run = async (): Promise<void> => {
+      let seen = false;
       do {
         const began = performance.now();
-        await look().catch(() => undefined); // the session's reason reports it
+        seen = await look().catch(() => false); // the session's reason reports it
         await waited(Math.max(kMin_s, (performance.now() - began) / 1000 / kShare), cancel.signal);
-      } while (capturing && !cancel.signal.aborted);
+      } while ((capturing || !seen) && !cancel.signal.aborted);
     };
     void run();
     return () => cancel.abort();

@@ -165,6 +165,8 @@ async function capture_and_solve(page, rig) {
   assert.ok(
     (await page.locator(".keys").textContent()).includes(`${steps.length} proven by time and id patch`),
   );
+  // The last frame of all, not of those that the page knew before the capture ended.
+  await page.locator(".scrubber .note", { hasText: new RegExp(`^${steps.length} kept$`) }).waitFor();
   const slider = page.getByRole("slider", { name: /^Frame/ });
   await slider.press("Home");
   await page.locator(".facts", { hasText: "back: id patch alone" }).waitFor();
