@@ -18,6 +18,7 @@ constexpr std::chrono::seconds kMaxSilence(3);  // without a frame, on top of tw
 constexpr int kMaxSequences = 4096;
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
+constexpr std::chrono::milliseconds kPreparationPause(200);  // between responses while the camera prepares
 
 // The sensor's highest code, scaled to 16 bits.
 std::uint16_t full_scale_of(const v1::Camera& camera) {
@@ -69,7 +70,22 @@ grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCam
   return grpc::Status::OK;
 }
 
-absl::Status CameraServiceImpl::run(grpc::ServerContext& context, double exposure_ms, size_t keep,
+template <typename Response>
+bool CameraServiceImpl::wait_prepared(grpc::ServerContext& context, grpc::ServerWriter<Response>& writer) {
+  while (!context.IsCancelled() && !stopping_) {
+    v1::GetCameraResponse camera = camera_.describe();
+    if (!camera.has_preparation()) return true;
+    Response response;
+    *response.mutable_preparation() = std::move(*camera.mutable_preparation());
+    if (!writer.Write(response)) return false;
+    std::this_thread::sleep_for(kPreparationPause);
+  }
+  return false;
+}
+
+template <typename Response>
+absl::Status CameraServiceImpl::run(grpc::ServerContext& context, grpc::ServerWriter<Response>& writer,
+                                    double exposure_ms, size_t keep,
                                     const std::function<bool(const v1::FrameTaken*)>& take) {
   // A preview, or a call that was just cancelled, needs a moment to release the camera.
   ++captures_waiting_;
@@ -79,6 +95,7 @@ absl::Status CameraServiceImpl::run(grpc::ServerContext& context, double exposur
     return absl::FailedPreconditionError(
         "the camera is capturing for another client; try again when it is free");
   }
+  if (!wait_prepared(context, writer)) return absl::OkStatus();
   GW_RETURN_IF_ERROR(camera_.start(exposure_ms));
   const double rate_hz = camera_.describe().frame_rate_hz();
   const nanoseconds silence = kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / rate_hz));
@@ -103,11 +120,12 @@ absl::Status CameraServiceImpl::run(grpc::ServerContext& context, double exposur
 
 grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::CaptureRequest* request,
                                         grpc::ServerWriter<v1::CaptureResponse>* writer) {
-  return to_grpc(run(*context, request->exposure_ms(), kRingFrames, [&](const v1::FrameTaken* taken) {
-    v1::CaptureResponse response;
-    if (taken != nullptr) *response.mutable_frame() = *taken;
-    return writer->Write(response);
-  }));
+  return to_grpc(
+      run(*context, *writer, request->exposure_ms(), kRingFrames, [&](const v1::FrameTaken* taken) {
+        v1::CaptureResponse response;
+        if (taken != nullptr) *response.mutable_frame() = *taken;
+        return writer->Write(response);
+      }));
 }
 
 grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
@@ -136,7 +154,7 @@ grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
     }
     return wanted.load();
   };
-  return to_grpc(run(*context, request->exposure_ms(), 1, take));
+  return to_grpc(run(*context, *writer, request->exposure_ms(), 1, take));
 }
 
 grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest* request,
@@ -202,7 +220,9 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
     running.unlock();
   };
   while (!context->IsCancelled() && !stopping_) {
-    if (captures_waiting_ > 0) give_up();
+    const bool preparing = camera_.describe().has_preparation();
+    if (captures_waiting_ > 0 || preparing) give_up();
+    if (preparing && !wait_prepared(*context, *writer)) break;
     if (!running.owns_lock() && captures_waiting_ == 0 && running.try_lock()) {
       if (const absl::Status status = camera_.start(exposure_ms); !status.ok()) return to_grpc(status);
     }

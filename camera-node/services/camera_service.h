@@ -37,10 +37,15 @@ class CameraServiceImpl final : public v1::CameraService::Service {
                             grpc::ServerWriter<v1::StreamFramesResponse>*) override;
 
  private:
-  // Runs the camera for one call until it is cancelled or `take` returns false. Calls `take` with null once
-  // the camera runs, then with each frame. The newest `keep` frames stay in the ring.
-  absl::Status run(grpc::ServerContext& context, double exposure_ms, size_t keep,
-                   const std::function<bool(const v1::FrameTaken*)>& take);
+  // Sends what the camera prepares until it is ready. False: the call is over.
+  template <typename Response>
+  bool wait_prepared(grpc::ServerContext& context, grpc::ServerWriter<Response>& writer);
+  // Runs the camera for one call, once it is prepared, until the call is cancelled or `take` returns false.
+  // Calls `take` with null once the camera runs, then with each frame. The newest `keep` frames stay in the
+  // ring.
+  template <typename Response>
+  absl::Status run(grpc::ServerContext& context, grpc::ServerWriter<Response>& writer, double exposure_ms,
+                   size_t keep, const std::function<bool(const v1::FrameTaken*)>& take);
 
   Camera& camera_;
   FrameRing ring_;

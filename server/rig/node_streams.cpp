@@ -29,8 +29,11 @@ CaptureStream::~CaptureStream() {
 
 absl::Status CaptureStream::wait_running(std::stop_token stop) {
   std::unique_lock lock(mutex_);
-  started_.wait_for(lock, stop, std::chrono::seconds(20),
-                    [this] { return running_ || inbox.end().has_value(); });
+  do {
+    prepares_ = false;
+    started_.wait_for(lock, stop, std::chrono::seconds(20),
+                      [this] { return running_ || prepares_ || inbox.end().has_value(); });
+  } while (!running_ && prepares_ && !stop.stop_requested());
   if (running_) return absl::OkStatus();
   return inbox.end().value_or(absl::DeadlineExceededError(camera_.title() + " did not start in time"));
 }
@@ -43,7 +46,7 @@ void CaptureStream::read() {
       continue;
     }
     const std::lock_guard lock(mutex_);
-    running_ = true;
+    (response.has_preparation() ? prepares_ : running_) = true;
     started_.notify_all();
   }
   absl::Status status = from_grpc(reader_->Finish(), camera_.title());

@@ -51,7 +51,8 @@ class CaptureStream {
   CaptureStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms);
   ~CaptureStream();
 
-  // Returns when the camera runs at the exposure asked for. DEADLINE_EXCEEDED after 20 s.
+  // Returns when the camera runs at the exposure asked for, after it has prepared. DEADLINE_EXCEEDED: it did
+  // neither for 20 s.
   absl::Status wait_running(std::stop_token stop);
   double exposure_ms() const { return exposure_ms_; }
 
@@ -66,7 +67,7 @@ class CaptureStream {
   std::unique_ptr<grpc::ClientReader<v1::CaptureResponse>> reader_;
   std::mutex mutex_;
   std::condition_variable_any started_;
-  bool running_ = false;
+  bool running_ = false, prepares_ = false;  // said since the last look
   std::thread thread_;
 };
 
