@@ -27,9 +27,11 @@ struct CapturedFrame {
 class Camera {
  public:
   virtual ~Camera() = default;
+  // Has a preparation while the camera cannot give a frame yet: it opens its device, lets it warm up, or
+  // simulates its scene. It may have to prepare again later.
   virtual v1::GetCameraResponse describe() const = 0;
   // Starts the camera. Returns when its frames have this exposure. INVALID_ARGUMENT: unsupported exposure
-  // time.
+  // time. UNAVAILABLE: it is preparing, for longer than a call may wait.
   virtual absl::Status start(double exposure_ms) = 0;
   // The next frame; none if `timeout` passes first or the camera is stopped.
   virtual std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) = 0;

@@ -37,6 +37,11 @@ v1::RegisterRequest node_of(const CameraOptions& options, const Camera& camera) 
   return node;
 }
 
+std::optional<v1::Preparation> preparation_of(const Camera& camera) {
+  const v1::GetCameraResponse described = camera.describe();
+  return described.has_preparation() ? std::optional(described.preparation()) : std::nullopt;
+}
+
 }  // namespace
 
 absl::Status run_camera(const CLI::App& app, DaemonOptions daemon, CameraOptions options) {
@@ -65,10 +70,12 @@ absl::Status run_camera(const CLI::App& app, DaemonOptions daemon, CameraOptions
                         .node = node_of(options, *opened.camera),
                         .server = options.server,
                         .data = archives,
-                        .end = [&] {
-                          cameras.stop();
-                          archive_service.stop();
-                        }});
+                        .preparation_of = [&] { return preparation_of(*opened.camera); },
+                        .end =
+                            [&] {
+                              cameras.stop();
+                              archive_service.stop();
+                            }});
 }
 
 }  // namespace glasswing

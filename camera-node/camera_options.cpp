@@ -173,6 +173,7 @@ absl::Status CameraOptions::resolve(const CLI::App& app) {
   sim.stamp_jitter = of_ms(stamp_jitter_ms);
   sim.stamp_shift = of_ms(stamp_shift_ms);
   sim.clock = NodeClock(of_ms(clock_offset_ms), clock_drift_ppm);
+  sim.awaits_light = !taps.empty();
   real.name = sim.name;
   if (given("--fps")) real.frame_rate_hz = sim.frame_rate_hz;
   if (given("--size")) real.size = picture;

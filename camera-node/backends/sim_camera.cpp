@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <condition_variable>
+#include <utility>
 
 #include "core/base/status.h"
 #include "core/frame/mosaic.h"
@@ -16,8 +16,20 @@ namespace {
 
 constexpr double kMinExposureMs = 0.05;
 constexpr nanoseconds kMaxLightDelay = std::chrono::milliseconds(300);  // later light counts as dark
+constexpr std::chrono::seconds kMaxTraceWait(5);                        // a daemon that ends waits as long
 // Of monitors that move: frames of two places may be wanted in turn while a third is traced.
 constexpr size_t kStagesKept = 3;
+
+std::vector<SceneMonitor> in_scene(const std::vector<EmissionMonitor>& monitors) {
+  std::vector<SceneMonitor> in_scene;
+  for (const EmissionMonitor& monitor : monitors) {
+    in_scene.push_back({.name = monitor.name,
+                        .size = {.width_px = monitor.width_px, .height_px = monitor.height_px},
+                        .pitch_mm = monitor.pitch_mm,
+                        .pose = monitor.pose});
+  }
+  return in_scene;
+}
 
 }  // namespace
 
@@ -61,7 +73,22 @@ v1::GetCameraResponse SimCamera::describe() const {
   response.set_min_exposure_ms(kMinExposureMs);
   response.set_max_exposure_ms(1000.0 / options_.frame_rate_hz);
   response.set_readout_ns(options_.sensor.readout.count());
+  if (std::optional<v1::Preparation> now = preparation()) *response.mutable_preparation() = *std::move(now);
   return response;
+}
+
+std::optional<v1::Preparation> SimCamera::preparation() const {
+  const Monitors monitors = in_scene(timeline_.monitors());
+  v1::Preparation preparation;
+  if (monitors.empty()) {
+    preparation.set_what("waiting for the monitors' light");
+    return options_.awaits_light ? std::optional(preparation) : std::nullopt;
+  }
+  const std::lock_guard lock(stages_mutex_);
+  if (find(monitors) != nullptr) return std::nullopt;
+  preparation.set_what("simulating the scene");
+  preparation.set_done(tracing_ == monitors ? share_ : 0.0);
+  return preparation;
 }
 
 absl::Status SimCamera::start(double exposure_ms) {
@@ -70,9 +97,10 @@ absl::Status SimCamera::start(double exposure_ms) {
     return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; this camera takes {} to {} ms",
                                                   exposure_ms, kMinExposureMs, longest_ms));
   }
-  // Traces the light transport before the first frame needs it.
-  if (const std::vector<EmissionMonitor> monitors = timeline_.monitors(); !monitors.empty())
-    GW_RETURN_IF_ERROR(stage(monitors).status());
+  const std::vector<EmissionMonitor> monitors = timeline_.monitors();
+  if (monitors.empty() && options_.awaits_light)
+    return absl::UnavailableError("the simulated camera is waiting for the monitors' light");
+  if (!monitors.empty()) GW_RETURN_IF_ERROR(stage(monitors).status());
   const std::lock_guard lock(mutex_);
   running_ = true;
   exposure_ms_ = exposure_ms;
@@ -201,53 +229,65 @@ absl::Status SimCamera::apply_automatics(const Exposed& exposed, double exposure
   return absl::OkStatus();
 }
 
-void SimCamera::prepare(std::stop_token stop) {
-  constexpr std::chrono::milliseconds kPoll(50);
-  const auto key_of = [](const std::vector<EmissionMonitor>& monitors) {
-    std::string key;
-    for (const EmissionMonitor& monitor : monitors)
-      key += fmt::format("{} {}x{} {} {} {}, ", monitor.name, monitor.width_px, monitor.height_px,
-                         monitor.pose.away_mm, monitor.pose.tilt_deg, monitor.pose.turn_deg);
-    return key;
-  };
-  std::string before, traced;
-  std::mutex mutex;
-  std::unique_lock lock(mutex);
-  std::condition_variable_any never;
-  while (!never.wait_for(lock, stop, kPoll, [&] { return stop.stop_requested(); })) {
-    const std::vector<EmissionMonitor> monitors = timeline_.monitors();
-    const std::string now = key_of(monitors);
-    // Wait for one poll without a change: monitors are added one by one.
-    if (!monitors.empty() && now == before && now != traced) {
-      // Megapixels take a minute, in which captures and self-tests wait for the camera in vain.
-      spdlog::info("scene={} is being traced; no frame before that", options_.scene);
-      if (stage(monitors).ok()) spdlog::info("scene={} is traced", options_.scene);
-      traced = now;
-    }
-    before = now;
-  }
+const SimCamera::TracedStage* SimCamera::find(const Monitors& wanted) const {
+  const auto found = std::ranges::find(traced_, wanted, &TracedStage::monitors);
+  return found == traced_.end() ? nullptr : &*found;
 }
 
 absl::StatusOr<StageTransports> SimCamera::stage(const std::vector<EmissionMonitor>& monitors) {
-  std::vector<SceneMonitor> wanted;
-  for (const EmissionMonitor& monitor : monitors) {
-    wanted.push_back({.name = monitor.name,
-                      .size = {.width_px = monitor.width_px, .height_px = monitor.height_px},
-                      .pitch_mm = monitor.pitch_mm,
-                      .pose = monitor.pose});
+  const Monitors wanted = in_scene(monitors);
+  const TracedStage* found = nullptr;
+  std::unique_lock lock(stages_mutex_);
+  const bool traced = traced_changed_.wait_for(lock, kMaxTraceWait, [&] {
+    found = find(wanted);
+    if (found == nullptr && asked_.empty() && tracing_ != wanted) {
+      asked_ = wanted;
+      asked_changed_.notify_one();
+    }
+    return found != nullptr;
+  });
+  if (traced) return found->transports;
+  return absl::UnavailableError("the simulated camera is still tracing its scene");
+}
+
+void SimCamera::prepare(std::stop_token stop) {
+  constexpr std::chrono::milliseconds kPoll(50);
+  Monitors before;
+  std::unique_lock lock(stages_mutex_);
+  while (!stop.stop_requested()) {
+    asked_changed_.wait_for(lock, stop, kPoll, [&] { return !asked_.empty(); });
+    Monitors wanted = std::exchange(asked_, {});
+    if (wanted.empty()) {
+      // Wait for one poll without a change: monitors are added one by one.
+      Monitors now = in_scene(timeline_.monitors());
+      if (now == before) wanted = now;
+      before = std::move(now);
+    }
+    if (!wanted.empty() && find(wanted) == nullptr && !stop.stop_requested()) trace(wanted, lock, stop);
   }
-  const std::lock_guard lock(build_mutex_);
-  for (const TracedStage& traced : traced_) {
-    if (traced.monitors == wanted) return traced.transports;
-  }
+}
+
+void SimCamera::trace(const Monitors& wanted, std::unique_lock<std::mutex>& lock, std::stop_token stop) {
+  tracing_ = wanted;
+  share_ = 0.0;
+  lock.unlock();
+  spdlog::info("scene={} is being traced; no frame before that", options_.scene);
   const int finer = blurs() ? kRaysAcross : 1;
   const double focal_widths = options_.focal_px ? *options_.focal_px / options_.width_px : kFocalWidths;
-  GW_ASSIGN_OR_RETURN(StageTransports transports,
-                      build_phases(options_.scene, wanted, finer * options_.width_px,
-                                   finer * options_.height_px, kRaysAcross / finer, focal_widths));
-  traced_.push_front({.monitors = std::move(wanted), .transports = std::move(transports)});
+  absl::StatusOr<StageTransports> transports =
+      build_phases(options_.scene, wanted, finer * options_.width_px, finer * options_.height_px,
+                   kRaysAcross / finer, focal_widths, [&](double share) {
+                     const std::lock_guard guard(stages_mutex_);
+                     share_ = share;
+                     return !stop.stop_requested();
+                   });
+  if (transports.ok()) spdlog::info("scene={} is traced", options_.scene);
+  lock.lock();
+  tracing_.clear();
+  if (absl::IsCancelled(transports.status())) return;
+  traced_.push_front({.monitors = wanted, .transports = std::move(transports)});
   if (traced_.size() > kStagesKept) traced_.pop_back();
-  return traced_.front().transports;
+  traced_changed_.notify_all();
 }
 
 }  // namespace glasswing

@@ -1,8 +1,10 @@
 // A free-running simulated camera, which sees a scene lit by what the displays emitted, and its stage. A
 // moving object is frozen during each exposure, at its position in the middle of it by the camera's own
-// clock.
+// clock. The camera prepares while it traces the scene for the monitors where they stand, which takes minutes
+// for megapixels.
 #pragma once
 
+#include <condition_variable>
 #include <deque>
 #include <memory>
 #include <mutex>
@@ -32,7 +34,8 @@ struct SimCameraOptions {
   double blur_sigma_px = 0.0;  // lens blur
   // Focal length of the lens, px of the picture along x; at least its width. Empty: kFocalWidths widths.
   std::optional<double> focal_px = {};
-  std::string mosaic;  // as v1::Camera.mosaic; empty: pixels have all colours
+  bool awaits_light = false;  // it prepares until a monitor is known; else it is dark until then
+  std::string mosaic;         // as v1::Camera.mosaic; empty: pixels have all colours
   SensorModel sensor;
   Automatics automatics = {};  // not reported: exposure and gain are reported as requested
   NodeClock clock = {};        // of the time stamps
@@ -70,29 +73,40 @@ class SimCamera final : public Camera, public Stage {
   // Mean radiance over each row's exposure, of the light known so far.
   absl::StatusOr<RadianceImage> radiance_on(const Exposed& exposed);
   absl::Status apply_automatics(const Exposed& exposed, double exposure_ms, RadianceImage& radiance);
-  void prepare(std::stop_token stop);
-  // The light transport for these monitors where they stand, traced when it is first needed.
+  using Monitors = std::vector<SceneMonitor>;
+  struct TracedStage {
+    Monitors monitors;
+    absl::StatusOr<StageTransports> transports;
+  };
+  // The light transport for these monitors where they stand; waits while it is traced. UNAVAILABLE: for too
+  // long.
   absl::StatusOr<StageTransports> stage(const std::vector<EmissionMonitor>& monitors);
+  std::optional<v1::Preparation> preparation() const;
+  // Traces the stages that frames wait for, and that of the monitors as soon as they are known.
+  void prepare(std::stop_token stop);
+  // Lets go of `lock` meanwhile.
+  void trace(const Monitors& wanted, std::unique_lock<std::mutex>& lock, std::stop_token stop);
+  const TracedStage* find(const Monitors& wanted) const;  // null: not traced. Call with stages_mutex_ held
 
   const SimCameraOptions options_;
   const EmissionTimeline& timeline_;
   const Motion motion_;
   std::mutex mutex_;
-  bool object_ = false;        // guarded by mutex_
-  bool running_ = false;       // guarded by mutex_
-  double exposure_ms_ = 0.0;   // guarded by mutex_
-  std::int64_t sequence_ = 0;  // guarded by mutex_
-  nanoseconds next_start_{};   // guarded by mutex_
-  Exposed newest_;             // that is not a duplicate; guarded by mutex_
-  std::mt19937_64 random_;     // guarded by mutex_
-  nanoseconds delivered_{};    // when the newest frame was; used by next() only, which has one caller
-  std::mutex build_mutex_;
-  struct TracedStage {
-    std::vector<SceneMonitor> monitors;
-    StageTransports transports;
-  };
-  std::deque<TracedStage> traced_;  // guarded by build_mutex_; the newest first
-  std::jthread preparing_;  // traces the scene as soon as monitors are known, before the first frame needs it
+  bool object_ = false;              // guarded by mutex_
+  bool running_ = false;             // guarded by mutex_
+  double exposure_ms_ = 0.0;         // guarded by mutex_
+  std::int64_t sequence_ = 0;        // guarded by mutex_
+  nanoseconds next_start_{};         // guarded by mutex_
+  Exposed newest_;                   // that is not a duplicate; guarded by mutex_
+  std::mt19937_64 random_;           // guarded by mutex_
+  nanoseconds delivered_{};          // when the newest frame was; used by next() only, which has one caller
+  mutable std::mutex stages_mutex_;  // guards all below
+  std::condition_variable_any asked_changed_;  // for preparing_
+  std::condition_variable traced_changed_;     // for those who wait for it
+  Monitors asked_, tracing_;                   // that a frame waits for; that are traced now
+  double share_ = 0.0;                         // of tracing_ that is done
+  std::deque<TracedStage> traced_;             // the newest first
+  std::jthread preparing_;
 };
 
 }  // namespace glasswing

@@ -20,6 +20,7 @@ constexpr std::chrono::seconds kMaxSilence(3);  // without a frame, on top of tw
 constexpr int kMaxSequences = 4096;
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
+constexpr std::chrono::milliseconds kPreparationPause(200);  // between responses while the camera prepares
 
 // The sensor's highest code, scaled to 16 bits.
 std::uint16_t full_scale_of(const v1::Camera& camera) {
@@ -64,10 +65,30 @@ grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCam
   return grpc::Status::OK;
 }
 
-absl::Status CameraServiceImpl::run(CameraCall& call, size_t keep, const Take& take) {
+template <typename Response>
+bool CameraServiceImpl::wait_prepared(const std::function<bool()>& is_over,
+                                      grpc::ServerWriter<Response>& writer) {
+  while (!is_over()) {
+    v1::GetCameraResponse camera = camera_.describe();
+    if (!camera.has_preparation()) return true;
+    Response response;
+    *response.mutable_preparation() = std::move(*camera.mutable_preparation());
+    if (!writer.Write(response)) return false;
+    std::this_thread::sleep_for(kPreparationPause);
+  }
+  return false;
+}
+
+template <typename Response>
+absl::Status CameraServiceImpl::run(CameraCall& call, grpc::ServerWriter<Response>& writer, size_t keep,
+                                    const Take& take) {
   GW_RETURN_IF_ERROR(turns_.take(call));
   absl::Status status;
   if (!call.started) {
+    if (!wait_prepared([&] { return call.replaced || call.is_gone(); }, writer)) {
+      turns_.end(call);
+      return absl::CancelledError("the call ended while the camera prepared");
+    }
     fault_point("camera starts");
     status = camera_.start(call.exposure_ms);
   }
@@ -101,9 +122,8 @@ absl::Status CameraServiceImpl::run_started(const CameraCall& call, size_t keep,
 grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::CaptureRequest* request,
                                         grpc::ServerWriter<v1::CaptureResponse>* writer) {
   const auto is_gone = [&] { return context->IsCancelled() || stopping_; };
-  CameraCall call{
-      .id = request->request_id(), .exposure_ms = request->exposure_ms(), .is_gone = is_gone};
-  return to_grpc(run(call, kRingFrames, [&](const v1::FrameTaken* taken) {
+  CameraCall call{.id = request->request_id(), .exposure_ms = request->exposure_ms(), .is_gone = is_gone};
+  return to_grpc(run(call, *writer, kRingFrames, [&](const v1::FrameTaken* taken) {
     v1::CaptureResponse response;
     if (taken != nullptr) *response.mutable_frame() = *taken;
     return writer->Write(response);
@@ -138,7 +158,7 @@ grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
   };
   const auto is_gone = [&] { return context->IsCancelled() || stopping_; };
   CameraCall call{.exposure_ms = request->exposure_ms(), .is_gone = is_gone};
-  return to_grpc(run(call, 1, take));
+  return to_grpc(run(call, *writer, 1, take));
 }
 
 grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext* context, const v1::KeepFramesRequest* request,
@@ -209,7 +229,9 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
     turns_.end(call);
   };
   while (!context->IsCancelled() && !stopping_) {
-    if (turns_.is_wanted()) give_up();
+    const bool preparing = camera_.describe().has_preparation();
+    if (turns_.is_wanted() || preparing) give_up();
+    if (preparing && !wait_prepared([&] { return context->IsCancelled() || stopping_; }, *writer)) break;
     if (!running && turns_.try_take(call)) {
       running = true;
       if (const absl::Status status = camera_.start(exposure_ms); !status.ok()) {

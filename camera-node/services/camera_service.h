@@ -40,17 +40,21 @@ class CameraServiceImpl final : public v1::CameraService::Service {
 
  private:
   using Take = std::function<bool(const v1::FrameTaken*)>;
-  // Runs the camera for one call until its turn ends or `take` returns false. Calls `take` with null once
-  // the camera runs, then with each frame. The newest `keep` frames stay in the ring.
-  absl::Status run(CameraCall& call, size_t keep, const Take& take);
+  // Sends what the camera prepares until it is ready. False: the call is over.
+  template <typename Response>
+  bool wait_prepared(const std::function<bool()>& is_over, grpc::ServerWriter<Response>& writer);
+  // Runs the camera for one call, once it is prepared, until its turn ends or `take` returns false. Calls
+  // `take` with null once the camera runs, then with each frame. The newest `keep` frames stay in the ring.
+  template <typename Response>
+  absl::Status run(CameraCall& call, grpc::ServerWriter<Response>& writer, size_t keep, const Take& take);
   absl::Status run_started(const CameraCall& call, size_t keep, const Take& take);
 
   Camera& camera_;
   FrameRing ring_;
   FrameKeeper keeper_;
   std::atomic<bool> stopping_ = false;
-  CameraTurns
-      turns_;  // of Capture and StreamFrames calls, and of a Preview while none of these wants the camera
+  // Of Capture and StreamFrames calls, and of a Preview while none of these wants the camera.
+  CameraTurns turns_;
   JoinedCalls<v1::KeepFramesResponse> keeps_;
   JoinedCalls<v1::LearnPatchesResponse> learnings_;
   std::mutex previewing_;  // held by the one Preview call

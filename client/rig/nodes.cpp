@@ -8,6 +8,7 @@
 #include "client/sessions/estimate.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/service/preparation.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 
 namespace glasswing {
@@ -41,6 +42,16 @@ std::string temperature_text(const v1::NodeHealth& health) {
   return health.has_temperature_c() ? fmt::format("{:.0f} C", health.temperature_c()) : "-";
 }
 
+std::string state_text(const v1::Node& node) {
+  return node.has_preparation() ? "preparing" : node.up() ? "up" : "away";
+}
+
+// "simulating the scene, 37 %; sim 640x488 at 200 fps, scene crystal"
+std::string detail_text(const v1::Node& node) {
+  if (!node.has_preparation()) return node.detail();
+  return fmt::format("{}; {}", preparation_text(node.preparation()), node.detail());
+}
+
 absl::Status list_nodes(const Client& client) {
   const Peer<v1::NodeService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
@@ -53,9 +64,9 @@ absl::Status list_nodes(const Client& client) {
     std::cerr << fmt::format("warning: {}\n", printable(problem));
   std::vector<std::vector<std::string>> rows;
   for (const v1::Node& node : listed.nodes()) {
-    rows.push_back({kind_name(node.kind()), node.name(), node.up() ? "up" : "away",
+    rows.push_back({kind_name(node.kind()), node.name(), state_text(node),
                     node.address().empty() ? "-" : node.address(), clock_text(node), disk_text(node.health()),
-                    temperature_text(node.health()), node.detail()});
+                    temperature_text(node.health()), detail_text(node)});
   }
   print_table(
       client,

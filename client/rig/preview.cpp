@@ -7,10 +7,12 @@
 #include <optional>
 
 #include "client/cli/output.h"
+#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
 #include "client/rig/shown_pattern.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 
@@ -84,6 +86,38 @@ void print_line(const v1::PreviewResponse& shown, const PreviewArguments& argume
             << std::endl;
 }
 
+// What the camera does before its first picture.
+class Preparing {
+ public:
+  explicit Preparing(bool json) : json_(json) {}
+  void show(const v1::Preparation& preparation) {
+    if (json_) {
+      nlohmann::json line = {{"preparation", preparation.what()}};
+      if (preparation.has_done()) line["done"] = preparation.done();
+      std::cout << line.dump() << std::endl;
+      return;
+    }
+    if (preparation.what() != what_) {
+      what_ = preparation.what();
+      progress_.emplace(printable(what_));
+    }
+    if (preparation.has_done()) {
+      progress_->update(preparation.done());
+    } else {
+      progress_->update_unknown();
+    }
+  }
+  void end() {
+    progress_.reset();
+    what_.clear();
+  }
+
+ private:
+  const bool json_;
+  std::string what_;
+  std::optional<Progress> progress_;
+};
+
 absl::Status preview(const Client& client, const PreviewArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const std::string address, camera_address(client, arguments.camera));
   const Peer<v1::CameraService> camera("camera node at " + address, address);
@@ -101,7 +135,13 @@ absl::Status preview(const Client& client, const PreviewArguments& arguments) {
   const auto reader = camera.stub->Preview(&context, request);
   int shown = 0;
   absl::Status written;
+  Preparing preparing(client.json);
   for (v1::PreviewResponse response; written.ok() && reader->Read(&response);) {
+    if (response.has_preparation()) {
+      preparing.show(response.preparation());
+      continue;
+    }
+    preparing.end();
     written = replace_file(arguments.output, response.jpeg());
     if (written.ok()) print_line(response, arguments, client.json);
     if (++shown == arguments.count) break;
@@ -110,7 +150,9 @@ absl::Status preview(const Client& client, const PreviewArguments& arguments) {
   if (enough || !written.ok()) context.TryCancel();
   const grpc::Status status = reader->Finish();
   GW_RETURN_IF_ERROR(written);
-  return status.ok() || enough ? absl::OkStatus() : status_from(status, camera.title);
+  if (enough) return absl::OkStatus();
+  if (status.ok()) return absl::UnavailableError(camera.title + " has stopped");
+  return status_from(status, camera.title);
 }
 
 }  // namespace

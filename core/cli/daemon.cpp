@@ -8,7 +8,6 @@
 #include "core/base/status.h"
 #include "core/base/version.h"
 #include "core/cli/man_page.h"
-#include "core/service/registration.h"
 #include "core/service/supervision.h"
 
 namespace glasswing {
@@ -68,7 +67,7 @@ absl::Status serve(const DaemonOptions& options, const Served& served) {
     node.set_address(host->advertised());
     spdlog::info("listening on address={}", host->address());
   }
-  const Registration registration(served.server, node, served.data);
+  const Registration registration(served.server, node, served.data, served.preparation_of);
   const absl::Status begun = served.begin ? served.begin(host.get()) : absl::OkStatus();
   if (begun.ok()) serve_until_signal([&] { return host == nullptr || host->answers(kSelfCall); });
   if (served.end) served.end();

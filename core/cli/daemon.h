@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/security/tls.h"
+#include "core/service/registration.h"
 #include "core/service/service.h"
 #include "core/telemetry/logs.h"
 #include "core/telemetry/metrics.h"
@@ -58,6 +59,7 @@ struct Served {
   v1::RegisterRequest node = {};
   std::string server = {};
   std::filesystem::path data = {};  // whose disk the node reports on; empty: it stores nothing
+  Registration::PreparationOf preparation_of = nullptr;
   // Called once the services answer, with null if the daemon does not listen. An error ends the daemon.
   std::function<absl::Status(ServiceHost* host)> begin = nullptr;
   // Ends what `begin` began and the calls that run, so that the services can stop.

@@ -10,10 +10,18 @@
 #include "core/service/service.h"
 
 namespace glasswing {
+namespace {
+
+constexpr std::chrono::milliseconds kUsualPause(1000), kPreparingPause(200);
+
+}  // namespace
 
 Registration::Registration(const std::string& server_address, v1::RegisterRequest node,
-                           std::filesystem::path data)
-    : server_address_(server_address), node_(std::move(node)), data_(std::move(data)) {
+                           std::filesystem::path data, PreparationOf preparation_of)
+    : server_address_(server_address),
+      node_(std::move(node)),
+      data_(std::move(data)),
+      preparation_of_(std::move(preparation_of)) {
   if (server_address.empty()) return;
   node_.set_version(kVersion);
   node_.set_detail(fitted(node_.detail()));
@@ -36,6 +44,9 @@ void Registration::run(std::stop_token stop) {
   bool known = true;  // so that the first failure is logged
   while (!stop.stop_requested()) {
     *node_.mutable_health() = node_health(data_);
+    node_.clear_preparation();
+    if (std::optional<v1::Preparation> now = preparation_of_ ? preparation_of_() : std::nullopt)
+      *node_.mutable_preparation() = *std::move(now);
     grpc::Status status = call(stop, true);  // returns as soon as the server is up
     // A call that waits reports only its deadline; one that does not reports why the server is out of reach.
     if (!status.ok() && known) status = call(stop, false);
@@ -50,7 +61,7 @@ void Registration::run(std::stop_token stop) {
       }
     }
     std::unique_lock lock(mutex_);
-    wake_.wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
+    wake_.wait_for(lock, stop, node_.has_preparation() ? kPreparingPause : kUsualPause, [] { return false; });
   }
 }
 

@@ -1,10 +1,13 @@
-// Keeps a node registered with the server: at once, and every second until destroyed.
+// Keeps a node registered with the server: at once, and every second until destroyed, more often while it
+// prepares.
 #pragma once
 
 #include <condition_variable>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -14,9 +17,14 @@ namespace glasswing {
 
 class Registration {
  public:
+  // Tells what the node prepares now; nothing: it can be used.
+  using PreparationOf = std::function<std::optional<v1::Preparation>()>;
+
   // `server_address` empty: does nothing. Retries for ever if the server does not answer; logs the first
-  // failure and the recovery. `data`: as for node_health().
-  Registration(const std::string& server_address, v1::RegisterRequest node, std::filesystem::path data = {});
+  // failure and the recovery. `data`: as for node_health(). `preparation_of` is asked each time; null: the
+  // node never prepares.
+  Registration(const std::string& server_address, v1::RegisterRequest node, std::filesystem::path data = {},
+               PreparationOf preparation_of = nullptr);
   ~Registration();
 
  private:
@@ -27,6 +35,7 @@ class Registration {
   std::unique_ptr<v1::NodeService::Stub> stub_;
   v1::RegisterRequest node_;
   const std::filesystem::path data_;
+  const PreparationOf preparation_of_;
   std::mutex mutex_;
   std::condition_variable_any wake_;
   std::jthread thread_;

@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -147,9 +148,13 @@ absl::StatusOr<Transport> build_transport(const std::string& scene, bool object,
                                           int camera_height_px, int rays_across = kRaysAcross,
                                           double focal_widths = kFocalWidths);
 
+// Called once or twice for each row of a trace, by one thread at a time, with the share of the work that is
+// done: 0 to 1, never falling. Returns false to stop the trace.
+using TraceReport = std::function<bool(double share)>;
+
 // The same for the empty stage and all phases of a scene (scene.h), traced on all cores. A phase stores only
 // the columns between the object's edges; all phases share the empty stage around them. The 36 phases of
-// "wobble" take 0.2 GB at 640x480, proportional to the camera's pixels.
+// "wobble" take 0.2 GB at 640x480, proportional to the camera's pixels. CANCELLED: `report` stopped it.
 struct StageTransports {
   std::shared_ptr<const Transport> empty;
   std::vector<std::shared_ptr<const Transport>> phases;
@@ -157,6 +162,7 @@ struct StageTransports {
 absl::StatusOr<StageTransports> build_phases(const std::string& scene,
                                              const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                              int camera_height_px, int rays_across = kRaysAcross,
-                                             double focal_widths = kFocalWidths);
+                                             double focal_widths = kFocalWidths,
+                                             const TraceReport& report = nullptr);
 
 }  // namespace glasswing

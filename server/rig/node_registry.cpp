@@ -66,6 +66,8 @@ absl::Status NodeRegistry::add(const v1::RegisterRequest& request,
   if (request.kind() == v1::NODE_KIND_UNSPECIFIED || !v1::NodeKind_IsValid(request.kind())) {
     return absl::InvalidArgumentError("kind is not given; it must be display, camera or solver");
   }
+  if (const double done = request.preparation().done(); !(done >= 0.0 && done <= 1.0))
+    return absl::InvalidArgumentError(fmt::format("preparation.done is {}; it must be 0 to 1", done));
   absl::Status taken = take(request, caller);
   if (!taken.ok()) audit_refusal(request, caller ? caller->name : "", taken);
   return taken;
@@ -117,6 +119,8 @@ absl::Status NodeRegistry::take(const v1::RegisterRequest& request,
   entry.node.set_certificate(certificate);
   if (!request.detail().empty()) entry.node.set_detail(request.detail());
   *entry.node.mutable_health() = request.health();
+  entry.node.clear_preparation();
+  if (request.has_preparation()) *entry.node.mutable_preparation() = request.preparation();
   entry.solver = request.solver();
   entry.heard = now_();
   return absl::OkStatus();
@@ -229,6 +233,7 @@ std::vector<RegisteredSolver> NodeRegistry::current() const {
     node.set_up(now - entry.heard < kSilence);
     if (!node.up()) {
       node.clear_clock();
+      node.clear_preparation();
       node.set_away_since(utc_rfc3339_ago(now - entry.heard));
     }
     if (node.has_clock())

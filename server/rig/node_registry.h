@@ -52,9 +52,9 @@ class NodeRegistry {
   std::chrono::milliseconds call_time() const { return call_time_; }
 
   // Registers a node, or hears from it again. `caller`: whose certificate registers it; none without TLS.
-  // INVALID_ARGUMENT: name or kind. PERMISSION_DENIED: the certificate lacks the kind's role, or another one
-  // owns the name. ALREADY_EXISTS: a node that is alive at another address has the name. RESOURCE_EXHAUSTED:
-  // kMaxNodes are known. Refusals and changes are audited.
+  // INVALID_ARGUMENT: name, kind or preparation. PERMISSION_DENIED: the certificate lacks the kind's role, or
+  // another one owns the name. ALREADY_EXISTS: a node that is alive at another address has the name.
+  // RESOURCE_EXHAUSTED: kMaxNodes are known. Refusals and changes are audited.
   absl::Status add(const v1::RegisterRequest& node, const std::optional<CertifiedPeer>& caller);
   // Forgets a node and who owns its name, so that another certificate may take it. NOT_FOUND: there is no
   // such node. FAILED_PRECONDITION: it is up.

@@ -31,13 +31,13 @@ CaptureStream::~CaptureStream() {
 }
 
 absl::Status CaptureStream::wait_running(std::stop_token stop, nanoseconds within) {
-  const nanoseconds asked_at = monotonic_now();
-  const auto is_late = [&] { return monotonic_now() - asked_at >= within; };
+  nanoseconds asked_at = monotonic_now();
   GW_RETURN_IF_ERROR(camera_.wait("start the camera", stop, [&](std::chrono::milliseconds time) {
     std::unique_lock lock(mutex_);
-    return started_.wait_for(lock, stop, std::min(nanoseconds(time), within), [this] {
-      return running_ || inbox.end().has_value();
-    }) || is_late();
+    const bool ended = started_.wait_for(lock, stop, std::min(nanoseconds(time), within),
+                                         [this] { return running_ || inbox.end().has_value(); });
+    if (std::exchange(prepares_, false)) asked_at = monotonic_now();  // one that prepares is not late
+    return ended || monotonic_now() - asked_at >= within;
   }));
   const std::lock_guard lock(mutex_);
   if (running_) return absl::OkStatus();
@@ -52,7 +52,7 @@ void CaptureStream::read() {
       continue;
     }
     const std::lock_guard lock(mutex_);
-    running_ = true;
+    (response.has_preparation() ? prepares_ : running_) = true;
     started_.notify_all();
   }
   absl::Status status = from_grpc(reader_->Finish(), camera_.title());

@@ -53,8 +53,9 @@ class CaptureStream {
                 const std::string& request_id);
   ~CaptureStream();
 
-  // Returns when the camera runs at the exposure asked for, which may take minutes. DEADLINE_EXCEEDED: it
-  // does not `within` this time, or the node does not even answer its clock. CANCELLED: stopped.
+  // Returns when the camera runs at the exposure asked for, after it has prepared, which may take minutes.
+  // DEADLINE_EXCEEDED: it does neither `within` this time, or the node does not even answer its clock.
+  // CANCELLED: stopped.
   absl::Status wait_running(std::stop_token stop, nanoseconds within = nanoseconds::max());
   double exposure_ms() const { return exposure_ms_; }
 
@@ -69,7 +70,7 @@ class CaptureStream {
   std::unique_ptr<grpc::ClientReader<v1::CaptureResponse>> reader_;
   std::mutex mutex_;
   std::condition_variable_any started_;
-  bool running_ = false;
+  bool running_ = false, prepares_ = false;  // said since the last look
   std::thread thread_;
 };
 

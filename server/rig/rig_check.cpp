@@ -12,6 +12,7 @@
 #include "core/pattern/plan.h"
 #include "core/pattern/plan_fit.h"
 #include "core/pattern/stimulus_kind.h"
+#include "core/service/preparation.h"
 #include "core/service/service.h"
 #include "server/rig/rig_findings.h"
 
@@ -32,6 +33,7 @@ class RigCheck {
     absl::StatusOr<RigLinks> links = connect(rig_, calibrations_, plan_.camera(), monitors_of(plan_));
     if (links.ok()) links->exchange_clocks(16).IgnoreError();  // the test capture reports an error of this
     if (!links.ok()) return tell_status("nodes", links.status());
+    tell_preparation(links->camera_info);
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();
     GW_RETURN_IF_ERROR(check_fit(*links));
     check_clocks(*links);
@@ -57,6 +59,14 @@ class RigCheck {
     if (absl::IsCancelled(status)) return status;
     tell(v1::FINDING_LEVEL_PROBLEM, subject, std::string(status.message()), "look at that node's log");
     return absl::OkStatus();
+  }
+
+  // The test capture waits for it.
+  void tell_preparation(const v1::GetCameraResponse& camera) {
+    if (!camera.has_preparation()) return;
+    tell(v1::FINDING_LEVEL_WARNING, "camera",
+         fmt::format("{} is not ready: {}", camera.camera().name(), preparation_text(camera.preparation())),
+         "the check goes on by itself when it is; so would a capture");
   }
 
   // False: a node is missing, so the rest cannot be checked.

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <string_view>
 
+#include "core/service/preparation.h"
 #include "server/archives/replicas.h"
 #include "server/sessions/session_state.h"
 
@@ -50,6 +51,17 @@ std::optional<v1::Waiting> node_waiting(const v1::Node& node, const std::string&
   return waiting(fmt::format("{} \"{}\"{} is away", role, node.name(),
                              node.address().empty() ? "" : " at " + node.address()),
                  node.away_since(), advice);
+}
+
+// A capture that has begun; it goes on when the camera is ready.
+std::optional<v1::Waiting> camera_waiting(const v1::Session& session, const std::vector<v1::Node>& nodes) {
+  const auto camera = std::ranges::find_if(nodes, [&](const v1::Node& node) {
+    return node.kind() == v1::NODE_KIND_CAMERA && node.address() == session.archive_address();
+  });
+  if (camera == nodes.end() || !camera->has_preparation()) return std::nullopt;
+  return waiting(fmt::format("camera node \"{}\" is not ready: {}", camera->name(),
+                             preparation_text(camera->preparation())),
+                 "", "the capture then goes on by itself");
 }
 
 bool is_up(const std::vector<v1::Node>& nodes, const std::string& name) {
@@ -159,6 +171,7 @@ std::optional<v1::Waiting> waiting_of(const v1::Session& session, const Surround
   switch (session.state()) {
     case v1::SESSION_STATE_CAPTURING:
       if (auto own = own_waiting(session)) return own;
+      if (auto camera = camera_waiting(session, around.nodes)) return camera;
       return awaits_draft(session) && around.fleet.ok() ? solver_waiting(*around.fleet) : std::nullopt;
     case v1::SESSION_STATE_PAUSED:
       return rests_in_solve(session) ? std::nullopt : capture_waiting(session, around);
@@ -182,7 +195,8 @@ absl::StatusOr<v1::GetFleetResponse> Waits::fleet() {
 
 v1::Session Waits::told(v1::Session session) {
   Surroundings around;
-  if (session.state() == v1::SESSION_STATE_PAUSED || session.state() == v1::SESSION_STATE_SOLVING)
+  if (session.state() == v1::SESSION_STATE_CAPTURING || session.state() == v1::SESSION_STATE_PAUSED ||
+      session.state() == v1::SESSION_STATE_SOLVING)
     around.nodes = server_.rig().nodes();
   if (session.state() == v1::SESSION_STATE_PAUSED) around.holder = server_.rig_lock().holder();
   if (session.state() == v1::SESSION_STATE_SOLVING || awaits_draft(session)) {

@@ -51,7 +51,7 @@ def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.P
     rig = [str(ROOT / "deploy/local-rig")]
     port = free_port(3)
     options = ["--data", str(work / f"capture-rig-{port}")]
-    shown = {"stdout": subprocess.DEVNULL, "timeout": 100.0, "check": True}
+    shown = {"stdout": subprocess.DEVNULL, "timeout": 600.0, "check": True}  # a large scene takes minutes
     environment = dict(os.environ, GLASSWING_BIN=str(BIN), GLASSWING_SERVER=f"127.0.0.1:{port}")
     up = ["--port", str(port), "--solvers", "1", "--size", size, "--scene", scene]
     subprocess.run([*rig, "up", *options, *up], env=environment, **shown)  # type: ignore[call-overload]

@@ -53,7 +53,7 @@ from glasswing.plan import (
     Sweep,
 )
 from glasswing.rays import Correspondences, Rays, RayState, read_geometry
-from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Rig, connect
+from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Preparation, Rig, connect
 from glasswing.session import Action, Session, SessionInfo, State, Stopped, UnprovenStep, Waiting
 
 __version__ = "@glasswing_VERSION@"
@@ -93,6 +93,7 @@ __all__ = [
     "PixelFlag",
     "Plan",
     "PlanMonitor",
+    "Preparation",
     "Ramp",
     "RayState",
     "Rays",

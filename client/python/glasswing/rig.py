@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import datetime
 import enum
+import math
 import os
 import pathlib
 import time
@@ -49,6 +50,23 @@ class NodeKind(enum.Enum):
 
 
 @dataclasses.dataclass(frozen=True)
+class Preparation:
+    """What a node does before it can be used, such as a camera that simulates its scene."""
+
+    what: str
+    done: float | None
+    """Share of it that is done, 0 to 1; None: unknown."""
+
+    @classmethod
+    def from_message(cls, message: node_service_pb2.Preparation) -> Preparation:
+        """Converts a wire message."""
+        return cls(message.what, message.done if message.HasField("done") else None)
+
+    def __str__(self) -> str:
+        return self.what if self.done is None else f"{self.what}, {math.floor(100.0 * self.done)} %"
+
+
+@dataclasses.dataclass(frozen=True)
 class Node:
     """A program of the rig. ``up``: it was seen in the last five seconds."""
 
@@ -59,6 +77,21 @@ class Node:
     up: bool
     detail: str
     """For people: "back 128x96 at 60 Hz", "solving s1 tile 3"."""
+    preparation: Preparation | None = None
+    """None: it can be used."""
+
+    @classmethod
+    def from_message(cls, message: node_service_pb2.Node) -> Node:
+        """Converts a wire message."""
+        return cls(
+            NodeKind(message.kind),
+            message.name,
+            message.address,
+            message.version,
+            message.up,
+            message.detail,
+            Preparation.from_message(message.preparation) if message.HasField("preparation") else None,
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -163,10 +196,7 @@ class Rig:
 
     def nodes(self) -> list[Node]:
         """All nodes of the rig, including those that are away."""
-        return [
-            Node(NodeKind(node.kind), node.name, node.address, node.version, node.up, node.detail)
-            for node in self._list_nodes().nodes
-        ]
+        return [Node.from_message(node) for node in self._list_nodes().nodes]
 
     def fleet(self) -> Fleet:
         """The solvers with their work and speed, and the solves that are not done."""
@@ -312,7 +342,8 @@ class Rig:
     def preview(
         self, *, camera: str = "", max_fps: float = 2.0, max_width_px: int = 640, exposure_ms: float = 0.0
     ) -> Iterator[LivePicture]:
-        """Yields what a camera sees until the loop is left; a capture may run meanwhile.
+        """Yields what a camera sees until the loop is left; a capture may run meanwhile. Waits while the camera prepares
+        (``Node.preparation``).
 
         ``camera``: a camera node's name; default: the first that is up. ``max_fps``: 0.2 to 10. ``exposure_ms``: 0 is about
         4; ignored while a capture runs. Unavailable: no such camera is up.
@@ -324,7 +355,8 @@ class Rig:
         try:
             stub = connection.stub(CameraServiceStub)
             for picture in connection.stream(stub.Preview, request, _SHOW_SECONDS):
-                yield LivePicture.from_message(picture)
+                if not picture.HasField("preparation"):
+                    yield LivePicture.from_message(picture)
         finally:
             connection.close()
 

@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 #include <set>
+#include <thread>
 #include <vector>
 
 #include "camera-node/camera.h"
@@ -50,6 +51,21 @@ TEST_P(CameraContract, DescribesItself) {
   EXPECT_GT(info_.min_exposure_ms(), 0.0);
   EXPECT_LE(info_.min_exposure_ms(), info_.max_exposure_ms());
   EXPECT_GE(info_.readout_ns(), 0);
+}
+
+TEST_P(CameraContract, SaysWhatItPreparesUntilItCanGiveAFrame) {
+  double done = 0.0;
+  for (v1::GetCameraResponse now = info_; now.has_preparation(); now = camera_->describe()) {
+    EXPECT_FALSE(now.preparation().what().empty());
+    if (now.preparation().has_done()) {
+      EXPECT_GE(now.preparation().done(), done);
+      EXPECT_LE(now.preparation().done(), 1.0);
+      done = now.preparation().done();
+    }
+    std::this_thread::yield();
+  }
+  ASSERT_TRUE(camera_->start(info_.min_exposure_ms()).ok());
+  EXPECT_TRUE(camera_->next(kPatience));
 }
 
 TEST_P(CameraContract, RefusesExposuresThatItCannotMake) {

@@ -1,6 +1,8 @@
 #include "camera-node/backends/sim_camera.h"
 
+#include <algorithm>
 #include <set>
+#include <thread>
 
 #include "core/sim/scene.h"
 #include "tests/camera-node/backends/camera_contract.h"
@@ -211,6 +213,79 @@ TEST(SimCamera, SeesAMonitorWhereItStands) {
   EXPECT_NEAR(share_lit(), 0.25, 1e-3);
   timeline.set_pose("back", now, {});
   EXPECT_NEAR(share_lit(), 1.0, 1e-3);
+}
+
+// What the camera says, until it is ready.
+std::vector<double> shares_of(const Camera& camera) {
+  std::vector<double> shares;
+  for (v1::GetCameraResponse now = camera.describe(); now.has_preparation(); now = camera.describe()) {
+    EXPECT_EQ(now.preparation().what(), "simulating the scene");
+    shares.push_back(now.preparation().done());
+    std::this_thread::yield();
+  }
+  return shares;
+}
+
+TEST(SimCamera, SaysHowFarItHasSimulatedItsSceneForEachPlaceOfTheMonitor) {
+  EmissionTimeline timeline;
+  timeline.add_monitor({.name = "back", .width_px = 64, .height_px = 48});
+  SimCameraOptions options;
+  options.scene = "wobble";
+  const std::unique_ptr<SimCamera> camera = SimCamera::create(options, timeline).value();
+  for (const double away_mm : {0.0, 10.0}) {
+    timeline.set_pose("back", monotonic_now(), {.away_mm = away_mm});
+    const std::vector<double> shares = shares_of(*camera);
+    ASSERT_GT(shares.size(), 2u);
+    EXPECT_EQ(shares.front(), 0.0);
+    EXPECT_GT(shares.back(), 0.0);
+    EXPECT_LE(shares.back(), 1.0);
+    EXPECT_TRUE(std::ranges::is_sorted(shares));
+    ASSERT_TRUE(camera->start(4.0).ok());
+    EXPECT_TRUE(camera->next(milliseconds(1000)));
+    camera->stop();
+  }
+  timeline.set_pose("back", monotonic_now(), {});  // where it stood before
+  EXPECT_FALSE(camera->describe().has_preparation());
+}
+
+TEST(SimCamera, WaitsForLightWhereItIsToCome) {
+  EmissionTimeline timeline;
+  SimCameraOptions options;
+  options.scene = "none";
+  EXPECT_FALSE(SimCamera::create(options, timeline).value()->describe().has_preparation());
+  options.awaits_light = true;
+  const std::unique_ptr<SimCamera> camera = SimCamera::create(options, timeline).value();
+  const v1::GetCameraResponse described = camera->describe();
+  EXPECT_EQ(described.preparation().what(), "waiting for the monitors' light");
+  EXPECT_FALSE(described.preparation().has_done());
+  const absl::Status status = camera->start(4.0);
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  timeline.add_monitor({.name = "back", .width_px = 8, .height_px = 6});
+  (void)shares_of(*camera);
+  EXPECT_TRUE(camera->start(4.0).ok());
+}
+
+TEST(SimCamera, IsReadyToSayWhyItCannotSeeAScene) {
+  EmissionTimeline timeline;
+  timeline.add_monitor({.name = "desk", .width_px = 8, .height_px = 6});
+  const std::unique_ptr<SimCamera> camera = SimCamera::create({}, timeline).value();
+  (void)shares_of(*camera);
+  const absl::Status status = camera->start(4.0);
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+}
+
+// All of it would take minutes. It ends after the rows that it is at.
+TEST(SimCamera, StopsSimulatingWhenItEnds) {
+  EmissionTimeline timeline;
+  timeline.add_monitor({.name = "back", .width_px = 4096, .height_px = 4096});
+  SimCameraOptions options;
+  options.scene = "wobble";
+  options.width_px = options.height_px = 4096;
+  std::unique_ptr<SimCamera> camera = SimCamera::create(options, timeline).value();
+  while (camera->describe().preparation().done() == 0.0) std::this_thread::yield();
+  const nanoseconds ends = monotonic_now();
+  camera = nullptr;
+  EXPECT_LT(monotonic_now() - ends, std::chrono::seconds(10));
 }
 
 TEST(SimCamera, StandsOutsideOfTheScene) {

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "camera-node/backends/sim_camera.h"
@@ -49,6 +50,10 @@ class CameraNode : public testing::Test {
     channel_ = dial(host_->address());
     camera_stub_ = v1::CameraService::NewStub(channel_);
     archive_stub_ = v1::ArchiveService::NewStub(channel_);
+    if (!options_.awaits_light) wait_prepared();
+  }
+  void wait_prepared() const {
+    while (camera_->describe().has_preparation()) std::this_thread::yield();
   }
   void stop() {
     cameras_->stop();

@@ -172,6 +172,81 @@ TEST_F(CameraNode, AStreamHasTheCameraAloneAndLetsPreviewsLookOn) {
   preview_context.TryCancel();
 }
 
+// Reads what the camera prepares until the first response without; false: there is none.
+template <typename Response>
+bool read_ready(grpc::ClientReader<Response>& reader, Response& response) {
+  while (reader.Read(&response)) {
+    if (!response.has_preparation()) return true;
+    EXPECT_TRUE(response.preparation().what() == "waiting for the monitors' light" ||
+                response.preparation().what() == "simulating the scene")
+        << response.ShortDebugString();
+  }
+  return false;
+}
+
+TEST_F(CameraNode, CallsWaitForACameraThatPreparesAndSayWhatItDoes) {
+  stop();
+  timeline_.clear();
+  options_.awaits_light = true;
+  start();
+  v1::GetCameraResponse described;
+  grpc::ClientContext describe_context;
+  ASSERT_TRUE(camera_stub_->GetCamera(&describe_context, {}, &described).ok());
+  EXPECT_EQ(described.preparation().what(), "waiting for the monitors' light");
+  v1::PreviewRequest preview;
+  preview.set_max_fps(10.0);
+  preview.set_max_width_px(16);
+  grpc::ClientContext preview_context;
+  const auto previews = camera_stub_->Preview(&preview_context, preview);
+  v1::PreviewResponse seen;
+  ASSERT_TRUE(previews->Read(&seen));
+  EXPECT_EQ(seen.preparation().what(), "waiting for the monitors' light");
+  EXPECT_EQ(seen.jpeg(), "");
+  v1::CaptureRequest capture;
+  capture.set_exposure_ms(4.0);
+  v1::CaptureResponse response;
+  {
+    grpc::ClientContext context;
+    const auto reader = camera_stub_->Capture(&context, capture);
+    ASSERT_TRUE(reader->Read(&response)) << reader->Finish().error_message();
+    EXPECT_EQ(response.preparation().what(), "waiting for the monitors' light");
+    EXPECT_FALSE(response.has_frame());
+    context.TryCancel();  // frees the camera, though it is not ready
+  }
+  grpc::ClientContext context;
+  const auto reader = camera_stub_->Capture(&context, capture);
+  ASSERT_TRUE(reader->Read(&response)) << reader->Finish().error_message();
+  EXPECT_TRUE(response.has_preparation());
+  timeline_.add_monitor({.name = "back", .width_px = 8, .height_px = 6});
+  ASSERT_TRUE(read_ready(*reader, response)) << reader->Finish().error_message();
+  EXPECT_FALSE(response.has_frame());
+  ASSERT_TRUE(reader->Read(&response));
+  EXPECT_TRUE(response.has_frame());
+  ASSERT_TRUE(read_ready(*previews, seen)) << previews->Finish().error_message();
+  EXPECT_NE(seen.jpeg(), "");
+  context.TryCancel();
+  preview_context.TryCancel();
+}
+
+TEST_F(CameraNode, ANodeStopsWhileItsCameraPrepares) {
+  stop();
+  timeline_.clear();
+  options_.awaits_light = true;
+  start();
+  v1::StreamFramesRequest request;
+  request.set_exposure_ms(4.0);
+  grpc::ClientContext context;
+  const auto reader = camera_stub_->StreamFrames(&context, request);
+  v1::StreamFramesResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  EXPECT_TRUE(response.has_preparation());
+  cameras_->stop();
+  while (reader->Read(&response)) {
+  }
+  const grpc::Status ended = reader->Finish();
+  EXPECT_TRUE(ended.ok()) << ended.error_message();
+}
+
 TEST_F(CameraNode, RefusesToStreamWithAnExposureThatCannotBe) {
   v1::StreamFramesRequest request;
   request.set_exposure_ms(1000.0);

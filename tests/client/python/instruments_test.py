@@ -62,7 +62,8 @@ class Server(
     def ListNodes(self, request, context):
         answer = node_service_pb2.ListNodesResponse()
         camera = answer.nodes.add(kind=node_service_pb2.NODE_KIND_CAMERA, name="camera-1", address=self.address, up=True)
-        answer.nodes.add(kind=camera.kind, name="camera-2", address="127.0.0.1:1", up=self.two_cameras)
+        preparation = node_service_pb2.Preparation(what="simulating the scene", done=0.379)
+        answer.nodes.add(kind=camera.kind, name="camera-2", address="127.0.0.1:1", up=self.two_cameras, preparation=preparation)
         return answer
 
     def CheckRig(self, request, context):
@@ -88,6 +89,8 @@ class Server(
 
     def Preview(self, request, context):
         self.asked.append(request)
+        preparation = node_service_pb2.Preparation(what="waiting for the monitors' light")
+        yield camera_service_pb2.PreviewResponse(preparation=preparation)
         while context.is_active():
             yield camera_service_pb2.PreviewResponse(jpeg=b"\xff\xd8\xff", width_px=8, height_px=6, focus=0.5, exposure_ms=2.0)
             yield camera_service_pb2.PreviewResponse(jpeg=b"\xff\xd8\xff", focus_hint="too dark to judge focus")
@@ -162,6 +165,13 @@ class InstrumentsTest(unittest.TestCase):
         self.assertTrue(self.server.pattern_ended.wait(30))
         with self.assertRaisesRegex(glasswing.InvalidInput, "purple"), self.rig.pattern("purple"):
             pass
+
+    def test_a_node_says_what_it_prepares(self) -> None:
+        ready, preparing = self.rig.nodes()
+        self.assertIsNone(ready.preparation)
+        self.assertEqual(preparing.preparation, glasswing.Preparation("simulating the scene", 0.379))
+        self.assertEqual(str(preparing.preparation), "simulating the scene, 37 %")
+        self.assertEqual(str(glasswing.Preparation("opening the camera", None)), "opening the camera")
 
     def test_a_preview_goes_on_until_its_loop_is_left(self) -> None:
         pictures = self.rig.preview(max_fps=5, exposure_ms=2)

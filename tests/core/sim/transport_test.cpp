@@ -242,6 +242,31 @@ TEST(Transport, APhaseIsTheObjectBeforeTheEmptyStage) {
   }
 }
 
+TEST(Transport, ATraceReportsItsShareAndStopsWhenItIsTold) {
+  for (const std::string scene : {"wobble", "crystal", "none"}) {
+    SCOPED_TRACE(scene);
+    std::vector<double> shares;
+    const auto note = [&](double share) {
+      shares.push_back(share);
+      return true;
+    };
+    const auto build = [&](const TraceReport& report) {
+      return build_phases(scene, {{"back", kSize}}, kWidth_px, kHeight_px, kRaysAcross, kFocalWidths, report);
+    };
+    ASSERT_TRUE(build(note).ok());
+    EXPECT_GT(shares.front(), 0.0);
+    EXPECT_LT(shares.front(), 0.1);  // a row of the empty stage
+    EXPECT_TRUE(std::ranges::is_sorted(shares));
+    EXPECT_NEAR(shares.back(), 1.0, 1e-12);  // a sum of some thousand parts
+    EXPECT_LE(shares.back(), 1.0);
+    for (const size_t rows : {size_t{1}, shares.size() - 1}) {
+      size_t left = rows;
+      EXPECT_TRUE(absl::IsCancelled(build([&](double) { return --left > 0; }).status())) << rows;
+      EXPECT_EQ(left, 0u);  // it is not asked again
+    }
+  }
+}
+
 // Also from the last phase to the first.
 TEST(Transport, AMovingSceneGoesRoundInSmallSteps) {
   const StageTransports stage = build_phases("wobble", {{"back", kSize}}, kWidth_px, kHeight_px).value();

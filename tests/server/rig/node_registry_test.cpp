@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <set>
 
 #include "core/service/listener.h"
@@ -47,6 +48,28 @@ TEST_F(RigTest, ASilentNodeIsAway) {
   EXPECT_TRUE(rig_.nodes().front().up());
   now_ += seconds(1);
   EXPECT_FALSE(rig_.nodes().front().up());
+}
+
+TEST_F(RigTest, WhatANodePreparesIsListedUntilItIsReadyOrAway) {
+  v1::RegisterRequest camera = request(v1::NODE_KIND_CAMERA, "camera-1");
+  camera.mutable_preparation()->set_what("simulating the scene");
+  for (const double done : {0.0, 0.37, 1.0}) {
+    camera.mutable_preparation()->set_done(done);
+    EXPECT_TRUE(rig_.add(camera, std::nullopt).ok());
+    EXPECT_TRUE(rig_.nodes().front().up());
+    EXPECT_EQ(rig_.nodes().front().preparation().what(), "simulating the scene");
+    EXPECT_EQ(rig_.nodes().front().preparation().done(), done);
+  }
+  now_ += seconds(5);
+  EXPECT_FALSE(rig_.nodes().front().has_preparation());
+  EXPECT_TRUE(rig_.add(camera, std::nullopt).ok());
+  EXPECT_TRUE(rig_.nodes().front().has_preparation());
+  for (const double done : {-0.01, 1.01, std::numeric_limits<double>::quiet_NaN()}) {
+    camera.mutable_preparation()->set_done(done);
+    EXPECT_TRUE(absl::IsInvalidArgument(rig_.add(camera, std::nullopt))) << done;
+  }
+  hear(v1::NODE_KIND_CAMERA, "camera-1");
+  EXPECT_FALSE(rig_.nodes().front().has_preparation());
 }
 
 TEST_F(RigTest, AClockIsToldWithItsAgeUntilItsNodeIsAway) {

@@ -10,6 +10,7 @@
 #include <functional>
 #include <latch>
 #include <map>
+#include <set>
 #include <thread>
 
 #include "camera-node/backends/emission_client.h"
@@ -88,12 +89,12 @@ class RigTest : public testing::Test {
     options.width_px = 24;
     options.height_px = 24;
     options.sensor.curve = response;
+    options.awaits_light = true;
     camera_ = SimCamera::create(options, timeline_).value();
     store_ = std::make_unique<ArchiveStore>(data_ / "camera");
     cameras_ = std::make_unique<CameraServiceImpl>(*camera_, *store_);
     camera_host_ = ServiceHost::start({}, {cameras_.get(), &disk_}).value();
-    light_ = std::make_unique<EmissionClient>(display_host_->address(), timeline_);
-    while (timeline_.monitors().empty()) std::this_thread::yield();
+    if (is_lit_) light_the_camera();
 
     for (const auto& [kind, name, address] :
          {std::tuple(v1::NODE_KIND_DISPLAY, "display-1", display_host_->address()),
@@ -106,6 +107,10 @@ class RigTest : public testing::Test {
     }
     while (server_->rig().nodes().size() < 2) std::this_thread::yield();
     stub_ = v1::RigService::NewStub(dial(server_host_->address()));
+  }
+  void light_the_camera() {
+    light_ = std::make_unique<EmissionClient>(display_host_->address(), timeline_);
+    while (camera_->describe().has_preparation()) std::this_thread::yield();
   }
   void TearDown() override {
     registrations_.clear();
@@ -151,6 +156,7 @@ class RigTest : public testing::Test {
   }
 
   const fs::path data_ = fs::path(testing::TempDir()) / ("rig_service." + std::to_string(::getpid()));
+  bool is_lit_ = true;  // from the start on
   EmissionTimeline timeline_;
   std::unique_ptr<Server> server_;
   std::unique_ptr<SessionServiceImpl> sessions_;
@@ -361,6 +367,27 @@ TEST_F(RigTest, AHoldCanBeTakenUpAgainAndReleased) {
   EXPECT_FALSE(reader->Read(&again));
   EXPECT_TRUE(reader->Finish().ok());
   EXPECT_TRUE(check().status.ok());
+}
+
+TEST_F(RigTest, TheDoctorSaysWhatTheCameraPreparesAndWaitsForIt) {
+  is_lit_ = false;
+  start();
+  grpc::ClientContext context;
+  const auto reader = stub_->CheckRig(&context, v1::CheckRigRequest());
+  v1::CheckRigResponse response;
+  while (response.finding().subject() != "camera")
+    ASSERT_TRUE(reader->Read(&response)) << reader->Finish().error_message();
+  EXPECT_EQ(response.finding().level(), v1::FINDING_LEVEL_WARNING);
+  EXPECT_EQ(response.finding().text(), "camera-1 is not ready: waiting for the monitors' light");
+  light_the_camera();
+  std::set<std::string> subjects;
+  while (reader->Read(&response)) {
+    subjects.insert(response.finding().subject());
+    EXPECT_EQ(response.finding().text().find("client"), std::string::npos);
+  }
+  const grpc::Status status = reader->Finish();
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  for (const char* subject : {"flips", "camera", "proof"}) EXPECT_TRUE(subjects.contains(subject)) << subject;
 }
 
 TEST_F(RigTest, ATestPatternStandsForAsLongAsItsCall) {

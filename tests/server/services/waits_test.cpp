@@ -142,6 +142,21 @@ TEST(Waits, ATileThatCouldNotBeSolvedIsTold) {
   EXPECT_THAT(waiting->advice(), HasSubstr("glasswing retry vase"));
 }
 
+TEST(Waits, ACaptureTellsWhatItsCameraPrepares) {
+  Surroundings around = all_well();
+  v1::Preparation& preparation = *around.nodes[1].mutable_preparation();
+  preparation.set_what("simulating the scene");
+  preparation.set_done(0.379);
+  const auto waiting = waiting_of(session(v1::SESSION_STATE_CAPTURING), around);
+  EXPECT_EQ(waiting->what(), "camera node \"camera-1\" is not ready: simulating the scene, 37 %");
+  EXPECT_THAT(waiting->advice(), HasSubstr("by itself"));
+  EXPECT_FALSE(waiting_of(session(v1::SESSION_STATE_SOLVING), around));
+  preparation.set_done(0.9999);
+  EXPECT_THAT(waiting_of(session(v1::SESSION_STATE_CAPTURING), around)->what(), HasSubstr("99 %"));
+  around.nodes[1].set_address("lab:7450");  // another camera
+  EXPECT_FALSE(waiting_of(session(v1::SESSION_STATE_CAPTURING), around));
+}
+
 TEST(Waits, APausedCaptureTellsWhatWouldRefuseToResumeIt) {
   Surroundings around = all_well();
   around.holder.emplace();

@@ -3,6 +3,7 @@ import type { NodeJson } from "../gen/glasswing/v1/node_service_pb";
 import { State } from "../parts/state";
 import { bytesText, nanosecondsText, plainName } from "../parts/words";
 import { LogDialog } from "./log";
+import { preparationText } from "./preparation";
 import { programOf, usualProgram } from "./programs";
 
 function Disk({ node: { health } }: { node: NodeJson }) {
@@ -37,6 +38,11 @@ function Program({ node, usual }: { node: NodeJson; usual: string }) {
   );
 }
 
+function NodeState({ node: { preparation, up } }: { node: NodeJson }) {
+  if (preparation) return <State kind="busy">preparing</State>;
+  return <State kind={up ? "good" : "bad"}>{up ? "up" : "away"}</State>;
+}
+
 export function Nodes({ nodes }: { nodes: NodeJson[] }) {
   const usual = usualProgram(nodes);
   const [read, setRead] = useState<{ node?: string }>(); // whose log is shown
@@ -65,9 +71,12 @@ export function Nodes({ nodes }: { nodes: NodeJson[] }) {
                   <b>{node.name}</b> <span class="note">{plainName(node.kind, "NODE_KIND_")}</span>
                 </td>
                 <td data-label="State">
-                  <State kind={node.up ? "good" : "bad"}>{node.up ? "up" : "away"}</State>
+                  <NodeState node={node} />
                 </td>
-                <td data-label="Description">{node.detail || "–"}</td>
+                <td data-label="Description">
+                  {node.preparation && <b>{preparationText(node.preparation)}; </b>}
+                  {node.detail || "–"}
+                </td>
                 <td data-label="Address" class="digits">
                   {node.address || "–"}
                 </td>

@@ -9,6 +9,7 @@ import { save } from "../parts/save";
 import { State } from "../parts/state";
 import { Histogram } from "./histogram_view";
 import { drawPeaking, drawZebra, histogram } from "./picture_figures";
+import { preparationText } from "./preparation";
 
 interface Settings {
   exposureMs: number;
@@ -42,6 +43,7 @@ function usePreview(
   drawn.current = overlays;
   const [seen, setSeen] = useState<Seen>();
   const [live, setLive] = useState(false);
+  const [preparation, setPreparation] = useState<PreviewResponseJson["preparation"]>();
   const [error, setError] = useState<unknown>();
   const [focus, setFocus] = useState<[number[], number[]]>([[], []]);
   useEffect(() => {
@@ -75,8 +77,11 @@ function usePreview(
       });
     };
     const tell = (change: { value: PreviewResponseJson } | { error: unknown; last: boolean }): void => {
-      setLive("value" in change);
+      const preparing = "value" in change ? change.value.preparation : undefined;
+      setPreparation(preparing);
+      setLive("value" in change && !preparing);
       setError("error" in change ? change.error : undefined);
+      if (preparing) return;
       if ("value" in change) void show(change.value);
       else if (change.last) end();
     };
@@ -85,9 +90,9 @@ function usePreview(
       tell,
       cancel.signal,
     );
-    return () => (cancel.abort(), setLive(false));
+    return () => (cancel.abort(), setLive(false), setPreparation(undefined));
   }, [node, on, settings.exposureMs, settings.maxFps, settings.maxWidthPx]);
-  return { canvas, seen, live, error, focus };
+  return { canvas, seen, live, preparation, error, focus };
 }
 
 function useCamera(node: string | undefined): GetCameraResponseJson | undefined {
@@ -140,9 +145,16 @@ export function Preview({ cameras }: { cameras: string[] }) {
   const [peaking, setPeaking] = useState(false);
   const [actual, setActual] = useState(false);
   const camera = useCamera(node);
-  const { canvas, seen, live, error, focus } = usePreview(node, on, settings, { zebra, peaking }, () =>
-    setOn(false),
+  const { canvas, seen, live, preparation, error, focus } = usePreview(
+    node,
+    on,
+    settings,
+    { zebra, peaking },
+    () => setOn(false),
   );
+  const waitsFor = preparation
+    ? `the camera is not ready: ${preparationText(preparation)}`
+    : "waiting for the camera";
   const change = (part: Partial<Settings>): void => setSettings((old) => ({ ...old, ...part }));
   return (
     <section class="card preview">
@@ -152,9 +164,7 @@ export function Preview({ cameras }: { cameras: string[] }) {
           (live ? (
             <State kind="good">live</State>
           ) : (
-            <State kind="caution">
-              {seen ? "not live: waiting for the camera" : "waiting for the camera"}
-            </State>
+            <State kind="caution">{seen ? `not live: ${waitsFor}` : waitsFor}</State>
           ))}
         {seen?.picture.widthPx && (
           <span class="note digits">

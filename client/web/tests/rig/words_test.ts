@@ -1,6 +1,7 @@
 import { expect, it } from "vitest";
 import { bytesText, nanosecondsText, plainName, secondsText } from "../../src/parts/words";
 import { programOf, usualProgram } from "../../src/rig/programs";
+import { preparationText } from "../../src/rig/preparation";
 import { verdict } from "../../src/rig/doctor";
 
 it("says figures in the unit that fits", () => {
@@ -23,6 +24,12 @@ it("takes what most nodes run for the usual program", () => {
     { version: "1", build: "b" },
   ];
   expect(usualProgram(nodes)).toBe(programOf(nodes[1]!));
+});
+
+it("says what a camera prepares, and never that it is done before it is", () => {
+  expect(preparationText({ what: "simulating the scene", done: 0.999 })).toBe("simulating the scene, 99 %");
+  expect(preparationText({ what: "simulating the scene", done: 0 })).toBe("simulating the scene, 0 %");
+  expect(preparationText({ what: "opening the camera" })).toBe("opening the camera");
 });
 
 it("sums findings up by the worst", () => {
