@@ -49,7 +49,7 @@ up --scene wobble --size 192x152 || fail "the same options: $(cat "$work/up.err"
 up || fail "no options: $(cat "$work/up.err")"
 differs '--scene wobble, not crystal' --scene crystal --size 192x152
 differs '--scene wobble, not none and --solvers 1, not 2' --scene none --solvers 2
-differs '--console none, not 7480' --console 7480
+differs '--mosaic none, not RGGB' --mosaic RGGB
 kill -KILL "$(cat "$work/rig/run/solver-1.pid")"
 differs '--size 192x152, not 128x104' --size 128x104
 [[ $("${rig[@]}" status --data "$work/rig" 2>/dev/null | grep -c 'is down') == 1 ]] || fail "a refused up starts daemons"
