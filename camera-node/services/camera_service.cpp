@@ -101,8 +101,7 @@ absl::Status CameraServiceImpl::run_started(const CameraCall& call, size_t keep,
 grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::CaptureRequest* request,
                                         grpc::ServerWriter<v1::CaptureResponse>* writer) {
   const auto is_gone = [&] { return context->IsCancelled() || stopping_; };
-  CameraCall call{
-      .id = request->request_id(), .exposure_ms = request->exposure_ms(), .is_gone = is_gone};
+  CameraCall call{.id = request->request_id(), .exposure_ms = request->exposure_ms(), .is_gone = is_gone};
   return to_grpc(run(call, kRingFrames, [&](const v1::FrameTaken* taken) {
     v1::CaptureResponse response;
     if (taken != nullptr) *response.mutable_frame() = *taken;
