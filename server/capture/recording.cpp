@@ -54,8 +54,9 @@ bool Recording::has_frame_of(int step) const {
   });
 }
 
-const v1::FrameTaken& Recording::taken(const FrameMatcher::Match& match) const {
-  return recent_.at(match.frame.sequence);
+const v1::FrameTaken* Recording::taken(const FrameMatcher::Match& match) const {
+  const auto found = recent_.find(match.frame.sequence);
+  return found == recent_.end() ? nullptr : &found->second;
 }
 
 }  // namespace glasswing

@@ -34,8 +34,8 @@ class Recording {
   std::optional<absl::Status> end() const { return camera_.inbox.end(); }
   // The pairs found since the last call.
   std::vector<FrameMatcher::Match> take_matches();
-  // A matched frame as the camera reported it.
-  const v1::FrameTaken& taken(const FrameMatcher::Match& match) const;
+  // A matched frame as the camera reported it. Null: so many frames have come since that it is forgotten.
+  const v1::FrameTaken* taken(const FrameMatcher::Match& match) const;
   // End of the newest frame; none before the first.
   std::optional<nanoseconds> frames_seen_until() const { return matcher_.frames_seen_until(); }
 

@@ -126,7 +126,9 @@ absl::StatusOr<std::vector<v1::Frame>> StepPlayer::records_of(const std::vector<
   const double calibrated_gain = setup_.header.camera_calibration().gain();
   std::vector<v1::Frame> records;
   for (const FrameMatcher::Match& match : matches) {
-    const v1::FrameTaken& taken = recording.taken(match);
+    const v1::FrameTaken* const found = recording.taken(match);
+    if (found == nullptr) continue;  // the camera does not hold it any more either: the step is shown again
+    const v1::FrameTaken& taken = *found;
     if (calibrated_gain != 0.0 && std::abs(taken.gain() - calibrated_gain) > 0.01 * calibrated_gain) {
       return absl::FailedPreconditionError(fmt::format(
           "the camera runs at gain {}, its calibration is of gain {}: set it back, or measure it again with "

@@ -116,7 +116,6 @@ absl::StatusOr<v1::ClaimTileResponse> TileDispatcher::claim(const v1::ClaimTileR
   }
   const bool again = lease->id.attempt > 1;
   (again ? server_metrics().tiles_claimed_again : server_metrics().tiles_claimed).Increment();
-  fault_point("tile leased");
   GW_ASSIGN_OR_RETURN(v1::ClaimTileResponse response, claimed_tile(*lease));
   response.set_lease_ms(lease_.count());
   if (lease->own) {

@@ -24,7 +24,7 @@ case: Cases[Stage] = Cases()
 # solve in depth.
 _CAMERA_POINTS = ("archive begun", "frames written", "frames listed", "archive sealed", "archive removed")
 _SERVER_POINTS = ("session stored", "import sealed", "session captured", "frames deleted", "mattes deleted", "session deleted")
-_SOLVE_POINTS = ("tile leased", "tile received", "tile written", "tile committed", "survey committed", "matte written", "session done")
+_SOLVE_POINTS = ("tile received", "tile written", "tile committed", "survey committed", "matte written", "session done")
 _SOLVER_POINTS = ("tile claimed", "tile read", "tile solved", "tile sent")
 
 

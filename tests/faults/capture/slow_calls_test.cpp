@@ -271,8 +271,7 @@ class SlowResults : public SlowCalls {
 };
 
 TEST_F(SlowResults, OfTheServer) {
-  for (const char* point :
-       {"tile leased", "survey committed", "tile received", "tile written", "tile committed"})
+  for (const char* point : {"survey committed", "tile received", "tile written", "tile committed"})
     hold_result(point);
 }
 

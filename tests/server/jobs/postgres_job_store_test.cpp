@@ -156,8 +156,8 @@ TEST_F(SharedJobs, ItsPasswordIsNotTold) {
 TEST_F(SharedJobs, WhatWasAnsweredOutlivesAKilledDatabase) {
   constexpr int kTiles = 400, kThreads = 16, kBefore = 60;
   // A claim whose answer is lost by a kill ends with its lease.
-  const milliseconds lease(2000);
-  const auto a = open("a", milliseconds(0), lease), b = open("b", milliseconds(0), lease);
+  constexpr milliseconds kLease(2000);
+  const auto a = open("a", milliseconds(0), kLease), b = open("b", milliseconds(0), kLease);
   const std::int64_t job = create(*a, kTiles);
   std::mutex mutex;
   std::map<int, std::string> answered;  // the result of each tile whose completion was answered OK
