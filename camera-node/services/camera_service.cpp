@@ -53,6 +53,8 @@ bool write_whole(const Image16& image, const v1::FrameTaken& taken,
   return written;
 }
 
+constexpr std::string_view kTakenOver = "a later call has taken the camera over";
+
 }  // namespace
 
 grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCameraRequest*,
@@ -87,14 +89,13 @@ absl::Status CameraServiceImpl::run(CameraCall& call, grpc::ServerWriter<Respons
   if (!call.started) {
     if (!wait_prepared([&] { return call.replaced || call.is_gone(); }, writer)) {
       turns_.end(call);
-      return absl::CancelledError("the call ended while the camera prepared");
+      return call.replaced ? absl::AbortedError(kTakenOver) : absl::OkStatus();
     }
     fault_point("camera starts");
     status = camera_.start(call.exposure_ms);
   }
   if (status.ok()) status = run_started(call, keep, take);
-  if (status.ok() && turns_.hand_over(call))
-    return absl::AbortedError("a later call has taken the camera over");
+  if (status.ok() && turns_.hand_over(call)) return absl::AbortedError(kTakenOver);
   camera_.stop();
   turns_.end(call);
   return status;
