@@ -53,7 +53,7 @@ bool write_whole(const Image16& image, const v1::FrameTaken& taken,
   return written;
 }
 
-constexpr std::string_view kTakenOver = "a later call has taken the camera over";
+constexpr char kTakenOver[] = "a later call has taken the camera over";
 
 }  // namespace
 

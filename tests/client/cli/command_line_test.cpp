@@ -73,7 +73,8 @@ TEST_F(CommandLine, ManualPagesAreGoodTroff) {
     std::ranges::replace(name, ' ', '-');
     EXPECT_TRUE(std::filesystem::exists(directory + "/glasswing-" + name + ".1")) << name;
   });
-  EXPECT_EQ(output_of("for page in " + directory + "/*; do man --warnings -l \"$page\" >/dev/null; done"), "");
+  EXPECT_EQ(output_of("for page in " + directory + "/*; do man --warnings -l \"$page\" >/dev/null; done"),
+            "");
   // Messages below warnings are matters of style.
   EXPECT_EQ(output_of("mandoc -T lint -W warning " + directory + "/*"), "");
 }
