@@ -221,7 +221,7 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
   const nanoseconds period(static_cast<std::int64_t>(1e9 / request->max_fps()));
   nanoseconds due = monotonic_now();
   std::int64_t shown = -1;
-  // Whoever wants the camera gets it, however long this call takes to start and stop it.
+  // Any other call gets the camera, however long this one takes to start and stop it.
   CameraCall call{.exposure_ms = exposure_ms, .is_gone = [] { return true; }};
   bool running = false;  // the camera, for this call
   const auto give_up = [&] {

@@ -14,7 +14,7 @@ namespace glasswing {
 
 namespace {
 
-constexpr int kMostPatience = 16;  // of the call time, for one try
+constexpr int kMaxPatience = 16;  // of the call time, for one try
 
 }  // namespace
 
@@ -47,7 +47,7 @@ absl::Status NodeLink::exchange_clocks(int count, std::chrono::milliseconds with
 absl::Status NodeLink::wait(const std::string& what, std::stop_token stop,
                             const std::function<bool(std::chrono::milliseconds)>& answered) {
   bool slow = false;
-  for (int patience = 1;; patience = std::min(2 * patience, kMostPatience)) {
+  for (int patience = 1;; patience = std::min(2 * patience, kMaxPatience)) {
     const bool done = answered(patience * call_time_);
     if (slow && note_slow_ && (done || stop.stop_requested())) note_slow_("");
     if (stop.stop_requested()) return absl::CancelledError("stopped");

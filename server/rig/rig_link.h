@@ -43,7 +43,8 @@ class NodeLink {
   // The same of a call that is under way: waits for `answered`. DEADLINE_EXCEEDED as call().
   absl::Status wait(const std::string& what, std::stop_token stop,
                     const std::function<bool(std::chrono::milliseconds)>& answered);
-  // `note` is told who takes long over what, when a call has taken the call time, and "" once it is answered.
+  // Calls `note` with who takes long over what, once a call has taken the call time, and with "" once
+  // answered.
   void note_slow_calls(std::function<void(const std::string&)> note) { note_slow_ = std::move(note); }
   ClockReading rig_from_node(nanoseconds node_time) const;
   ClockReading node_from_rig(nanoseconds rig_time) const;

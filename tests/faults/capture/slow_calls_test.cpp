@@ -1,4 +1,4 @@
-// Calls that take longer than their deadline, at each daemon. Whoever made one makes it again and is joined
+// Calls that take longer than their deadline, at each daemon. The caller repeats such a call, and is joined
 // to the first, which is still at work; the session ends as an undisturbed one does, its frames with every
 // step once (capture.slow-calls), its matte with the same bits (solve.slow-calls).
 #include <fmt/format.h>
