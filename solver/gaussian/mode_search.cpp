@@ -306,14 +306,19 @@ class Search {
       const int size = best.modes.size() + 1;
       Footprints start;
       if (size <= static_cast<int>(meetings.size()) && subsets.best(size, &start)) starts_.push_back(start);
+      int worst = 0;
       if (!best.modes.empty()) {
         add_residual_start(best.modes);
-        add_split_starts(best.modes);
+        worst = least_explained(best.modes);
+        add_split_starts(best.modes, worst);
       }
-      JointFit next;
-      if (!fit_best_start(&next)) break;
-      if (!best.modes.empty() && !earns_its_place(best, next)) break;
-      best = next;
+      if (!add_mode(&best)) {
+        starts_.clear();
+        for (int m = 0; m < best.modes.size(); ++m) {
+          if (m != worst) add_split_starts(best.modes, m);
+        }
+        if (!add_mode(&best)) break;
+      }
       if (explained(best)) break;
     }
     return best;
@@ -341,13 +346,6 @@ class Search {
     double n = 0.0;
     for (const SampleLayout::Sweep& sweep : samples_.layout->sweeps) n += sweep.count;
     return n;
-  }
-
-  bool earns_its_place(const JointFit& before, const JointFit& after) const {
-    const double n = std::max(after.near_count, 1), least = n * noise_sd_ * noise_sd_;
-    // Outside the new fit's reach both residuals are equal.
-    const double left_before = before.chi2 - (after.chi2 - after.near_chi2);
-    return n * std::log(std::max(left_before, least) / std::max(after.near_chi2, least)) > 4.0 * std::log(n);
   }
 
   // A few steps from each start, then the best one to its minimum.
@@ -385,14 +383,27 @@ class Search {
     starts_.push_back(start);
   }
 
-  // Splits the mode around which most is unexplained. Uses the residual of add_residual_start.
-  void add_split_starts(const Footprints& modes) {
+  // Takes the best start's fit if its further mode earns its place.
+  bool add_mode(JointFit* best) {
+    JointFit next;
+    if (!fit_best_start(&next)) return false;
+    if (!best->modes.empty() && !earns_its_place(*best, next, noise_sd_)) return false;
+    *best = next;
+    return true;
+  }
+
+  // The mode around which most is left. Uses the residual of add_residual_start.
+  int least_explained(const Footprints& modes) const {
     int worst = 0;
     double most = -1.0;
     for (int m = 0; m < modes.size(); ++m) {
       const double left = left_round(modes[m]);
       if (left > most) most = left, worst = m;
     }
+    return worst;
+  }
+
+  void add_split_starts(const Footprints& modes, int worst) {
     for (const bool larger : {true, false}) {
       double ax, ay;
       const double variance = principal_variance(modes[worst], larger, &ax, &ay);
@@ -439,6 +450,23 @@ class Search {
   std::vector<Footprints> starts_;
 };
 
+// The fit of footprints as stripes see them, with footprints where they are.
+JointFit placed(const PixelSamples& samples, const JointFit& seen, const MonitorExtent& extent,
+                JointWorkspace& workspace) {
+  const auto is_narrow = [](const Footprint& mode) {
+    return std::min(mode.xx_px2, mode.yy_px2) < kHidden_px2;
+  };
+  if (std::none_of(seen.modes.begin(), seen.modes.end(), is_narrow)) return seen;
+  // At least an eighth of a stripe: a point within a pixel could not move.
+  const double least_px = samples.layout->sweeps.front().axis.sigma_px / 8.0;
+  Footprints start = seen.modes;
+  for (Footprint& mode : start) mode = with_positive_covariance(mode, least_px * least_px);
+  const JointFit fit = fit_jointly(samples, start, extent, kIterations, workspace);
+  const bool positive = std::all_of(fit.modes.begin(), fit.modes.end(),
+                                    [](const Footprint& mode) { return mode.weight > 0.0; });
+  return fit.converged && positive ? fit : seen;
+}
+
 }  // namespace
 
 Footprints usual_start(const SampleLayout& layout, std::span<const Peaks> peaks, int max_modes) {
@@ -463,19 +491,32 @@ Footprints usual_start(const SampleLayout& layout, std::span<const Peaks> peaks,
   return start;
 }
 
-bool suffices(const JointFit& fit, double noise_sd) {
-  return is_sound(fit) && is_explained(fit, noise_sd);
+bool suffices(const JointFit& fit, const JointFit& sweeps, double noise_sd) {
+  return is_sound(fit) && is_explained(sweeps, noise_sd);
 }
 
 bool needs_more(const JointFit& fit, double noise_sd) {
   return is_sound(fit) && !is_explained(fit, noise_sd);
 }
 
+bool earns_its_place(const JointFit& before, const JointFit& after, double noise_sd) {
+  const double noise = std::max(noise_sd, kMinNoise), n = std::max(after.near_count, 1),
+               least = n * noise * noise;
+  // Outside the new fit's reach both residuals are equal.
+  const double left_before = before.chi2 - (after.chi2 - after.near_chi2);
+  return n * std::log(std::max(left_before, least) / std::max(after.near_chi2, least)) > 4.0 * std::log(n);
+}
+
 JointFit find_footprints(const PixelSamples& samples, std::span<const Peaks> peaks,
                          const MonitorExtent& extent, double noise_sd, int max_modes,
                          JointWorkspace& workspace, const JointFit* usual) {
+  // Within a pixel neither place nor width of a footprint changes what stripes see: no search leads through
+  // it.
+  PixelSamples seen = samples;
+  seen.placed = false;
   JointFit fit =
-      Search(samples, extent, noise_sd, workspace).run(peaks, std::min(max_modes, kMaxFootprints), usual);
+      Search(seen, extent, noise_sd, workspace).run(peaks, std::min(max_modes, kMaxFootprints), usual);
+  fit = placed(samples, fit, extent, workspace);
   for (int i = 0; i < fit.modes.size(); ++i) {
     int strongest = i;
     for (int m = i + 1; m < fit.modes.size(); ++m) {
