@@ -292,9 +292,8 @@ LaneFit LaneSolver::judge(const LaneSamples& samples, LaneFit settled, LaneNotes
     }
     if (sure || lies_on(fit.modes[m], monitor_.extent)) continue;
     const bool held = hold_on_monitor(samples, m, settled);
-    note(notes,
-         fmt::format("its centre lies off the monitor and is not known: {}{}",
-                     held ? "held at the edge" : "what is seen of it, flagged", described(settled.fit)));
+    note(notes, fmt::format("its centre lies off the monitor and is not known: {}{}",
+                            held ? "held at the edge" : "flagged", described(settled.fit)));
   }
   return settled;
 }
@@ -321,16 +320,12 @@ bool LaneSolver::hold_on_monitor(const LaneSamples& samples, int m, LaneFit& set
   NormalEquations now;
   evaluate(all, fit.modes, extent, workspace_, now);
   JointFit on = fit_jointly(all, start, extent, kLong, workspace_, held << (6 * m));
-  const auto i = static_cast<size_t>(m);
-  const double spread_px = std::sqrt(0.5 * (seen.xx_px2 + seen.yy_px2));
   if (!is_positive(on) || !on.converged || on.chi2 > now.chi2 + kNoWorse * noise_of(samples)) {
-    fit.modes[m] = seen;
-    fit.weight_sd[i] = std::min(fit.weight_sd[i], seen.weight);
-    fit.centre_sd_px[i] = spread_px;
     fit.converged = false;
     return false;
   }
-  on.centre_sd_px[i] = std::hypot(on.centre_sd_px[i], spread_px);
+  const auto i = static_cast<size_t>(m);
+  on.centre_sd_px[i] = std::hypot(on.centre_sd_px[i], std::sqrt(0.5 * (seen.xx_px2 + seen.yy_px2)));
   settled = {.fit = on, .beyond = held_against_white(samples, on)};
   return true;
 }
