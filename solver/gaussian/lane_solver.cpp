@@ -37,9 +37,9 @@ double noise_of(const LaneSamples& samples) {
   return std::pow(std::max(samples.noise_sd, kMinStep), 2);
 }
 
-bool same_bars(const LitArea& a, const LitArea& b) {
-  return a.bars && b.bars && a.horizontal == b.horizontal && a.bar_px == b.bar_px &&
-         a.offset_px == b.offset_px;
+// How much of white noise explains, at so many standard errors.
+double noise_of(const WhiteRest& beyond, double standard_errors) {
+  return standard_errors * std::sqrt(beyond.variance) + kBarsError * std::abs(beyond.white);
 }
 
 void note(LaneNotes* notes, std::string text) {
@@ -62,16 +62,13 @@ std::string described(const JointFit& fit) {
 }  // namespace
 
 bool contradicts_white(const WhiteRest& beyond) {
-  return beyond.known && std::abs(beyond.rest) >
-                             kBeyondNoise * std::sqrt(beyond.variance) + kBarsError * std::abs(beyond.white);
+  return beyond.known && std::abs(beyond.rest) > noise_of(beyond, kBeyondNoise);
 }
 
-bool is_done(const BatchFit& fit, double noise_sd, bool broad_light_expected) {
-  const WhiteRest& beyond = fit.beyond;
-  if (!suffices(fit.all, fit.sweeps, noise_sd) || broad_light_expected) return false;
+bool is_done(const BatchFit& fit, double noise_sd) {
+  if (!suffices(fit.all, fit.sweeps, noise_sd)) return false;
   if (std::any_of(fit.all.modes.begin(), fit.all.modes.end(), is_too_bright)) return false;
-  return !beyond.known || std::abs(beyond.rest) <= kMoreThanNoise * std::sqrt(beyond.variance) +
-                                                       kBarsError * std::abs(beyond.white);
+  return !fit.beyond.known || std::abs(fit.beyond.rest) <= noise_of(fit.beyond, kMoreThanNoise);
 }
 
 LaneFit LaneSolver::search(const LaneSamples& samples, const BatchFit* batch, LaneNotes* notes) {
@@ -236,7 +233,7 @@ std::optional<JointFit> LaneSolver::with_broad_light(const LaneSamples& samples,
                                                      bool expected) {
   const WhiteRest& beyond = found.beyond;
   if (!beyond.known || found.fit.modes.size() >= max_modes_) return std::nullopt;
-  const double noise = kMoreThanNoise * std::sqrt(beyond.variance) + kBarsError * std::abs(beyond.white);
+  const double noise = noise_of(beyond, kMoreThanNoise);
   if (beyond.rest <= 0.0 || (!expected && beyond.rest < noise)) return std::nullopt;
   PixelSamples all = everything(samples, found.fit);
   // Modes that took some of the broad light for their own give it back in turns.
