@@ -10,42 +10,11 @@
 #include "solver/methods.h"
 #include "solver/worker/parallel_solve.h"
 #include "tests/gate/floors.h"
+#include "tests/gate/ways.h"
 #include "tests/solver/stack_of.h"
 
 namespace glasswing::gate {
 namespace {
-
-// A plan, and how it is solved.
-struct Way {
-  std::string method;
-  MethodOptions options;
-  std::string plan;
-};
-
-// By name. Plans as in deploy/plans, for monitors of 64 px.
-const std::map<std::string, Way>& ways() {
-  static const std::map<std::string, Way> all = [] {
-    const std::string
-        solids = "solids { colour: [0, 0, 0] } solids { colour: [1, 1, 1] } ",
-        bars = solids + "square_waves { levels: 6 } ",
-        sweeps =
-            "sweeps { orientation_deg: 0 sigma_px: 3 } sweeps { orientation_deg: 90 sigma_px: 3 } "
-            "sweeps { orientation_deg: 45 sigma_px: 3 } sweeps { orientation_deg: -45 sigma_px: 3 }",
-        waves =
-            "fringes { orientation_deg: 0 period_px: [72, 32, 14, 7] } "
-            "fringes { orientation_deg: 90 period_px: [72, 32, 14, 7] } "
-            "fringes { orientation_deg: 45 period_px: [24, 10] } "
-            "fringes { orientation_deg: -45 period_px: [24, 10] }";
-    return std::map<std::string, Way>{
-        {"gaussian", {"gaussian", {}, "method: 'gaussian' " + bars + sweeps}},
-        {"few", {"gaussian", {{"images", "80"}}, "method: 'gaussian' " + bars + sweeps}},
-        {"hierarchical", {"hierarchical", {}, "method: 'hierarchical' " + bars}},
-        {"fringe", {"fringe", {{"modes", "2"}}, "method: 'fringe' " + solids + waves}},
-        {"alpha", {"alpha", {}, "method: 'alpha' " + solids}},
-        {"ramp", {"ramp", {}, "method: 'ramp' ramp { empty_frames: 4 frames: 3 }"}}};
-  }();
-  return all;
-}
 
 // The frames of a video in memory.
 class Clip final : public VideoSource {
