@@ -137,7 +137,10 @@ int run_client(int argc, const char* const* argv, const AddCommands& add_command
     // The first call reports what is wrong with the files; commands that make no calls do not need them.
     (void)use_tls({config["ca"], config["certificate"], config["key"]});
     const absl::Status status = client.run();
-    if (status.ok()) return client.exit_status;
+    if (status.ok()) {
+      if (std::cout.flush()) return client.exit_status;
+      return fail("the answer could not be written to standard output", coloured(STDERR_FILENO));
+    }
     const bool broken_off = absl::IsCancelled(status) && interrupted();
     return fail(std::string(status.message()), coloured(STDERR_FILENO), broken_off ? kInterrupted : kFailure);
   } catch (const CLI::ParseError& error) {

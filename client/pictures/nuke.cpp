@@ -4,6 +4,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/output_file.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/composite_rays.h"
 #include "client/pictures/nuke_script.h"
@@ -20,10 +21,6 @@ struct NukeArguments {
 };
 
 absl::Status write_nuke_script(const Client& client, const NukeArguments& arguments) {
-  if (std::filesystem::path(arguments.output).extension() != ".nk") {
-    return absl::InvalidArgumentError(
-        fmt::format("the output is {}; its name must end in .nk", arguments.output));
-  }
   if (holds_rays(arguments.matte)) {
     return absl::InvalidArgumentError(
         fmt::format("{} holds rays, which glasswing composite shows; Nuke is given mattes", arguments.matte));
@@ -59,7 +56,9 @@ void add_nuke_command(CLI::App& app, Client& client) {
       "  glasswing nuke /shows/spring/vase.exr -o vase.nk   # the script names this file");
   auto arguments = std::make_shared<NukeArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
-  command.add_option("-o,--output", arguments->output, "the script to write, .nk")->required();
+  command.add_option("-o,--output", arguments->output, "the script to write, .nk")
+      ->required()
+      ->check(output_file({".nk"}));
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return write_nuke_script(client, *arguments); };
   });

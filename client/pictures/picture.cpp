@@ -9,6 +9,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/output_file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/import/foreign_manifest.h"
@@ -34,13 +35,7 @@ absl::Status check_output(const std::filesystem::path& output, int bits) {
         fmt::format("the output is {}; its name must end in .exr, .png, .tif or .tiff", output.string()));
   }
   GW_RETURN_IF_ERROR(check_picture_file(output, bits));
-  std::error_code ignored;
-  const std::filesystem::path directory = output.has_parent_path() ? output.parent_path() : ".";
-  if (!std::filesystem::is_directory(directory, ignored)) {
-    return absl::NotFoundError(
-        fmt::format("the output is {}; there is no directory {}", output.string(), directory.string()));
-  }
-  return absl::OkStatus();
+  return check_writable(output);
 }
 
 absl::Status in_file(const std::string& file, const absl::Status& status) {

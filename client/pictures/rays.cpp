@@ -4,6 +4,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/output_file.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/picture.h"
 #include "client/sessions/matte_input.h"
@@ -100,10 +101,6 @@ nlohmann::ordered_json poses_as_json(const v1::RayMetadata& metadata) {
 }
 
 absl::Status write_rays(const Client& client, const RaysArguments& arguments) {
-  if (std::filesystem::path(arguments.output).extension() != ".exr") {
-    return absl::InvalidArgumentError(
-        fmt::format("the output is {}; its name must end in .exr", arguments.output));
-  }
   GW_ASSIGN_OR_RETURN(const RayMatte rays, rays_of(client, arguments));
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_rays(rays));
   GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
@@ -171,7 +168,9 @@ void add_rays_command(CLI::App& app, Client& client) {
   command
       .add_option("--geometry", arguments->geometry, "a text file of the camera and its poses (docs/rays.md)")
       ->required();
-  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")->required();
+  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")
+      ->required()
+      ->check(output_file({".exr"}));
   command.add_option("--poses", arguments->poses, "the pose of each matte; default: named as its session")
       ->delimiter(',');
   command.add_option("--object-depth", arguments->object_depth_mm,

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <opencv2/core.hpp>
 
+#include "client/cli/output_file.h"
 #include "client/cli/progress.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/contact_sheet.h"
@@ -53,10 +54,6 @@ absl::StatusOr<std::vector<MattePanel>> read_panels(const SheetArguments& argume
 }
 
 absl::Status sheet(const Client& client, const SheetArguments& arguments) {
-  if (std::filesystem::path(arguments.output).extension() != ".png") {
-    return absl::InvalidArgumentError(
-        fmt::format("the output is {}; its name must end in .png", arguments.output));
-  }
   GW_ASSIGN_OR_RETURN(const std::vector<MattePanel> panels, read_panels(arguments));
   const CodeImage picture = contact_sheet(panels, arguments.heading, {}, arguments.columns);
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_png8(picture));
@@ -79,7 +76,9 @@ void add_sheet_command(CLI::App& app, Client& client) {
                   fmt::format("[TITLE=]FILE: PNG, JPEG, TIFF or EXR; at most {}", kMaxPictures))
       ->required()
       ->expected(1, kMaxPictures);
-  command.add_option("-o,--output", arguments->output, "the PNG file to write")->required();
+  command.add_option("-o,--output", arguments->output, "the PNG file to write")
+      ->required()
+      ->check(output_file({".png"}));
   command.add_option("--heading", arguments->heading, "a line above the pictures; ASCII");
   command
       .add_option("--columns", arguments->columns, "pictures in a row (1 to 64; default: as many as suit)")

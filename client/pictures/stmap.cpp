@@ -8,6 +8,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/output_file.h"
 #include "client/pictures/commands.h"
 #include "core/base/file.h"
 #include "core/base/mapped_file.h"
@@ -22,10 +23,6 @@ struct StmapArguments {
 };
 
 absl::Status write_stmap(const Client& client, const StmapArguments& arguments) {
-  if (std::filesystem::path(arguments.output).extension() != ".exr") {
-    return absl::InvalidArgumentError(
-        fmt::format("the output is {}; its name must end in .exr", arguments.output));
-  }
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte, MappedFile::open(arguments.matte));
   StmapChoice choice{.monitor = arguments.monitor, .path = arguments.path};
   if (!arguments.channel.empty())
@@ -74,7 +71,9 @@ void add_stmap_command(CLI::App& app, Client& client) {
       "  glasswing stmap vase.exr --monitor left --channel b -o vase_left_b.exr");
   auto arguments = std::make_shared<StmapArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
-  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")->required();
+  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")
+      ->required()
+      ->check(output_file({".exr"}));
   command.add_option("--monitor", arguments->monitor, "the monitor's name; default: the first");
   command
       .add_option("--channel", arguments->channel,

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "client/cli/output.h"
+#include "client/cli/output_file.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/contact_sheet.h"
 #include "client/pictures/matte_panels.h"
@@ -56,10 +57,6 @@ std::string heading_of(const ViewArguments& arguments, const v1::MatteMetadata& 
 }
 
 absl::Status view(const Client& client, const ViewArguments& arguments) {
-  if (std::filesystem::path(arguments.output).extension() != ".png") {
-    return absl::InvalidArgumentError(
-        fmt::format("the output is {}; its name must end in .png", arguments.output));
-  }
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(arguments.matte));
   const absl::StatusOr<SampledMatte> sampled =
       sample_matte(file->bytes(), arguments.only.empty() ? kMaxSheetPixels : 0);
@@ -92,7 +89,9 @@ void add_view_command(CLI::App& app, Client& client) {
       "  glasswing view pouring/0007.exr --channel r -o pouring-7.png");
   auto arguments = std::make_shared<ViewArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
-  command.add_option("-o,--output", arguments->output, "the PNG file to write")->required();
+  command.add_option("-o,--output", arguments->output, "the PNG file to write")
+      ->required()
+      ->check(output_file({".png"}));
   command.add_option("--only", arguments->only, "write one panel, without title and legend")
       ->check(CLI::IsMember(kPanelNames));
   command

@@ -9,6 +9,7 @@
 
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
+#include "client/cli/output_file.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
@@ -127,6 +128,11 @@ nlohmann::ordered_json json_of(const v1::Draft& draft) {
 }
 
 absl::Status fetch_file(const Client& client, const Sessions& server, const FetchArguments& arguments) {
+  if (fs::path(arguments.output).extension() != ".exr") {
+    return absl::InvalidArgumentError(
+        fmt::format("the output is {}; its name must end in .exr", arguments.output));
+  }
+  GW_RETURN_IF_ERROR(check_writable(arguments.output));
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const MatteOutline& matte = whole.outline;
   const auto& warnings = matte.metadata.warnings();

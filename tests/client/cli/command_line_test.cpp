@@ -1,4 +1,6 @@
 // Properties of the whole tree of commands: descriptions, manual pages, completion.
+#include <gmock/gmock.h>
+
 #include <cstdio>
 #include <fstream>
 
@@ -47,6 +49,23 @@ class CommandLine : public ScratchTest {
   CLI::App app_{"Description.", "glasswing"};
   Config config_{app_};
 };
+
+TEST_F(CommandLine, AnOutputThatCannotBeWrittenIsNamedBeforeAnyWork) {
+  std::filesystem::create_directory(scratch_ / "sheet.png");
+  const auto said = [&](const std::string& output) {
+    return run_glasswing({"view", (scratch_ / "no.exr").string(), "-o", output}).err;
+  };
+  EXPECT_THAT(said((scratch_ / "sheet.jpg").string()), testing::HasSubstr("must end in .png"));
+  EXPECT_THAT(said((scratch_ / "sheet.png").string()), testing::HasSubstr("is a directory"));
+  EXPECT_THAT(said((scratch_ / "nowhere/sheet.png").string()), testing::HasSubstr("there is no directory"));
+  EXPECT_THAT(said("-"), testing::HasSubstr("must end in .png"));
+  EXPECT_THAT(said((scratch_ / "other.png").string()), testing::HasSubstr("no.exr"));
+}
+
+TEST_F(CommandLine, AnAnswerThatCannotBeWrittenIsAFailure) {
+  EXPECT_EQ(output_of("(" + program_path() + " config > /dev/full; echo $?)"),
+            "glasswing: the answer could not be written to standard output\n1\n");
+}
 
 TEST_F(CommandLine, EverythingIsDescribedAndHasAnExample) {
   int commands = 0;
