@@ -36,6 +36,7 @@ v1::UnseenPatch unseen_patch(const PatchProof::LearningSet& set) {
   patch.set_monitor(set.frames.front().record.stimulus().panel());
   patch.set_reason(std::string(set.learned.message()));
   patch.set_dark(absl::IsNotFound(set.learned));
+  patch.set_early(absl::IsOutOfRange(set.learned));
   return patch;
 }
 

@@ -74,7 +74,7 @@ absl::Status PatchProof::learn(const std::vector<Waiting>& set) {
     if (absl::IsUnavailable(image.status())) continue;  // lost
     GW_RETURN_IF_ERROR(image.status());
     if (known.reader.read(*image) != member.frame.record.stimulus().patch_id())
-      return absl::FailedPreconditionError("the id patch changes before the time that is reported");
+      return absl::OutOfRangeError("the id patch changes before the time that is reported");
   }
   std::erase_if(known_, [&](const Known& other) {
     return other.object == known.object && other.monitor == known.monitor &&

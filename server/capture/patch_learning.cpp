@@ -41,8 +41,10 @@ void PatchLearning::note_learned(const v1::LearnPatchesResponse& response) {
   if (!response.unseen_patches().empty()) ++unseen_showings_;
   for (const v1::UnseenPatch& unseen : response.unseen_patches()) {
     std::erase_if(held_, [&](const auto& step) { return step.second == unseen.monitor(); });
-    ++unseen_[unseen.monitor()].count;
-    unseen_[unseen.monitor()].last = unseen;
+    Unseen& known = unseen_[unseen.monitor()];
+    ++known.count;
+    if (unseen.dark() || unseen.early()) ++known.plain_count;
+    known.last = unseen;
   }
 }
 
@@ -54,7 +56,7 @@ std::optional<std::vector<v1::Frame>> PatchLearning::take_ready_frames() {
 
 const v1::UnseenPatch* PatchLearning::hopeless() const {
   for (const auto& [monitor, unseen] : unseen_) {
-    if (unseen.count >= (unseen.last.dark() ? kMaxDarkAttempts : kMaxAttempts)) return &unseen.last;
+    if (unseen.count >= kMaxAttempts || unseen.plain_count >= kMaxPlainAttempts) return &unseen.last;
   }
   return nullptr;
 }

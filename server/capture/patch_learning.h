@@ -36,8 +36,8 @@ inline bool shows_id(const Step& step) {
 
 class PatchLearning {
  public:
-  static constexpr int kMaxAttempts = 8;      // at a patch that is there but cannot be read
-  static constexpr int kMaxDarkAttempts = 2;  // at one that the camera does not seem to look at
+  static constexpr int kMaxAttempts = 8;       // at a patch that is there but cannot be read
+  static constexpr int kMaxPlainAttempts = 2;  // at one that stays dark, or changes too early
 
   // Starts a showing and drops the queue of the one before. Returns the steps to show: all of `pending`
   // except those whose frames the camera node holds.
@@ -62,7 +62,7 @@ class PatchLearning {
 
  private:
   struct Unseen {
-    int count = 0;
+    int count = 0, plain_count = 0;
     v1::UnseenPatch last;
   };
 

@@ -110,7 +110,7 @@ TEST_F(PatchLearningTest, AnUnseenPatchReleasesTheHeldStepsOfItsMonitorOnly) {
 TEST_F(PatchLearningTest, APatchThatStaysUnseenIsHopelessAfterFewerAttemptsInTheDark) {
   for (const bool dark : {false, true}) {
     PatchLearning learning;
-    const int attempts = dark ? PatchLearning::kMaxDarkAttempts : PatchLearning::kMaxAttempts;
+    const int attempts = dark ? PatchLearning::kMaxPlainAttempts : PatchLearning::kMaxAttempts;
     for (int attempt = 1; attempt <= attempts; ++attempt) {
       EXPECT_EQ(learning.hopeless(), nullptr) << attempt;
       learning.note_learned(unseen("back", dark));
