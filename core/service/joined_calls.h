@@ -27,7 +27,8 @@ class JoinedCalls {
  public:
   using Answer = absl::StatusOr<Response>;
 
-  // `kept`: how many answers are kept for repetitions that come after the end; the oldest is dropped.
+  // `kept`: how many answers are kept for repetitions that come after the end; the oldest is dropped. Errors
+  // are not kept: who repeats a call that failed wants it tried again.
   explicit JoinedCalls(size_t kept = 8) : kept_(kept) {}
 
   // Calls `work` for the first call with this id, and returns its answer to that call and to all others.
@@ -52,8 +53,12 @@ class JoinedCalls {
     Answer answer = work();
     lock.lock();
     call->answer = answer;
-    ended_.push_back(id);
-    drop_oldest();
+    if (answer.ok()) {
+      ended_.push_back(id);
+      drop_oldest();
+    } else {
+      calls_.erase(id);
+    }
     answered_.notify_all();
     return answer;
   }
