@@ -17,8 +17,8 @@ namespace glasswing {
 
 class DisplayServiceImpl final : public v1::DisplayService::Service {
  public:
-  // INVALID_ARGUMENT: the rows of an id patch leave too few for patterns, or are too few to be read, or are those
-  // of a monitor that the display does not have.
+  // INVALID_ARGUMENT: the rows of an id patch leave too few for patterns, or are too few to be read, or are
+  // those of a monitor that the display does not have.
   static absl::Status check_patch(const Display& display, const PatchRows& patch_rows);
   // `rails`: of monitors of the display, at most one each.
   DisplayServiceImpl(std::string name, Display& display, const PatchRows& patch_rows = 0,

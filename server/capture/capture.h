@@ -91,7 +91,7 @@ class Capture {
   VideoCapture video_;
   StepPlayer player_;
   std::optional<CaptureArchive> archive_;  // once the rig is found
-  std::optional<bool> object_wanted_;  // on the stage or off it, by a person; none: nobody has to move it
+  std::optional<bool> object_wanted_;      // on the stage or off it, by a person; none: nobody has to move it
 };
 
 }  // namespace glasswing

@@ -127,8 +127,8 @@ absl::Status GroupCapture::unproven(const std::string& what, const std::vector<S
     causes += fmt::format("{}{}: {}", causes.empty() ? "" : ", ", describe(cause), count);
   std::string advice = retake_advice(commonest);
   if (commonest == v1::RETAKE_CAUSE_OUTSIDE_WINDOW) {
-    advice += fmt::format(" ({} ms at {} fps)", recording_.exposure_ms(),
-                          setup_.links.camera_info.frame_rate_hz());
+    advice +=
+        fmt::format(" ({} ms at {} fps)", recording_.exposure_ms(), setup_.links.camera_info.frame_rate_hz());
   } else if (commonest == v1::RETAKE_CAUSE_WRONG_ID || commonest == v1::RETAKE_CAUSE_ID_UNREADABLE) {
     GW_ASSIGN_OR_RETURN(const std::string lag, lags(steps.front(), stop));
     if (!lag.empty()) advice = lag;
@@ -162,7 +162,8 @@ absl::StatusOr<std::string> GroupCapture::lags(const Step& of_group, std::stop_t
     learning[step.stimulus.panel()].push_back(step);
     shown.push_back(step);
   }
-  GW_RETURN_IF_ERROR(player_.play(shown, recording_, [](auto) { return true; }, stop));
+  GW_RETURN_IF_ERROR(player_.play(
+      shown, recording_, [](auto) { return true; }, stop));
   const nanoseconds patience = monotonic_now() + kMaxWait;
   const nanoseconds needed = recording_.frames_seen_until().value_or(nanoseconds(0)) + kLatestLag;
   while (recording_.frames_seen_until().value_or(nanoseconds(0)) < needed && monotonic_now() < patience) {

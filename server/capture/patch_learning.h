@@ -2,8 +2,8 @@
 // patch.
 //
 // A patch learning step shows a known id. Its frame goes to the camera node (CameraService.LearnPatches) with
-// the last one that must show the id too. The node holds both until the set of a monitor is complete. Frames of
-// other steps are queued here until every learning step is proven, because their pixels cannot be judged
+// the last one that must show the id too. The node holds both until the set of a monitor is complete. Frames
+// of other steps are queued here until every learning step is proven, because their pixels cannot be judged
 // earlier. A monitor whose patch stays unseen fails the capture: times that its pixels do not confirm prove
 // nothing. Monitors without a patch (glasswing-display --patch-rows 0) have no learning steps, and time alone
 // proves theirs.

@@ -46,8 +46,8 @@ class Recording {
   bool was_matched_now(int step) const { return matched_now_.contains(step); }
   // When the step was on screen in this showing.
   const StableWindow& window_of(int step) const { return shown_now_.at(step); }
-  // The last frame whose exposure lay in the time in which the step's id patch surely was on screen; `first`, one
-  // of them, if there is no other.
+  // The last frame whose exposure lay in the time in which the step's id patch surely was on screen; `first`,
+  // one of them, if there is no other.
   std::int64_t last_of_patch(int step, std::int64_t first) const;
   // In rig time, rising.
   std::vector<FrameTime> recent_frames() const;

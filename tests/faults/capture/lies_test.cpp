@@ -2,9 +2,9 @@
 // (capture.lies). Two things are tested of each lie: no frame is kept under another step's label, and the
 // capture either proves its steps or fails, naming the lag where a lag explains it.
 //
-// The rig is simulated row by row: a monitor that scans out from the top, and a camera with a rolling shutter that
-// runs free. What decides is the capture's own: windows and matches (core/timing/proof), PatchLearning, PatchProof
-// and find_lag. Some lies are repeated on a rig of real daemons.
+// The rig is simulated row by row: a monitor that scans out from the top, and a camera with a rolling shutter
+// that runs free. What decides is the capture's own: windows and matches (core/timing/proof), PatchLearning,
+// PatchProof and find_lag. Some lies are repeated on a rig of real daemons.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -33,9 +33,9 @@ constexpr nanoseconds kLag = milliseconds(3), kSettle = milliseconds(1);
 constexpr nanoseconds kFramePeriod = milliseconds(5), kExposure = milliseconds(4), kReadout = milliseconds(1);
 constexpr nanoseconds kLead = milliseconds(300);  // from the first frame to the first picture
 constexpr int kSteps = 60, kRetries = 10;
-// Share of another picture in a frame whose patch is read. A patch is learned from frames with less than a quarter
-// of another picture, so its levels are at least 3/4 of full contrast apart; it is read if a cell reaches 0.8 of that:
-// (1 - 2 share) >= 0.8 * 3/4.
+// Share of another picture in a frame whose patch is read. A patch is learned from frames with less than a
+// quarter of another picture, so its levels are at least 3/4 of full contrast apart; it is read if a cell
+// reaches 0.8 of that: (1 - 2 share) >= 0.8 * 3/4.
 constexpr double kMaxOther = 0.2;
 
 // What differs from the reports. Pictures and frames are numbered as they are reported.
@@ -88,7 +88,9 @@ class Showing {
     pictures_.push_back(picture);
   }
   int picture_count() const { return static_cast<int>(pictures_.size()); }
-  int frame_count() const { return static_cast<int>((kLead + picture_count() * kStepTime + milliseconds(350)) / kFramePeriod); }
+  int frame_count() const {
+    return static_cast<int>((kLead + picture_count() * kStepTime + milliseconds(350)) / kFramePeriod);
+  }
 
   std::vector<StableWindow> windows() const {
     std::vector<StableWindow> windows;
@@ -124,11 +126,14 @@ class Showing {
       std::array<double, 3 * kWidth_px> light{};
       for (int p = 0; p < picture_count(); ++p) {
         const double share = shown_share(p, row, start) - shown_share(p + 1, row, start);
-        const int shown = std::clamp(lie_.picture(first_picture_ + p) - first_picture_, 0, picture_count() - 1);
+        const int shown =
+            std::clamp(lie_.picture(first_picture_ + p) - first_picture_, 0, picture_count() - 1);
         if (share == 0.0) continue;
         for (int s = 0; s < 3 * kWidth_px; ++s)
-          light[static_cast<size_t>(s)] += share * static_cast<double>(
-              pictures_[static_cast<size_t>(shown)].samples[static_cast<size_t>(y * 3 * kWidth_px + s)]);
+          light[static_cast<size_t>(s)] +=
+              share *
+              static_cast<double>(
+                  pictures_[static_cast<size_t>(shown)].samples[static_cast<size_t>(y * 3 * kWidth_px + s)]);
       }
       for (int s = 0; s < 3 * kWidth_px; ++s)
         image.samples[static_cast<size_t>(y * 3 * kWidth_px + s)] =
@@ -139,10 +144,13 @@ class Showing {
 
  private:
   // Phases drift past those of the refreshes.
-  nanoseconds reported_start(int i) const { return i * kFramePeriod + microseconds(137) * first_frame_ % kFramePeriod; }
+  nanoseconds reported_start(int i) const {
+    return i * kFramePeriod + microseconds(137) * first_frame_ % kFramePeriod;
+  }
 
-  // Of an exposure from `start` on, after picture p has replaced the one before: the mean of r(t - t_p), r(u) = u /
-  // settle clamped to [0, 1]. Pictures replace each other in order, and all are replaced by black at the end.
+  // Of an exposure from `start` on, after picture p has replaced the one before: the mean of r(t - t_p), r(u)
+  // = u / settle clamped to [0, 1]. Pictures replace each other in order, and all are replaced by black at
+  // the end.
   double shown_share(int p, double row, nanoseconds start) const {
     if (p > picture_count()) return 0.0;
     const auto scanned = [&](int i) {
@@ -176,7 +184,8 @@ class LyingRig {
     const std::span<const std::uint16_t> ids = patch_learning_ids();
     for (int i = 0; i < static_cast<int>(ids.size()) + kSteps; ++i) {
       const bool learns = i < static_cast<int>(ids.size());
-      Step& step = pending_.emplace_back(Step{.number = i, .object = false, .exposure_ms = 4.0, .stimulus = {}});
+      Step& step =
+          pending_.emplace_back(Step{.number = i, .object = false, .exposure_ms = 4.0, .stimulus = {}});
       step.stimulus.set_kind(learns ? "patch" : "solid");
       step.stimulus.set_panel("back");
       if (learns) step.stimulus.set_patch_id(ids[static_cast<size_t>(i)]);
@@ -186,7 +195,8 @@ class LyingRig {
 
   Outcome run() {
     for (int showings = 0; !pending_.empty(); ++showings) {
-      if (showings - learning_.unseen_showings() > kRetries || learning_.hopeless() != nullptr) return failure();
+      if (showings - learning_.unseen_showings() > kRetries || learning_.hopeless() != nullptr)
+        return failure();
       show(learning_.begin_showing(pending_));
       std::erase_if(pending_, [&](const Step& step) { return proven_.contains(step.number); });
     }
@@ -231,7 +241,8 @@ class LyingRig {
       *record.mutable_stimulus() = all_step(match.step, steps).stimulus;
       if (!is_patch_learning_step(all_step(match.step, steps))) record.set_patch_id(ids_[match.step]);
     }
-    learn(learning_.take_learning_frames(std::move(records), [](int) { return true; }), showing, windows, frames);
+    learn(learning_.take_learning_frames(std::move(records), [](int) { return true; }), showing, windows,
+          frames);
     for (v1::Frame& record : learning_.take_ready_frames().value_or(std::vector<v1::Frame>())) {
       const Image16 image = showing.image(record.sequence());
       if (proof_.judge(record, image) == PatchVerdict::kAgrees) keep(record, image);
@@ -355,32 +366,68 @@ std::vector<Lie> lies(std::uint64_t seed) {
     return [off](int i, double) { return off(i); };
   };
   return {
-      {.name = "display drifts ahead, 5 ms a second", .fails = true, .light = of_all_rows([](int i) { return -ms(0.167 * i); })},
-      {.name = "display drifts behind, 5 ms a second", .fails = true, .light = of_all_rows([](int i) { return ms(0.167 * i); })},
+      {.name = "display drifts ahead, 5 ms a second", .fails = true, .light = of_all_rows([](int i) {
+                                                                       return -ms(0.167 * i);
+                                                                     })},
+      {.name = "display drifts behind, 5 ms a second", .fails = true, .light = of_all_rows([](int i) {
+                                                                        return ms(0.167 * i);
+                                                                      })},
       {.name = "display jitters by 8 ms", .fails = true, .light = of_all_rows(jitter(seed + 1, 8.0))},
       {.name = "display jitters by 16 ms", .fails = true, .light = of_all_rows(jitter(seed + 2, 16.0))},
-      {.name = "display late by a refresh, 5 %", .fails = false, .light = of_all_rows(at_random(seed + 3, 0.05, kRefresh))},
-      {.name = "display late by a refresh, always", .fails = true, .light = of_all_rows(at_random(seed + 3, 1.0, kRefresh))},
-      {.name = "display early by a refresh, always", .fails = true, .light = of_all_rows(at_random(seed + 3, 1.0, -kRefresh))},
-      {.name = "display swaps pictures, 5 %", .fails = false, .picture = [=](int i) { return swapped(i, seed + 4, 0.05); }},
-      {.name = "display swaps all pictures", .fails = true, .picture = [=](int i) { return swapped(i, seed + 4, 1.0); }},
-      {.name = "display repeats pictures, 5 %", .fails = false, .picture = [=](int i) { return draw(seed + 5, i) < 0.05 ? i - 1 : i; }},
+      {.name = "display late by a refresh, 5 %",
+       .fails = false,
+       .light = of_all_rows(at_random(seed + 3, 0.05, kRefresh))},
+      {.name = "display late by a refresh, always",
+       .fails = true,
+       .light = of_all_rows(at_random(seed + 3, 1.0, kRefresh))},
+      {.name = "display early by a refresh, always",
+       .fails = true,
+       .light = of_all_rows(at_random(seed + 3, 1.0, -kRefresh))},
+      {.name = "display swaps pictures, 5 %",
+       .fails = false,
+       .picture = [=](int i) { return swapped(i, seed + 4, 0.05); }},
+      {.name = "display swaps all pictures",
+       .fails = true,
+       .picture = [=](int i) { return swapped(i, seed + 4, 1.0); }},
+      {.name = "display repeats pictures, 5 %",
+       .fails = false,
+       .picture = [=](int i) { return draw(seed + 5, i) < 0.05 ? i - 1 : i; }},
       {.name = "display is frozen from the start", .fails = true, .picture = [](int) { return 0; }},
-      {.name = "display is frozen after a while", .fails = true, .picture = [](int i) { return std::min(i, 40); }},
-      {.name = "display's lower half late by a refresh", .fails = true,
+      {.name = "display is frozen after a while",
+       .fails = true,
+       .picture = [](int i) { return std::min(i, 40); }},
+      {.name = "display's lower half late by a refresh",
+       .fails = true,
        .light = [](int, double row) { return row < 0.5 ? nanoseconds(0) : kRefresh; }},
-      {.name = "camera drifts ahead, 5 ms a second", .fails = true, .exposure = [](int i) { return ms(0.025 * i); }},
-      {.name = "camera drifts behind, 5 ms a second", .fails = true, .exposure = [](int i) { return -ms(0.025 * i); }},
+      {.name = "camera drifts ahead, 5 ms a second",
+       .fails = true,
+       .exposure = [](int i) { return ms(0.025 * i); }},
+      {.name = "camera drifts behind, 5 ms a second",
+       .fails = true,
+       .exposure = [](int i) { return -ms(0.025 * i); }},
       {.name = "camera's stamps jitter by 8 ms", .fails = true, .exposure = jitter(seed + 6, 8.0)},
       {.name = "camera's stamps early by a frame, 5 %", .exposure = at_random(seed + 7, 0.05, kFramePeriod)},
-      {.name = "camera swaps frames, 5 %", .fails = false, .pixels = [=](int i, double) { return swapped(i, seed + 8, 0.05); }},
-      {.name = "camera swaps all frames", .fails = true, .pixels = [=](int i, double) { return swapped(i, seed + 8, 1.0); }},
+      {.name = "camera swaps frames, 5 %",
+       .fails = false,
+       .pixels = [=](int i, double) { return swapped(i, seed + 8, 0.05); }},
+      {.name = "camera swaps all frames",
+       .fails = true,
+       .pixels = [=](int i, double) { return swapped(i, seed + 8, 1.0); }},
       {.name = "camera repeats frames, 70 %",
-       .pixels = [=](int i, double) { while (i > 0 && draw(seed + 9, i) < 0.7) --i; return i; }},
-      {.name = "camera's frames are ten late", .fails = true, .pixels = [](int i, double) { return std::max(i - 10, 0); }},
+       .pixels =
+           [=](int i, double) {
+             while (i > 0 && draw(seed + 9, i) < 0.7) --i;
+             return i;
+           }},
+      {.name = "camera's frames are ten late",
+       .fails = true,
+       .pixels = [](int i, double) { return std::max(i - 10, 0); }},
       {.name = "camera is frozen from the start", .fails = true, .pixels = [](int, double) { return 0; }},
-      {.name = "camera is frozen after a while", .fails = true, .pixels = [](int i, double) { return std::min(i, 200); }},
-      {.name = "camera's lower half is of the frame before", .fails = false,
+      {.name = "camera is frozen after a while",
+       .fails = true,
+       .pixels = [](int i, double) { return std::min(i, 200); }},
+      {.name = "camera's lower half is of the frame before",
+       .fails = false,
        .pixels = [](int i, double row) { return row < 0.5 ? i : std::max(i - 1, 0); }},
   };
 }
@@ -399,7 +446,8 @@ TEST(Lies, NoFrameIsKeptUnderAnotherStepsLabel) {
 
 // The patch is scanned out last, so it cannot speak for rows that are replaced out of turn (docs/timing.md).
 TEST(Lies, ATornPictureWhoseLowerHalfIsNewIsNotNoticed) {
-  const Lie torn{.name = "torn", .light = [](int, double row) { return row < 0.5 ? kRefresh : nanoseconds(0); }};
+  const Lie torn{.name = "torn",
+                 .light = [](int, double row) { return row < 0.5 ? kRefresh : nanoseconds(0); }};
   const Outcome outcome = outcome_of(torn);
   EXPECT_FALSE(outcome.failed);
   EXPECT_GT(outcome.wrong, 0);

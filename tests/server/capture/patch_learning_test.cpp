@@ -76,9 +76,8 @@ TEST_F(PatchLearningTest, OtherFramesWaitUntilAllLearningStepsAreProven) {
 TEST_F(PatchLearningTest, AFrameOfALearningStepWaitsUntilThePatchHasLeftTheScreen) {
   (void)learning_.begin_showing({kFirst, kSecond, kOther});
   const auto first_has_left = [](int step) { return step == kFirst.number; };
-  EXPECT_EQ(
-      steps_of(learning_.take_learning_frames({frame_of(kFirst), frame_of(kSecond)}, first_has_left)),
-      std::vector<int>{0});
+  EXPECT_EQ(steps_of(learning_.take_learning_frames({frame_of(kFirst), frame_of(kSecond)}, first_has_left)),
+            std::vector<int>{0});
   EXPECT_TRUE(learning_.take_learning_frames({frame_of(kOther)}, first_has_left).empty());
   ASSERT_TRUE(learning_.take_ready_frames()) << "step 1 waits; it was not missed";
   EXPECT_EQ(steps_of(take({})), std::vector<int>{1});
