@@ -36,6 +36,7 @@ v1::UnseenPatch unseen_patch(const PatchProof::LearningSet& set) {
   patch.set_monitor(set.frames.front().record.stimulus().panel());
   patch.set_reason(std::string(set.learned.message()));
   patch.set_dark(absl::IsNotFound(set.learned));
+  patch.set_early(absl::IsOutOfRange(set.learned));
   return patch;
 }
 
@@ -68,6 +69,15 @@ absl::StatusOr<std::vector<Archive::NewFrame>> FrameKeeper::find_pictures(const 
     frames.push_back({.record = each.record, .image = *std::move(image)});
   }
   return frames;
+}
+
+std::map<std::int64_t, CapturedFrame> FrameKeeper::find_last(const v1::LearnPatchesRequest& request) const {
+  std::map<std::int64_t, CapturedFrame> last;
+  for (int i = 0; i < std::min(request.frames_size(), request.last_sequences_size()); ++i) {
+    if (std::optional<CapturedFrame> found = ring_.find(request.last_sequences(i)))
+      last.emplace(request.frames(i).sequence(), *std::move(found));
+  }
+  return last;
 }
 
 nanoseconds FrameKeeper::wait_of(const Frames& wanted) const {
@@ -155,6 +165,7 @@ absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatch
         "LearnPatches takes frames of kind \"patch\"; send others with KeepFrames");
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store_.find(request.session()));
   GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find_pictures(request.frames()));
+  const std::map<std::int64_t, CapturedFrame> last = find_last(request);
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(use_proof_of(request.session(), *archive));
   v1::LearnPatchesResponse response;
@@ -162,7 +173,9 @@ absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatch
   std::set<int> waiting;
   for (Archive::NewFrame& frame : frames) {
     waiting.insert(frame.record.step());
-    std::optional<PatchProof::LearningSet> set = proof_.add(std::move(frame));
+    const auto later = last.find(frame.record.sequence());
+    std::optional<PatchProof::LearningSet> set =
+        later == last.end() ? proof_.add(std::move(frame)) : proof_.add(std::move(frame), later->second);
     if (!set) continue;
     const bool learned = set->learned.ok();
     if (!learned) *response.add_unseen_patches() = unseen_patch(*set);

@@ -4,6 +4,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <map>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -34,6 +35,8 @@ class FrameKeeper {
   absl::StatusOr<std::vector<Held>> find(const Frames& wanted) const;
   // The same with their pictures.
   absl::StatusOr<std::vector<Archive::NewFrame>> find_pictures(const Frames& wanted) const;
+  // Of LearnPatchesRequest.last_sequences, those that are still in the ring, by the frame's sequence.
+  std::map<std::int64_t, CapturedFrame> find_last(const v1::LearnPatchesRequest& request) const;
   // Judges the frames, and stores those that pass. Requires mutex_.
   absl::Status judge_and_store(Archive& archive, std::vector<Archive::NewFrame> frames, nanoseconds waited,
                                v1::KeepFramesResponse& response);

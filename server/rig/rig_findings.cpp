@@ -188,10 +188,12 @@ v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps, c
   }
   if (!unseen.empty()) {
     return make_finding(
-        v1::FINDING_LEVEL_WARNING, "id patch",
-        fmt::format("{}: {}; its frames are proven by time alone", name, unseen),
-        fmt::format("have the camera see all of its last {} rows sharply, with nothing before them",
-                    monitor.patch_rows()));
+        v1::FINDING_LEVEL_PROBLEM, "id patch", fmt::format("{}: {}; a capture would fail", name, unseen),
+        fmt::format(
+            "have the camera see all of its last {} rows sharply, with nothing before them, and measure "
+            "glasswing calibrate sync --monitor {}; or start its display node with --patch-rows {}=0, "
+            "and its frames are proven by time alone",
+            monitor.patch_rows(), name, name));
   }
   return make_finding(v1::FINDING_LEVEL_OK, "id patch",
                       fmt::format("{}: every bit is read in its last {} rows", name, monitor.patch_rows()));

@@ -38,26 +38,34 @@ v1::LearnPatchesResponse unseen(const std::string& monitor, bool dark) {
 
 const Step kFirst = step_of(0, "patch"), kSecond = step_of(1, "patch"), kOther = step_of(2, "solid");
 
+bool gone(int) {
+  return true;
+}
+
 class PatchLearningTest : public testing::Test {
  protected:
-  std::set<std::string> given_up_;
-  PatchLearning learning_{given_up_};
+  std::vector<v1::Frame> take(std::vector<v1::Frame> frames) {
+    return learning_.take_learning_frames(std::move(frames), gone);
+  }
+  void note_held(std::vector<int> steps) {
+    v1::LearnPatchesResponse held;
+    for (const int step : steps) held.add_waiting_steps(step);
+    learning_.note_learned(held);
+  }
+  PatchLearning learning_;
 };
 
 TEST_F(PatchLearningTest, OtherFramesWaitUntilAllLearningStepsAreProven) {
   EXPECT_EQ(learning_.begin_showing({kFirst, kSecond, kOther}).size(), 3u);
-  EXPECT_EQ(steps_of(learning_.take_learning_frames({frame_of(kFirst)})), std::vector<int>{0});
-  v1::LearnPatchesResponse held;
-  held.add_waiting_steps(0);
-  EXPECT_TRUE(learning_.note_learned(held).empty());
+  EXPECT_EQ(steps_of(take({frame_of(kFirst)})), std::vector<int>{0});
+  note_held({0});
   EXPECT_TRUE(learning_.is_held(0));
   ASSERT_TRUE(learning_.take_ready_frames());
 
-  EXPECT_EQ(steps_of(learning_.take_learning_frames({frame_of(kSecond), frame_of(kOther)})),
-            std::vector<int>{1});
+  EXPECT_EQ(steps_of(take({frame_of(kSecond), frame_of(kOther)})), std::vector<int>{1});
   v1::LearnPatchesResponse learned;
   for (const int step : {0, 1}) learned.add_frames()->set_step(step);
-  EXPECT_TRUE(learning_.note_learned(learned).empty());
+  learning_.note_learned(learned);
   const auto ready = learning_.take_ready_frames();
   ASSERT_TRUE(ready);
   EXPECT_EQ(steps_of(*ready), std::vector<int>{2});
@@ -65,13 +73,22 @@ TEST_F(PatchLearningTest, OtherFramesWaitUntilAllLearningStepsAreProven) {
   EXPECT_EQ(learning_.unseen_showings(), 0);
 }
 
+TEST_F(PatchLearningTest, AFrameOfALearningStepWaitsUntilThePatchHasLeftTheScreen) {
+  (void)learning_.begin_showing({kFirst, kSecond, kOther});
+  const auto first_has_left = [](int step) { return step == kFirst.number; };
+  EXPECT_EQ(steps_of(learning_.take_learning_frames({frame_of(kFirst), frame_of(kSecond)}, first_has_left)),
+            std::vector<int>{0});
+  EXPECT_TRUE(learning_.take_learning_frames({frame_of(kOther)}, first_has_left).empty());
+  ASSERT_TRUE(learning_.take_ready_frames()) << "step 1 waits; it was not missed";
+  EXPECT_EQ(steps_of(take({})), std::vector<int>{1});
+  EXPECT_FALSE(learning_.take_ready_frames()) << "not proven yet";
+}
+
 TEST_F(PatchLearningTest, AMissedLearningStepEndsTheShowingAndHeldOnesAreNotShownAgain) {
   (void)learning_.begin_showing({kFirst, kSecond, kOther});
-  (void)learning_.take_learning_frames({frame_of(kFirst)});
-  v1::LearnPatchesResponse held;
-  held.add_waiting_steps(0);
-  (void)learning_.note_learned(held);
-  EXPECT_TRUE(learning_.take_learning_frames({frame_of(kOther)}).empty());
+  (void)take({frame_of(kFirst)});
+  note_held({0});
+  EXPECT_TRUE(take({frame_of(kOther)}).empty());
   EXPECT_FALSE(learning_.take_ready_frames()) << "step 1 was missed";
   const std::vector<Step> again = learning_.begin_showing({kFirst, kSecond, kOther});
   ASSERT_EQ(again.size(), 2u);
@@ -82,30 +99,24 @@ TEST_F(PatchLearningTest, AMissedLearningStepEndsTheShowingAndHeldOnesAreNotShow
 TEST_F(PatchLearningTest, AnUnseenPatchReleasesTheHeldStepsOfItsMonitorOnly) {
   const Step left = step_of(3, "patch", "left");
   (void)learning_.begin_showing({kFirst, kSecond, left});
-  v1::LearnPatchesResponse held;
-  for (const int step : {0, 3}) held.add_waiting_steps(step);
-  (void)learning_.note_learned(held);
-  (void)learning_.note_learned(unseen("back", true));
+  note_held({0, 3});
+  learning_.note_learned(unseen("back", true));
   EXPECT_FALSE(learning_.is_held(0));
   EXPECT_TRUE(learning_.is_held(3));
   EXPECT_EQ(learning_.unseen_showings(), 1);
 }
 
-TEST_F(PatchLearningTest, GivesAMonitorUpAfterFewerAttemptsInTheDark) {
+TEST_F(PatchLearningTest, APatchThatStaysUnseenIsHopelessAfterFewerAttemptsInTheDark) {
   for (const bool dark : {false, true}) {
-    given_up_.clear();
-    PatchLearning learning(given_up_);
-    const int attempts = dark ? PatchLearning::kMaxDarkAttempts : PatchLearning::kMaxAttempts;
+    PatchLearning learning;
+    const int attempts = dark ? PatchLearning::kMaxPlainAttempts : PatchLearning::kMaxAttempts;
     for (int attempt = 1; attempt <= attempts; ++attempt) {
-      const bool last = attempt == attempts;
-      EXPECT_EQ(learning.accepted_unseen().size(), last ? 1u : 0u) << attempt;
-      EXPECT_EQ(learning.note_learned(unseen("back", dark)).size(), last ? 1u : 0u) << attempt;
+      EXPECT_EQ(learning.hopeless(), nullptr) << attempt;
+      learning.note_learned(unseen("back", dark));
     }
-    EXPECT_EQ(given_up_, std::set<std::string>{"back"});
-    // The next group accepts it at once, and says nothing again.
-    PatchLearning next(given_up_);
-    EXPECT_EQ(next.accepted_unseen(), std::vector<std::string>{"back"});
-    EXPECT_TRUE(next.note_learned(unseen("back", dark)).empty());
+    ASSERT_NE(learning.hopeless(), nullptr);
+    EXPECT_EQ(learning.hopeless()->monitor(), "back");
+    EXPECT_EQ(learning.hopeless()->reason(), "no patch");
   }
 }
 

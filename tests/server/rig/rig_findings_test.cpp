@@ -124,7 +124,9 @@ TEST(RigFindings, ThePatchIsReadOrElseWhy) {
   EXPECT_EQ(judge_patch(monitor, 10, "").level(), v1::FINDING_LEVEL_OK);
   EXPECT_EQ(judge_patch(monitor, 9, "").level(), v1::FINDING_LEVEL_WARNING);
   EXPECT_NE(judge_patch(monitor, 9, "").text().find("9 of the 10"), std::string::npos);
-  EXPECT_EQ(judge_patch(monitor, 10, "the camera does not see it").level(), v1::FINDING_LEVEL_WARNING);
+  const v1::Finding unseen = judge_patch(monitor, 10, "the camera does not see it");
+  EXPECT_EQ(unseen.level(), v1::FINDING_LEVEL_PROBLEM);
+  EXPECT_NE(unseen.advice().find("--patch-rows back=0"), std::string::npos) << unseen.advice();
 }
 
 TEST(RigFindings, LightIsMeasuredOrTakenForLinear) {
