@@ -60,8 +60,7 @@ class Problem {
       damped.diagonal() = (1.0 + damping) * normal.diagonal().cwiseMax(least_of(modes, normal)) +
                           FootprintVector::Constant(n, floor);
       const Eigen::LLT<FootprintMatrix> solver(damped);
-      FootprintVector step = solver.solve(gradient);
-      const Footprints moved = step_within_cone(modes, solver, step);
+      const auto [moved, step] = step_within_cone(modes, solver, solver.solve(gradient));
       // The predicted reduction relative to the noise of one sample: a squared distance in standard errors.
       const double promise = 2.0 * gradient.dot(step) - step.dot(normal * step);
       const double samples = std::max(at.near_count, 1);

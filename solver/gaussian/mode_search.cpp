@@ -72,7 +72,7 @@ bool meet(std::span<const StripeAxis> axes, std::span<const Peaks> peaks, size_t
     seen[count++] = axes[s];
   }
   if (count >= 3) {
-    meeting->mode = intersect({seen.data(), count}, {chosen.data(), count});
+    meeting->mode = intersect({seen.data(), count}, {chosen.data(), count}).mode;
   } else {
     // Two widths do not determine Sigma: assume a round one.
     const auto spread = [&](size_t i) {
@@ -241,16 +241,6 @@ Peaks rises_of(const float* residual, const SampleLayout& layout, const SampleLa
   return rises;
 }
 
-// The larger or smaller eigenvalue of Sigma and its axis.
-double principal_variance(const Footprint& mode, bool larger, double* axis_x, double* axis_y) {
-  const double mean = 0.5 * (mode.xx_px2 + mode.yy_px2), half = 0.5 * (mode.xx_px2 - mode.yy_px2);
-  const double radius = std::hypot(half, mode.xy_px2);
-  const double angle = 0.5 * std::atan2(mode.xy_px2, half) + (larger ? 0.0 : std::numbers::pi / 2.0);
-  *axis_x = std::cos(angle);
-  *axis_y = std::sin(angle);
-  return std::max(larger ? mean + radius : mean - radius, 0.05);
-}
-
 int max_peaks(std::span<const Peaks> peaks) {
   int most = 0;
   for (const Peaks& sweep : peaks) most = std::max(most, sweep.count);
@@ -404,20 +394,9 @@ class Search {
   }
 
   void add_split_starts(const Footprints& modes, int worst) {
-    for (const bool larger : {true, false}) {
-      double ax, ay;
-      const double variance = principal_variance(modes[worst], larger, &ax, &ay);
-      const double shift = 0.8 * std::sqrt(variance), less = 0.6 * variance;
+    for (const SplitAxis axis : {SplitAxis::kWide, SplitAxis::kNarrow}) {
+      const auto [half, other] = split(modes[worst], axis);
       Footprints start = modes;
-      Footprint half = modes[worst];
-      half.weight *= 0.5;
-      half.xx_px2 -= less * ax * ax;
-      half.xy_px2 -= less * ax * ay;
-      half.yy_px2 -= less * ay * ay;
-      half = with_positive_covariance(half, 0.05);
-      Footprint other = half;
-      half.x_px += shift * ax, half.y_px += shift * ay;
-      other.x_px -= shift * ax, other.y_px -= shift * ay;
       start[worst] = half;
       start.push_back(other);
       starts_.push_back(start);
@@ -479,10 +458,9 @@ Footprints usual_start(const SampleLayout& layout, std::span<const Peaks> peaks,
     for (const Peaks& sweep : peaks) {
       if (sweep.count == 1) lines.push_back(sweep.peaks[0]);
     }
-    double distance_px = 0.0;
     if (lines.size() < axes.size()) return start;
-    const Footprint mode = intersect(axes, lines, &distance_px);
-    if (distance_px <= 0.5 * axes.front().sigma_px) start.push_back(mode);
+    const Intersection found = intersect(axes, lines);
+    if (found.distance_px <= 0.5 * axes.front().sigma_px) start.push_back(found.mode);
     return start;
   }
   const std::vector<Meeting> meetings = meetings_of(axes, peaks);
