@@ -2,6 +2,7 @@
 #include "core/base/freed_memory.h"
 #include "core/cli/daemon.h"
 #include "core/service/build_id.h"
+#include "solver/explain_command.h"
 #include "solver/mask_command.h"
 #include "solver/solve_command.h"
 #include "solver/solver_daemon.h"
@@ -26,6 +27,7 @@ int main(int argc, char** argv) {
            [&](CLI::App& app, DaemonOptions& daemon) {
              add_solver_options(app, daemon, solver);
              add_solve_command(app, daemon);
+             add_explain_command(app, daemon);
              add_mask_command(app, daemon);
              add_fsck_command(app, daemon, "/srv/glasswing --repair");
            },

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/base/status.h"
+#include "core/matte/covariance_axes.h"
 #include "core/matte/matte_file.h"
 #include "core/radiometry/primary_mix.h"
 
@@ -81,14 +82,13 @@ struct Need {
 void count(const Mode& mode, const std::vector<Band>& bands, Need& need) {
   if (!(mode.weight > 0.0f)) return;
   need.light += static_cast<double>(mode.weight);
-  const double xx = static_cast<double>(mode.xx_px2), yy = static_cast<double>(mode.yy_px2),
-               mean = (xx + yy) / 2, apart = std::hypot((xx - yy) / 2, static_cast<double>(mode.xy_px2)),
-               round = std::max(mean - apart, (mean + apart) / (1 + kMaxSpread * kMaxSpread));
+  const auto [wide, narrow] = axis_variances({.xx = mode.xx_px2, .xy = mode.xy_px2, .yy = mode.yy_px2});
+  const double round = std::max(narrow, wide / (1 + kMaxSpread * kMaxSpread));
   size_t band = 0;
   while (band + 1 < kBands && round > bands[band].back()) ++band;
   const double square = std::pow(static_cast<double>(mode.weight), 2);
   need.reached[band] += square;
-  need.longish[band] += square * std::pow(2 * apart / (mean + apart + 0.1), 2);
+  need.longish[band] += square * std::pow((wide - narrow) / (wide + 0.1), 2);
 }
 
 // By mode, channel (only the first of a colourless matte) and monitor.

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "core/composite/footprint_quadrature.h"
+#include "core/matte/covariance_axes.h"
 
 namespace glasswing {
 namespace {
@@ -106,14 +107,11 @@ FootprintTiles::Placement FootprintTiles::place(const Mode& mode) const {
   };
   while (placed.level < last && tiles(placed) > max_tiles_) {
     placed = on(placed.level + 1);
-    const double mean = 0.5 * (placed.xx + placed.yy), half = 0.5 * (placed.xx - placed.yy);
-    const double away = std::hypot(half, placed.xy);
-    if (mean - away >= kMinVariance) continue;
-    const double wide = std::max(mean + away, kMinVariance);
-    const double share = away > 0.0 ? 0.5 * (wide - kMinVariance) / away : 0.0;
-    placed.xx = 0.5 * (wide + kMinVariance) + share * half;
-    placed.yy = 0.5 * (wide + kMinVariance) - share * half;
-    placed.xy *= share;
+    const Covariance wide =
+        with_min_variance({.xx = placed.xx, .xy = placed.xy, .yy = placed.yy}, kMinVariance);
+    placed.xx = wide.xx;
+    placed.xy = wide.xy;
+    placed.yy = wide.yy;
   }
   return placed;
 }

@@ -60,8 +60,9 @@ struct Moved {
 
 }  // namespace
 
-Footprints step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintMatrix>& solver,
-                            FootprintVector& step) {
+ConeStep step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintMatrix>& solver,
+                          const FootprintVector& whole_step) {
+  FootprintVector step = whole_step;
   const auto n = step.size();
   std::array<Moved, kMaxFootprints> moved_sigmas;
   size_t moved_count = 0;
@@ -98,7 +99,7 @@ Footprints step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintM
     mode.xy_px2 += d[4];
     mode.yy_px2 += d[5];
   }
-  return moved;
+  return {.modes = moved, .step = step};
 }
 
 }  // namespace glasswing

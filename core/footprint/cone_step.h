@@ -14,10 +14,13 @@ using FootprintVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxParamete
 using FootprintMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxParameters, kMaxParameters>;
 
-// Returns `modes` after the step. If the step leaves the cone of positive Sigma, Sigma moves to the cheapest
-// point on the cone's boundary, and the other parameters follow by the quadratic model whose matrix `solver`
-// holds; `step` is updated.
-Footprints step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintMatrix>& solver,
-                            FootprintVector& step);
+// `modes` after a step. If the step leaves the cone of positive Sigma, Sigma moves to the cheapest point on
+// the cone's boundary, and the other parameters follow by the quadratic model whose matrix `solver` holds.
+struct ConeStep {
+  Footprints modes;
+  FootprintVector step;  // that was taken
+};
+ConeStep step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintMatrix>& solver,
+                          const FootprintVector& step);
 
 }  // namespace glasswing

@@ -9,6 +9,7 @@
 #include "core/footprint/normal_rectangle.h"
 
 namespace glasswing {
+
 void Footprints::remove(int i) {
   std::move(begin() + i + 1, end(), begin() + i);
   --size_;
@@ -117,19 +118,34 @@ bool near_edge(const Footprint& mode, const MonitorExtent& extent) {
 }
 
 Footprint with_positive_covariance(Footprint mode, double min_px2) {
-  const double mean = 0.5 * (mode.xx_px2 + mode.yy_px2);
-  const double half = 0.5 * (mode.xx_px2 - mode.yy_px2);
-  const double radius = std::hypot(half, mode.xy_px2);
-  if (mean - radius >= min_px2) return mode;
-  const double high = std::max(mean + radius, min_px2), low = std::max(mean - radius, min_px2);
-  const double scale = radius > 0.0 ? 0.5 * (high - low) / radius : 0.0;
-  mode.xx_px2 = 0.5 * (high + low) + scale * half;
-  mode.yy_px2 = 0.5 * (high + low) - scale * half;
-  mode.xy_px2 *= scale;
+  const Covariance positive = with_min_variance(covariance_of(mode), min_px2);
+  mode.xx_px2 = positive.xx;
+  mode.xy_px2 = positive.xy;
+  mode.yy_px2 = positive.yy;
   return mode;
 }
 
-Footprint intersect(std::span<const StripeAxis> axes, std::span<const Peak> peaks, double* distance_px) {
+std::array<Footprint, 2> split(const Footprint& mode, SplitAxis axis) {
+  constexpr double kMinVariance_px2 = 0.05, kShift = 0.8, kTaken = 0.6;
+  const AxisVariances own = axis_variances(covariance_of(mode));
+  const double angle =
+      wide_axis_rad(covariance_of(mode)) + (axis == SplitAxis::kWide ? 0.0 : 0.5 * std::numbers::pi);
+  const double variance = std::max(axis == SplitAxis::kWide ? own.wide : own.narrow, kMinVariance_px2);
+  const double shift = kShift * std::sqrt(variance), less = kTaken * variance, x = std::cos(angle),
+               y = std::sin(angle);
+  Footprint half = mode;
+  half.weight *= 0.5;
+  half.xx_px2 -= less * x * x;
+  half.xy_px2 -= less * x * y;
+  half.yy_px2 -= less * y * y;
+  half = with_positive_covariance(half, kMinVariance_px2);
+  Footprint other = half;
+  half.x_px += shift * x, half.y_px += shift * y;
+  other.x_px -= shift * x, other.y_px -= shift * y;
+  return {half, other};
+}
+
+Intersection intersect(std::span<const StripeAxis> axes, std::span<const Peak> peaks) {
   Eigen::Matrix2d lines = Eigen::Matrix2d::Zero();
   Eigen::Vector2d towards = Eigen::Vector2d::Zero();
   Eigen::Matrix3d widths = Eigen::Matrix3d::Zero();
@@ -147,21 +163,19 @@ Footprint intersect(std::span<const StripeAxis> axes, std::span<const Peak> peak
   }
   const Eigen::Vector2d centre = lines.inverse() * towards;
   const Eigen::Vector3d sigma = widths.inverse() * seen;
-  if (distance_px != nullptr) {
-    double squares = 0.0;
-    for (size_t i = 0; i < axes.size(); ++i) {
-      const double miss = centre.x() * axes[i].cos_phi + centre.y() * axes[i].sin_phi - peaks[i].centre_px;
-      squares += miss * miss;
-    }
-    *distance_px = std::sqrt(squares / static_cast<double>(axes.size()));
+  double squares = 0.0;
+  for (size_t i = 0; i < axes.size(); ++i) {
+    const double miss = centre.x() * axes[i].cos_phi + centre.y() * axes[i].sin_phi - peaks[i].centre_px;
+    squares += miss * miss;
   }
-  return with_positive_covariance({.weight = weight,
-                                   .x_px = centre.x(),
-                                   .y_px = centre.y(),
-                                   .xx_px2 = sigma[0],
-                                   .xy_px2 = sigma[1],
-                                   .yy_px2 = sigma[2]},
-                                  0.01);
+  return {.mode = with_positive_covariance({.weight = weight,
+                                            .x_px = centre.x(),
+                                            .y_px = centre.y(),
+                                            .xx_px2 = sigma[0],
+                                            .xy_px2 = sigma[1],
+                                            .yy_px2 = sigma[2]},
+                                           0.01),
+          .distance_px = std::sqrt(squares / static_cast<double>(axes.size()))};
 }
 
 }  // namespace glasswing

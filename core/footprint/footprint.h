@@ -15,6 +15,7 @@
 #include <array>
 #include <span>
 
+#include "core/matte/covariance_axes.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {
@@ -85,8 +86,16 @@ double response(const Footprint& mode, const StripeAxis& axis, double r_px, cons
 // Whether the monitor's edge cuts off a significant part.
 bool near_edge(const Footprint& mode, const MonitorExtent& extent);
 
+inline Covariance covariance_of(const Footprint& mode) {
+  return {.xx = mode.xx_px2, .xy = mode.xy_px2, .yy = mode.yy_px2};
+}
+
 // The nearest footprint whose Sigma has no eigenvalue below `min_px2`.
 Footprint with_positive_covariance(Footprint mode, double min_px2);
+
+// Two halves side by side along an axis of Sigma, which together look much like the whole: starts for a fit.
+enum class SplitAxis { kWide, kNarrow };
+std::array<Footprint, 2> split(const Footprint& mode, SplitAxis axis);
 
 // One mode's peak in one sweep.
 struct Peak {
@@ -97,8 +106,11 @@ struct Peak {
 
 // Solves c and Sigma from one peak per sweep (at least three directions): c by least squares of c.s = centre
 // (eq. 20), Sigma by linear least squares of s' Sigma s = sigma^2 - sigma_s^2 - 1/12, kept positive; R from
-// the mean of amplitude sigma / sigma_s. `distance_px`, if set, is the rms distance of c to the lines.
-Footprint intersect(std::span<const StripeAxis> axes, std::span<const Peak> peaks,
-                    double* distance_px = nullptr);
+// the mean of amplitude sigma / sigma_s.
+struct Intersection {
+  Footprint mode;
+  double distance_px = 0.0;  // rms, of c from the lines
+};
+Intersection intersect(std::span<const StripeAxis> axes, std::span<const Peak> peaks);
 
 }  // namespace glasswing

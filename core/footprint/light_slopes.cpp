@@ -25,8 +25,7 @@ LitMonitor::LitMonitor(const RadianceImage& picture, const PrimaryMix& mix, int 
 }
 
 LightSlopes LitMonitor::slopes(const Footprint& mode, int channel) const {
-  const double half = 0.5 * std::hypot(mode.xx_px2 - mode.yy_px2, 2.0 * mode.xy_px2);
-  const double narrow = 0.5 * (mode.xx_px2 + mode.yy_px2) - half + kFlatPixel_px2;
+  const double narrow = axis_variances(covariance_of(mode)).narrow + kFlatPixel_px2;
   size_t l = 0;
   double spacing_px = 1.0;
   while (l + 1 < shape_.levels().size() &&
@@ -46,20 +45,23 @@ LightSlopes LitMonitor::slopes(const Footprint& mode, int channel) const {
   const double pxx = own.yy_px2 / determinant, pxy = -own.xy_px2 / determinant,
                pyy = own.xx_px2 / determinant;
   const double peak = 1.0 / (2.0 * std::numbers::pi * std::sqrt(determinant));
-  const auto range = [](double centre, double reach, int size, int& first, int& last) {
+  struct Range {
+    int first = 0, last = -1;
+  };
+  const auto range = [](double centre, double reach, int size) {
     constexpr int kBorder = PyramidShape::kBorder;
-    first = static_cast<int>(std::ceil(std::clamp(centre - reach, -1.0 * kBorder, 1.0 * (size + kBorder))));
-    last = static_cast<int>(std::floor(std::clamp(centre + reach, -1.0 - kBorder, size + kBorder - 1.0)));
+    const double low = std::clamp(centre - reach, -1.0 * kBorder, 1.0 * (size + kBorder)),
+                 high = std::clamp(centre + reach, -1.0 - kBorder, size + kBorder - 1.0);
+    return Range{.first = static_cast<int>(std::ceil(low)), .last = static_cast<int>(std::floor(high))};
   };
   LightSlopes sum;
-  int first_y, last_y;
-  range(own.y_px, kExtent * std::sqrt(own.yy_px2), level.height_px, first_y, last_y);
-  for (int y = first_y; y <= last_y; ++y) {
+  const Range rows = range(own.y_px, kExtent * std::sqrt(own.yy_px2), level.height_px);
+  for (int y = rows.first; y <= rows.last; ++y) {
     const double dy = y - own.y_px;
-    int first_x, last_x;
-    range(own.x_px + own.xy_px2 / own.yy_px2 * dy, kExtent / std::sqrt(pxx), level.width_px, first_x, last_x);
+    const Range columns =
+        range(own.x_px + own.xy_px2 / own.yy_px2 * dy, kExtent / std::sqrt(pxx), level.width_px);
     const float* const row = samples_.data() + level.at(0, y, channel);
-    for (int x = first_x; x <= last_x; ++x) {
+    for (int x = columns.first; x <= columns.last; ++x) {
       const double dx = x - own.x_px, qx = pxx * dx + pxy * dy, qy = pxy * dx + pyy * dy;
       const double light = peak * std::exp(-0.5 * (dx * qx + dy * qy)) * static_cast<double>(row[x]);
       sum.light += light;

@@ -30,13 +30,13 @@ NormalDensity density_of(const Footprint& mode) {
   return {.x = own.x_px, .y = own.y_px, .xx = own.xx_px2, .xy = own.xy_px2, .yy = own.yy_px2};
 }
 
-void add(double weight, const NormalShare& part, NormalShare& sum) {
-  sum.share += weight * part.share;
-  sum.by_x += weight * part.by_x;
-  sum.by_y += weight * part.by_y;
-  sum.by_xx += weight * part.by_xx;
-  sum.by_xy += weight * part.by_xy;
-  sum.by_yy += weight * part.by_yy;
+NormalShare sum_of(const NormalShare& a, double weight, const NormalShare& b) {
+  return {.share = a.share + weight * b.share,
+          .by_x = a.by_x + weight * b.by_x,
+          .by_y = a.by_y + weight * b.by_y,
+          .by_xx = a.by_xx + weight * b.by_xx,
+          .by_xy = a.by_xy + weight * b.by_xy,
+          .by_yy = a.by_yy + weight * b.by_yy};
 }
 
 // No edge of the monitor cuts the footprint.
@@ -82,21 +82,15 @@ NormalShare LitShare::of(const LitArea& area) {
     before_ = area;
     of_before_ = of_bars(area);
   } else if (before_.inverse != area.inverse) {
-    NormalShare inverse = whole_;
-    add(-1.0, of_before_, inverse);
     before_ = area;
-    of_before_ = inverse;
+    of_before_ = sum_of(whole_, -1.0, of_before_);
   }
   return of_before_;
 }
 
 NormalShare LitShare::of_bars(const LitArea& area) const {
   if (!cut_) return share_of_bars(mode_, area);
-  if (is_fine(mode_, area)) {
-    NormalShare half{};
-    add(0.5, whole_, half);
-    return half;
-  }
+  if (is_fine(mode_, area)) return sum_of({}, 0.5, whole_);
   const double centre = area.horizontal ? mode_.y_px : mode_.x_px,
                reach = kReach * std::sqrt(variance_across(mode_, area)),
                side = area.horizontal ? extent_.height_px : extent_.width_px;
@@ -110,7 +104,7 @@ NormalShare LitShare::of_bars(const LitArea& area) const {
     Rectangle lit{.left = 0.0, .top = 0.0, .right = extent_.width_px, .bottom = extent_.height_px};
     (area.horizontal ? lit.top : lit.left) = low;
     (area.horizontal ? lit.bottom : lit.right) = high;
-    add(1.0, cut_->share(lit), sum);
+    sum = sum_of(sum, 1.0, cut_->share(lit));
   }
   return sum;
 }

@@ -106,9 +106,13 @@ void PatternAnswers::of_wave(const Footprint& mode, size_t first, size_t last, b
   }
 }
 
+bool PatternAnswers::cut(const Footprint& mode, bool through_pixels) const {
+  return near_edge(mode, extent_) && (through_pixels || is_cut(mode, extent_));
+}
+
 void PatternAnswers::of(const Footprint& mode, bool through_pixels, double* columns,
                         std::ptrdiff_t stride) const {
-  const bool cut = near_edge(mode, extent_) && (through_pixels || is_cut(mode, extent_));
+  const bool cut = this->cut(mode, through_pixels);
   LitShare share(mode, extent_);
   // The derivatives of H(0).
   const Answer level = of_area(share, mode, {});

@@ -44,6 +44,8 @@ class PatternAnswers {
   // those of the pixels' centres already, smooth in c where a narrow footprint's answer is a staircase; and
   // an edge that cuts off less than 0.6 % is left out.
   void of(const Footprint& mode, bool through_pixels, double* columns, std::ptrdiff_t stride) const;
+  // Whether an edge of the monitor counts there.
+  bool cut(const Footprint& mode, bool through_pixels) const;
 
  private:
   void of_wave(const Footprint& mode, size_t first, size_t last, bool cut, double level, double* columns,

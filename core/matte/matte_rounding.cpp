@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/matte/covariance_axes.h"
+
 namespace glasswing {
 namespace {
 
@@ -27,9 +29,7 @@ float two_digits(float error) {
 }
 
 double smaller_variance(const Mode& mode) {
-  const double mean = 0.5 * (double{mode.xx_px2} + mode.yy_px2);
-  const double half = 0.5 * (double{mode.xx_px2} - mode.yy_px2);
-  return std::max(0.0, mean - std::hypot(half, double{mode.xy_px2}));
+  return std::max(0.0, axis_variances({.xx = mode.xx_px2, .xy = mode.xy_px2, .yy = mode.yy_px2}).narrow);
 }
 
 // Of a mode, or the smallest of a pixel's modes where they are known.

@@ -210,8 +210,8 @@ absl::StatusOr<const MethodOption*> find_option(std::string_view method, const s
 }  // namespace
 
 const std::map<std::string, int>& method_versions() {
-  static const std::map<std::string, int> versions = {{"alpha", 2},        {"fringe", 2}, {"gaussian", 2},
-                                                      {"hierarchical", 2}, {"ramp", 1},   {"matte", 2}};
+  static const std::map<std::string, int> versions = {{"alpha", 2},        {"fringe", 3}, {"gaussian", 3},
+                                                      {"hierarchical", 3}, {"ramp", 1},   {"matte", 2}};
   return versions;
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/frame/image_file.h"
+#include "core/matte/covariance_axes.h"
 
 namespace glasswing {
 namespace {
@@ -52,13 +53,12 @@ struct Axes {
   double wide_px = 0.0, narrow_px = 0.0, angle = 0.0;  // radians, of the wide one, in [0, pi)
 };
 Axes axes_of(const Mode& mode) {
-  const double mean = 0.5 * (double{mode.xx_px2} + mode.yy_px2);
-  const double half = 0.5 * (double{mode.xx_px2} - mode.yy_px2);
-  const double away = std::hypot(half, double{mode.xy_px2});
-  double angle = 0.5 * std::atan2(double{mode.xy_px2}, half);
-  if (angle < 0.0) angle += std::numbers::pi;
-  return {
-      .wide_px = std::sqrt(mean + away), .narrow_px = std::sqrt(std::max(mean - away, 0.0)), .angle = angle};
+  const Covariance covariance{.xx = mode.xx_px2, .xy = mode.xy_px2, .yy = mode.yy_px2};
+  const AxisVariances own = axis_variances(covariance);
+  const double angle = wide_axis_rad(covariance);
+  return {.wide_px = std::sqrt(own.wide),
+          .narrow_px = std::sqrt(std::max(own.narrow, 0.0)),
+          .angle = angle < 0.0 ? angle + std::numbers::pi : angle};
 }
 
 // The variance with that of the monitor's pixels.

@@ -15,6 +15,8 @@ constexpr int kStartRounds = 30, kFitRounds = 20;
 constexpr double kSmall = 1e-4;         // px, of a change of the map
 constexpr double kMinPerUnknown = 6.0;  // sightings
 
+constexpr size_t kMaxTerms = (StageMap::kMaxDegree + 1) * (StageMap::kMaxDegree + 2) / 2;
+
 int term_count(int degree) {
   return degree < 2 ? 0 : (degree + 1) * (degree + 2) / 2;
 }
@@ -26,7 +28,7 @@ double unknown_count(int degree) {
 
 // T_i(x) T_j(y) for i + j <= degree, and their derivatives.
 struct Terms {
-  std::array<double, 28> value, by_x, by_y;
+  std::array<double, kMaxTerms> value, by_x, by_y;
 };
 
 Terms terms_at(double x, double y, int degree) {
@@ -76,6 +78,15 @@ class StageMapFit {
   StageMapFit(std::span<const Sighting> sightings, int width_px, int height_px) : sightings_(sightings) {
     start_.width_px_ = width_px;
     start_.height_px_ = height_px;
+    for (size_t i = 0; i < sightings.size(); ++i) {
+      const Sighting& own = sightings[i];
+      const bool same = i > 0 && own.x_px == sightings[i - 1].x_px && own.y_px == sightings[i - 1].y_px;
+      if (!same) {
+        const auto [x, y] = start_.scaled(own.x_px, own.y_px);
+        pixels_.push_back({.x = x, .y = y, .first = i, .terms = terms_at(x, y, StageMap::kMaxDegree).value});
+      }
+      pixels_.back().last = i + 1;
+    }
   }
 
   StageMap::Fitted run() {
@@ -107,15 +118,42 @@ class StageMapFit {
     return {.map = std::nullopt, .refused = std::move(why)};
   }
 
-  double residual(const StageMap& map, const Sighting& sighting) const {
-    const StagePoint point = map.at(sighting.x_px, sighting.y_px);
-    return sighting.position_px - sighting.cos_phi * point.x_px - sighting.sin_phi * point.y_px;
+  // The sightings [first, last) of one pixel, at its scaled coordinates.
+  struct Pixel {
+    double x = 0.0, y = 0.0;
+    size_t first = 0, last = 0;
+    std::array<double, kMaxTerms> terms{};
+  };
+  // What they weigh and miss by along u and v: sums of w (c, s)(c, s)' and of w (c, s) times the residual.
+  struct Pull {
+    double uu = 0.0, uv = 0.0, vv = 0.0, u = 0.0, v = 0.0;
+  };
+  template <typename Weight>
+  Pull pull_of(const Pixel& pixel, const std::vector<double>& left, const Weight& weight) const {
+    Pull pull;
+    for (size_t i = pixel.first; i < pixel.last; ++i) {
+      const Sighting& own = sightings_[i];
+      const double c = own.cos_phi / own.sd_px, s = own.sin_phi / own.sd_px, w = weight(i);
+      pull.uu += w * c * c;
+      pull.uv += w * c * s;
+      pull.vv += w * s * s;
+      pull.u += w * c * left[i];
+      pull.v += w * s * left[i];
+    }
+    return pull;
   }
 
+  // In units of the sightings' standard deviations.
   std::vector<double> residuals(const StageMap& map) const {
     std::vector<double> all;
     all.reserve(sightings_.size());
-    for (const Sighting& sighting : sightings_) all.push_back(residual(map, sighting) / sighting.sd_px);
+    for (const Pixel& pixel : pixels_) {
+      const auto [u, v] = map.place(pixel.x, pixel.y, pixel.terms);
+      for (size_t i = pixel.first; i < pixel.last; ++i) {
+        const Sighting& own = sightings_[i];
+        all.push_back((own.position_px - own.cos_phi * u - own.sin_phi * v) / own.sd_px);
+      }
+    }
     return all;
   }
 
@@ -143,25 +181,30 @@ class StageMapFit {
 
   // An affine map by least absolute deviations, which half of the sightings being wrong hardly moves.
   bool start() {
-    std::vector<double> weights(sightings_.size(), 1.0);
+    std::vector<double> left = residuals(start_);  // of a map to 0
     for (int round = 0; round < kStartRounds; ++round) {
-      Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
-      Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
-      for (size_t i = 0; i < sightings_.size(); ++i) {
-        const Sighting& own = sightings_[i];
-        const auto [x, y] = start_.scaled(own.x_px, own.y_px);
-        Eigen::Matrix<double, 6, 1> row;
-        row << own.cos_phi * x, own.cos_phi * y, own.cos_phi, own.sin_phi * x, own.sin_phi * y, own.sin_phi;
-        row /= own.sd_px;
-        normal.noalias() += weights[i] * row * row.transpose();
-        right += weights[i] * own.position_px / own.sd_px * row;
+      using Matrix6 = Eigen::Matrix<double, 6, 6>;
+      using Vector6 = Eigen::Matrix<double, 6, 1>;
+      Matrix6 normal = Matrix6::Zero();
+      Vector6 right = Vector6::Zero();
+      for (const Pixel& pixel : pixels_) {
+        const Pull pull = pull_of(
+            pixel, left, [&](size_t i) { return round == 0 ? 1.0 : 1.0 / std::max(std::abs(left[i]), 0.1); });
+        const Eigen::Vector3d at(pixel.x, pixel.y, 1.0);
+        const Eigen::Matrix3d square = at * at.transpose();
+        normal.topLeftCorner<3, 3>() += pull.uu * square;
+        normal.topRightCorner<3, 3>() += pull.uv * square;
+        normal.bottomRightCorner<3, 3>() += pull.vv * square;
+        right.head<3>() += pull.u * at;
+        right.tail<3>() += pull.v * at;
       }
-      const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(normal);
-      const Eigen::Matrix<double, 6, 1> solved = solver.solve(right);
-      if (!solved.allFinite() || !determined(solver)) return false;
-      std::copy_n(solved.data(), 6, start_.homography_.begin());
-      const std::vector<double> left = residuals(start_);
-      for (size_t i = 0; i < weights.size(); ++i) weights[i] = 1.0 / std::max(std::abs(left[i]), 0.1);
+      normal.bottomLeftCorner<3, 3>() = normal.topRightCorner<3, 3>();
+      const Eigen::LDLT<Matrix6> solver(normal);
+      const Vector6 step = solver.solve(right);
+      if (!step.allFinite() || !determined(solver)) return false;
+      for (size_t i = 0; i < 6; ++i) start_.homography_[i] += step[static_cast<Eigen::Index>(i)];
+      if (step.cwiseAbs().maxCoeff() < kSmall) break;
+      left = residuals(start_);
     }
     return true;
   }
@@ -170,25 +213,25 @@ class StageMapFit {
     for (int round = 0; round < kFitRounds; ++round) {
       const std::vector<double> left = residuals(start_);
       const double scatter = scatter_of(left);
+      using Vector8 = Eigen::Matrix<double, 8, 1>;
       Eigen::Matrix<double, 8, 8> normal = Eigen::Matrix<double, 8, 8>::Zero();
-      Eigen::Matrix<double, 8, 1> right = Eigen::Matrix<double, 8, 1>::Zero();
-      for (size_t i = 0; i < sightings_.size(); ++i) {
-        const double weight = biweight(left[i], scatter);
-        if (weight == 0.0) continue;
-        const Sighting& own = sightings_[i];
-        const auto [x, y] = start_.scaled(own.x_px, own.y_px);
-        const StagePoint point = start_.at(own.x_px, own.y_px);
-        const double depth = 1.0 + start_.homography_[6] * x + start_.homography_[7] * y;
-        const double along = own.cos_phi * point.x_px + own.sin_phi * point.y_px;
-        Eigen::Matrix<double, 8, 1> row;
-        row << own.cos_phi * x, own.cos_phi * y, own.cos_phi, own.sin_phi * x, own.sin_phi * y, own.sin_phi,
-            -along * x, -along * y;
-        row /= depth * own.sd_px;
-        normal.noalias() += weight * row * row.transpose();
-        right += weight * left[i] * row;
+      Vector8 right = Vector8::Zero();
+      for (const Pixel& pixel : pixels_) {
+        const Pull pull = pull_of(pixel, left, [&](size_t i) { return biweight(left[i], scatter); });
+        const auto [u, v] = start_.place(pixel.x, pixel.y, pixel.terms);
+        const double x = pixel.x, y = pixel.y,
+                     depth = 1.0 + start_.homography_[6] * x + start_.homography_[7] * y;
+        Vector8 by_u, by_v;
+        by_u << x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y;
+        by_v << 0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y;
+        by_u /= depth;
+        by_v /= depth;
+        normal.noalias() += (pull.uu * by_u + pull.uv * by_v) * by_u.transpose();
+        normal.noalias() += (pull.uv * by_u + pull.vv * by_v) * by_v.transpose();
+        right += pull.u * by_u + pull.v * by_v;
       }
       const Eigen::LDLT<Eigen::Matrix<double, 8, 8>> solver(normal);
-      const Eigen::Matrix<double, 8, 1> step = solver.solve(right);
+      const Vector8 step = solver.solve(right);
       if (!step.allFinite() || !determined(solver)) return false;
       for (size_t i = 0; i < 8; ++i) start_.homography_[i] += step[static_cast<Eigen::Index>(i)];
       // The whole picture stays before the camera.
@@ -208,7 +251,7 @@ class StageMapFit {
     for (int round = 0; round < kFitRounds; ++round) {
       const std::vector<double> left = residuals(map);
       const double scatter = scatter_of(left);
-      const auto [normal, right] = equations(map, degree, left, scatter);
+      const auto [normal, right] = equations(degree, left, scatter);
       const Eigen::LDLT<Eigen::MatrixXd> solver(normal);  // reads the lower triangle
       const Eigen::VectorXd step = solver.solve(right);
       if (!step.allFinite() || !determined(solver)) return false;
@@ -218,25 +261,56 @@ class StageMapFit {
     return true;
   }
 
-  // Normal equations of the terms up to `degree`; the lower triangle of the matrix.
-  std::pair<Eigen::MatrixXd, Eigen::VectorXd> equations(const StageMap& map, int degree,
-                                                        const std::vector<double>& left,
+  // Normal equations of the terms up to `degree`; the lower triangle of the matrix. Products of Chebyshev
+  // polynomials are sums of two, 2 T_i T_k = T_(i+k) + T_|i-k|, so sums of single ones over the pixels
+  // suffice.
+  std::pair<Eigen::MatrixXd, Eigen::VectorXd> equations(int degree, const std::vector<double>& left,
                                                         double scatter) const {
-    const Eigen::Index terms = (degree + 1) * (degree + 2) / 2;
+    constexpr Eigen::Index kSize = 2 * StageMap::kMaxDegree + 1;
+    const Eigen::Index terms = (degree + 1) * (degree + 2) / 2, size = 2 * degree + 1;
+    Eigen::Matrix<double, kSize, kSize> uu, uv, vv;
+    for (auto* const sum : {&uu, &uv, &vv}) sum->setZero();
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(2 * terms, 2 * terms);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(2 * terms), row(2 * terms);
-    for (size_t i = 0; i < sightings_.size(); ++i) {
-      const double weight = biweight(left[i], scatter);
-      if (weight == 0.0) continue;
-      const Sighting& own = sightings_[i];
-      const auto [x, y] = map.scaled(own.x_px, own.y_px);
-      const Terms at = terms_at(x, y, degree);
-      for (Eigen::Index k = 0; k < terms; ++k) {
-        row[2 * k] = own.cos_phi / own.sd_px * at.value[static_cast<size_t>(k)];
-        row[2 * k + 1] = own.sin_phi / own.sd_px * at.value[static_cast<size_t>(k)];
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(2 * terms);
+    for (const Pixel& pixel : pixels_) {
+      const Pull pull = pull_of(pixel, left, [&](size_t i) { return biweight(left[i], scatter); });
+      std::array<double, kSize> tx, ty;
+      tx[0] = ty[0] = 1.0;
+      tx[1] = pixel.x, ty[1] = pixel.y;
+      for (size_t i = 2; i < static_cast<size_t>(size); ++i) {
+        tx[i] = 2.0 * pixel.x * tx[i - 1] - tx[i - 2];
+        ty[i] = 2.0 * pixel.y * ty[i - 1] - ty[i - 2];
       }
-      normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
-      right += weight * left[i] * row;
+      for (Eigen::Index i = 0; i < size; ++i) {
+        for (Eigen::Index j = 0; i + j < size; ++j) {
+          const double both = tx[static_cast<size_t>(i)] * ty[static_cast<size_t>(j)];
+          uu(j, i) += pull.uu * both;
+          uv(j, i) += pull.uv * both;
+          vv(j, i) += pull.vv * both;
+        }
+      }
+      for (Eigen::Index k = 0; k < terms; ++k) {
+        right[2 * k] += pull.u * pixel.terms[static_cast<size_t>(k)];
+        right[2 * k + 1] += pull.v * pixel.terms[static_cast<size_t>(k)];
+      }
+    }
+    // Of term k: T_i(x) T_j(y).
+    std::vector<std::array<Eigen::Index, 2>> powers;
+    for (Eigen::Index sum = 0; sum <= degree; ++sum) {
+      for (Eigen::Index j = 0; j <= sum; ++j) powers.push_back({sum - j, j});
+    }
+    for (Eigen::Index k = 0; k < terms; ++k) {
+      for (Eigen::Index l = 0; l <= k; ++l) {
+        const auto [i, j] = powers[static_cast<size_t>(k)];
+        const auto [m, n] = powers[static_cast<size_t>(l)];
+        const auto product = [&](const auto& sums) {
+          return 0.25 * (sums(j + n, i + m) + sums(j + n, std::abs(i - m)) + sums(std::abs(j - n), i + m) +
+                         sums(std::abs(j - n), std::abs(i - m)));
+        };
+        normal(2 * k, 2 * l) = product(uu);
+        normal(2 * k + 1, 2 * l) = normal(2 * k, 2 * l + 1) = product(uv);
+        normal(2 * k + 1, 2 * l + 1) = product(vv);
+      }
     }
     return {std::move(normal), std::move(right)};
   }
@@ -250,7 +324,7 @@ class StageMapFit {
     if (refuted > StageMap::kMaxRefuted)
       return refusal(fmt::format("{:.0f} % of the pixels lie off it", 100.0 * refuted));
     // The terms up to the first degree stand for the homography, which is nearly linear in its parameters.
-    const auto [normal, right] = equations(map, std::max(map.degree_, 1), left, best.scatter);
+    const auto [normal, right] = equations(std::max(map.degree_, 1), left, best.scatter);
     const Eigen::LDLT<Eigen::MatrixXd> solver(normal);
     map.covariance_ =
         best.scatter * best.scatter * solver.solve(Eigen::MatrixXd::Identity(normal.rows(), normal.cols()));
@@ -258,6 +332,7 @@ class StageMapFit {
   }
 
   std::span<const Sighting> sightings_;
+  std::vector<Pixel> pixels_;
   StageMap start_;
 };
 
@@ -267,6 +342,17 @@ StageMap::Fitted StageMap::fit(std::span<const Sighting> sightings, int width_px
 
 std::array<double, 2> StageMap::scaled(double x_px, double y_px) const {
   return {2.0 * x_px / width_px_ - 1.0, 2.0 * y_px / height_px_ - 1.0};
+}
+
+std::array<double, 2> StageMap::place(double x, double y, std::span<const double> terms) const {
+  const auto& h = homography_;
+  const double depth = 1.0 + h[6] * x + h[7] * y;
+  double u = (h[0] * x + h[1] * y + h[2]) / depth, v = (h[3] * x + h[4] * y + h[5]) / depth;
+  for (Eigen::Index k = 0; k < rest_.cols(); ++k) {
+    u += rest_(0, k) * terms[static_cast<size_t>(k)];
+    v += rest_(1, k) * terms[static_cast<size_t>(k)];
+  }
+  return {u, v};
 }
 
 double StageMap::sd_px(double x_px, double y_px) const {

@@ -61,6 +61,8 @@ class StageMap {
  private:
   friend class StageMapFit;
   std::array<double, 2> scaled(double x_px, double y_px) const;
+  // (u, v) at scaled coordinates, with the values of the terms there.
+  std::array<double, 2> place(double x, double y, std::span<const double> terms) const;
 
   double width_px_ = 1.0, height_px_ = 1.0;
   std::array<double, 8> homography_{};  // of scaled coordinates: rows (0 1 2) (3 4 5) (6 7 1)

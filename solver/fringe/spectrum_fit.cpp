@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/footprint/minimise.h"
 #include "core/footprint/wave_answer.h"
 
 namespace glasswing {
@@ -14,7 +15,6 @@ constexpr Eigen::Index kParameters = 6;
 constexpr int kFirstSteps = 6;
 constexpr double kPointsAPeriod = 5.0;  // of the finest wave
 constexpr double kMaxPoints = 64.0;     // along an axis
-constexpr double kHeld = 1e12;          // information of a fixed parameter
 
 // Between the points along an axis.
 double step_of(const std::vector<Wave>& waves, double Wave::*frequency, double side_px) {
@@ -34,15 +34,14 @@ bool sane(const Footprints& modes, const MonitorExtent& extent) {
 }  // namespace
 
 // J'J, J'r and r'r over the measured numbers.
-struct SpectrumFitter::Normal {
-  FootprintMatrix matrix;
-  FootprintVector gradient;
-  double cost = 0.0, tolerated = 0.0, closely = 0.0;
+struct SpectrumFitter::Normal : FootprintEquations {
+  double tolerated = 0.0, closely = 0.0;
   int count = 0;
 
-  explicit Normal(Eigen::Index size) : matrix(size, size), gradient(size) {
-    matrix.setZero();
-    gradient.setZero();
+  Normal() = default;
+  explicit Normal(Eigen::Index size) {
+    matrix.setZero(size, size);
+    gradient.setZero(size);
   }
   void add(const FootprintVector& slope, double left, double variance, double tolerance) {
     matrix.noalias() += slope * slope.transpose() / variance;
@@ -114,13 +113,17 @@ SpectrumFitter::Normal SpectrumFitter::normal_at(const Spectrum& spectrum,
     if (size_model > 0.0) re = (model.real() * re + model.imag() * im) / size_model;
     normal.add(re, seen - size_model, variance, tolerance);
   }
+  // Parameters without slopes stay where they are.
+  const double held = normal.matrix.diagonal().maxCoeff();
   for (Eigen::Index m = 0; !oblique_ && m < modes.size(); ++m) {
     const Eigen::Index xy = kParameters * m + 4;
     normal.matrix.row(xy).setZero();
     normal.matrix.col(xy).setZero();
-    normal.matrix(xy, xy) = kHeld;
+    normal.matrix(xy, xy) = held;
     normal.gradient[xy] = 0.0;
   }
+  // A hundredth of one number's residual, or of its noise.
+  normal.enough = 0.01 * std::max(normal.cost / std::max(normal.count, 1), 1.0);
   return normal;
 }
 
@@ -155,36 +158,14 @@ Footprint SpectrumFitter::guess(const Spectrum& spectrum, const Unwrapped& place
 
 SpectrumFit SpectrumFitter::fit(const Spectrum& spectrum, const std::vector<bool>& phase_known,
                                 const Footprints& start, int max_steps) const {
-  SpectrumFit result{.modes = start};
   const Eigen::Index size = kParameters * start.size();
-  Normal normal = normal_at(spectrum, phase_known, result.modes);
-  double damping = 1e-3;
-  for (int i = 0; i < max_steps && !result.converged; ++i) {
-    FootprintMatrix damped = normal.matrix;
-    const double floor = 1e-12 * normal.matrix.diagonal().head(3).maxCoeff();
-    damped.diagonal() += damping * normal.matrix.diagonal() + FootprintVector::Constant(size, floor);
-    const Eigen::LLT<FootprintMatrix> solver(damped);
-    FootprintVector step = solver.solve(normal.gradient);
-    const Footprints moved = step_within_cone(result.modes, solver, step);
-    const double promise = 2.0 * normal.gradient.dot(step) - step.dot(normal.matrix * step);
-    // A hundredth of one number's residual, or of its noise.
-    const bool last = promise <= 0.01 * std::max(normal.cost / std::max(normal.count, 1), 1.0);
-    if (solver.info() == Eigen::Success && sane(moved, monitor_.extent)) {
-      const Normal there = normal_at(spectrum, phase_known, moved);
-      if (there.cost <= normal.cost * (1.0 + 1e-9)) {
-        const double gained = normal.cost - there.cost;
-        result.modes = moved;
-        normal = there;
-        result.converged = last && damping < 0.1;
-        damping *= gained > 0.5 * promise ? 0.1 : gained < 0.2 * promise ? 3.0 : 1.0;
-        damping = std::max(damping, 1e-7);
-        continue;
-      }
-    }
-    result.converged = last;
-    damping = std::max(4.0 * damping, 1e-5);
-  }
-  for (Footprint& mode : result.modes) mode = with_positive_covariance(mode, 0.0);
+  const auto evaluate = [&](const Footprints& modes, Normal& at) {
+    at = normal_at(spectrum, phase_known, modes);
+  };
+  const auto is_sane = [&](const Footprints& modes) { return sane(modes, monitor_.extent); };
+  const Minimum<Normal> found = minimise<Normal>(start, evaluate, is_sane, {.max_steps = max_steps});
+  const Normal& normal = found.at;
+  SpectrumFit result{.modes = found.modes, .converged = found.converged};
   result.chi_square = normal.cost;
   result.tolerated = normal.tolerated;
   result.closely = normal.closely;
@@ -265,18 +246,14 @@ SpectrumFit SpectrumFitter::fit_one_more(const Spectrum& spectrum, const Spectru
   }
   starts.push_back(points);
   for (int m = 0; m < fit.modes.size(); ++m) {
-    for (const bool along_x : {true, false}) {
-      Footprints split = fit.modes;
-      Footprint& half = split[m];
-      const double shift = 0.8 * std::sqrt(along_x ? half.xx_px2 : half.yy_px2);
-      half.weight *= 0.5;
-      (along_x ? half.xx_px2 : half.yy_px2) *= 0.4;
-      half.xy_px2 = 0.0;
-      Footprint other = half;
-      (along_x ? half.x_px : half.y_px) += shift;
-      (along_x ? other.x_px : other.y_px) -= shift;
-      split.push_back(other);
-      starts.push_back(split);
+    Footprint upright = fit.modes[m];
+    upright.xy_px2 = 0.0;
+    for (const SplitAxis axis : {SplitAxis::kWide, SplitAxis::kNarrow}) {
+      const auto [half, other] = split(upright, axis);
+      Footprints parts = fit.modes;
+      parts[m] = half;
+      parts.push_back(other);
+      starts.push_back(parts);
     }
   }
   SpectrumFit best;

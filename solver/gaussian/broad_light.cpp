@@ -131,9 +131,8 @@ std::optional<JointFit> BroadLight::best_template(const PixelSamples& averaged, 
 }
 
 bool BroadLight::is_broad(const Footprint& mode) const {
-  const double half = 0.5 * std::hypot(mode.xx_px2 - mode.yy_px2, 2.0 * mode.xy_px2);
   return mode.weight > 0.0 && mode.weight <= 1.0 &&
-         0.5 * (mode.xx_px2 + mode.yy_px2) - half >= 0.25 * templates_.front().mode.xx_px2;
+         axis_variances(covariance_of(mode)).narrow >= 0.25 * templates_.front().mode.xx_px2;
 }
 
 std::optional<BroadLight::Found> BroadLight::find(const PixelSamples& rest, double noise_sd, bool expected,

@@ -30,10 +30,21 @@ bool sane(const Footprints& modes, const SampleLayout& layout, const MonitorExte
   return true;
 }
 
+FootprintMatrix matrix_of(const NormalEquations& at, Eigen::Index n, unsigned held) {
+  FootprintMatrix normal(n, n);
+  for (Eigen::Index p = 0; p < n; ++p) {
+    for (Eigen::Index q = 0; q < n; ++q) {
+      const bool free = ((held >> p | held >> q) & 1u) == 0;
+      normal(q, p) = free ? at.matrix[static_cast<size_t>(p)][static_cast<size_t>(q)] : p == q ? 1.0 : 0.0;
+    }
+  }
+  return normal;
+}
+
 class Problem {
  public:
-  Problem(const PixelSamples& samples, const MonitorExtent& extent, JointWorkspace& workspace)
-      : samples_(samples), extent_(extent), workspace_(workspace) {}
+  Problem(const PixelSamples& samples, const MonitorExtent& extent, unsigned held, JointWorkspace& workspace)
+      : samples_(samples), extent_(extent), held_(held), workspace_(workspace) {}
 
   // Levenberg-Marquardt; true if it converged.
   bool minimise(Footprints& modes, NormalEquations& at, int max_iterations) {
@@ -46,10 +57,10 @@ class Problem {
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
       FootprintMatrix damped = normal;
       const double floor = 1e-12 * normal.diagonal().maxCoeff();
-      damped.diagonal() += damping * normal.diagonal() + FootprintVector::Constant(n, floor);
+      damped.diagonal() = (1.0 + damping) * normal.diagonal().cwiseMax(least_of(modes, normal)) +
+                          FootprintVector::Constant(n, floor);
       const Eigen::LLT<FootprintMatrix> solver(damped);
-      FootprintVector step = solver.solve(gradient);
-      const Footprints moved = step_within_cone(modes, solver, step);
+      const auto [moved, step] = step_within_cone(modes, solver, solver.solve(gradient));
       // The predicted reduction relative to the noise of one sample: a squared distance in standard errors.
       const double promise = 2.0 * gradient.dot(step) - step.dot(normal * step);
       const double samples = std::max(at.near_count, 1);
@@ -82,27 +93,40 @@ class Problem {
   }
 
  private:
-  static void load(const NormalEquations& at, FootprintMatrix& normal, FootprintVector& gradient) {
-    const auto n = gradient.size();
-    for (Eigen::Index p = 0; p < n; ++p) {
-      gradient[p] = at.gradient[static_cast<size_t>(p)];
-      for (Eigen::Index q = 0; q < n; ++q)
-        normal(q, p) = at.matrix[static_cast<size_t>(p)][static_cast<size_t>(q)];
+  // Of the diagonal. Within a pixel the derivatives by place and width vanish: each counts as if it moved
+  // what stripes see by a tenth of itself. A peak's squares sum to R^2 N_RR; its derivative by the centre has
+  // half of that over sigma_r^2, by sigma_r^2 three sixteenths over its square, half of it along either axis.
+  FootprintVector least_of(const Footprints& modes, const FootprintMatrix& normal) const {
+    constexpr double kShare = 0.01, kCentre = 0.25, kSpread = 3.0 / 32.0;
+    double sigma_px = INFINITY;
+    for (const SampleLayout::Sweep& sweep : samples_.layout->sweeps)
+      sigma_px = std::min(sigma_px, sweep.axis.sigma_px);
+    FootprintVector least = FootprintVector::Zero(normal.rows());
+    for (int m = 0; m < modes.size(); ++m) {
+      if (modes[m].xx_px2 > kHidden_px2 && modes[m].yy_px2 > kHidden_px2) continue;
+      const double squares = modes[m].weight * modes[m].weight * normal(6 * m, 6 * m),
+                   per_px2 = kShare * squares / (sigma_px * sigma_px);
+      least.segment<2>(6 * m + 1).setConstant(kCentre * per_px2);
+      least.segment<3>(6 * m + 3).setConstant(kSpread * per_px2 / (sigma_px * sigma_px));
     }
+    return least;
+  }
+  void load(const NormalEquations& at, FootprintMatrix& normal, FootprintVector& gradient) const {
+    normal = matrix_of(at, gradient.size(), held_);
+    for (Eigen::Index p = 0; p < gradient.size(); ++p)
+      gradient[p] = (held_ >> p & 1u) == 0 ? at.gradient[static_cast<size_t>(p)] : 0.0;
   }
 
   const PixelSamples& samples_;
   const MonitorExtent& extent_;
+  const unsigned held_;
   JointWorkspace& workspace_;
   NormalEquations next_;
 };
 
-void add_errors(const NormalEquations& at, JointFit& fit) {
+void add_errors(const NormalEquations& at, unsigned held, JointFit& fit) {
   const int n = 6 * fit.modes.size();
-  FootprintMatrix normal(n, n);
-  for (int p = 0; p < n; ++p) {
-    for (int q = 0; q < n; ++q) normal(p, q) = at.matrix[static_cast<size_t>(p)][static_cast<size_t>(q)];
-  }
+  FootprintMatrix normal = matrix_of(at, n, held);
   const double variance = at.near_chi2 / std::max(at.near_count - n, 1);
   const double unit = std::max(variance, kFinestStep * kFinestStep);
   for (int m = 0; m < fit.modes.size(); ++m) {
@@ -114,7 +138,10 @@ void add_errors(const NormalEquations& at, JointFit& fit) {
   fit.light_sd = std::numeric_limits<double>::infinity();
   const Eigen::LLT<FootprintMatrix> solver(normal);
   if (solver.info() != Eigen::Success) return;
-  const FootprintMatrix covariance = solver.solve(FootprintMatrix::Identity(n, n));
+  FootprintMatrix covariance = solver.solve(FootprintMatrix::Identity(n, n));
+  for (int p = 0; p < n; ++p) {
+    if ((held >> p & 1u) != 0) covariance(p, p) = 0.0;
+  }
   const auto sd = [&](double v) {
     return v >= 0.0 ? std::sqrt(v * variance) : std::numeric_limits<double>::infinity();
   };
@@ -144,8 +171,8 @@ void SampleLayout::add(const StripeAxis& axis, const std::vector<double>& r_px) 
 }
 
 JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const MonitorExtent& extent,
-                     int max_iterations, JointWorkspace& workspace) {
-  Problem problem(samples, extent, workspace);
+                     int max_iterations, JointWorkspace& workspace, unsigned held) {
+  Problem problem(samples, extent, held, workspace);
   NormalEquations at;
   JointFit fit{.modes = start};
   fit.converged = problem.minimise(fit.modes, at, max_iterations);
@@ -155,7 +182,7 @@ JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const
   fit.near_neighbours = at.near_neighbours;
   fit.near_count = at.near_count;
   fit.floor = at.floor;
-  add_errors(at, fit);
+  add_errors(at, held, fit);
   return fit;
 }
 

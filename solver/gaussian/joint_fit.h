@@ -30,6 +30,21 @@ namespace glasswing {
 // Residuals below this come from the shape of pixels and footprints, regardless of the frames' noise.
 inline constexpr double kMinNoise = 1e-4;
 
+inline constexpr double kHidden_px2 = 0.7;  // a footprint wider than this hides nothing within flat pixels
+
+// A footprint across the edge of two pixels shows how its light divides between them, but hardly how wide it
+// is. Where it is so narrow that the division would hang on more digits of its place than a matte holds, the
+// samples must ask for it: otherwise it is this wide.
+inline constexpr double kUsualWidth_px = 0.25;
+// In samples of weight 1. All of it costs less than half a standard error.
+inline constexpr double kWidthWeight = 3.0;
+
+inline constexpr double kMinStep = 1.0 / 65535.0;  // of frames
+
+// Weights up to this lie within what cameras and monitors are known to: no object sends more light than it
+// gets.
+inline constexpr double kMaxWeight = 1.002;
+
 // The positions of the samples of every sweep; the same for all pixels.
 struct SampleLayout {
   static constexpr int kPad = 8;  // each sweep's samples fill whole vectors; the rest has weight 0
@@ -64,12 +79,14 @@ struct PixelSamples {
   // Of a saturated sample, whose y is what it is at least: its weight where the model is below; else 0. Empty
   // if none is saturated.
   std::vector<float> at_least = {};
-  // With these, footprints are where they are; without, as stripes see them (footprint.h).
+  // Footprints are where they are; else as stripes see them (footprint.h), and areas must be empty.
+  bool placed = true;
   std::vector<AreaSample> areas = {};
   double floor_weight = INFINITY;  // w_f
   // u: what a floor of 1 adds to a sample. May be empty if w_f is infinite.
   std::vector<float> floor_answer = {};
   double bound_weight = 0.0;  // w_bound
+  double width_weight = 0.0;  // of kUsualWidth_px, for widths below it
 };
 
 // The Gauss-Newton equations N delta = g at some footprints, in (R, cx, cy, xx, xy, yy) of each mode.
@@ -111,7 +128,8 @@ struct JointFit {
 // Fits from `start` (1 to 4 modes) to the nearest minimum. Sigma stays positive semi-definite: steps that
 // would leave the cone move along its boundary (cone_step.h). Weights may become negative. Converged: the
 // next step would be less than a tenth of the estimate's own standard error.
+// `held`: parameters that stay as they are, a bit each in the order of NormalEquations; their errors are 0.
 JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const MonitorExtent& extent,
-                     int max_iterations, JointWorkspace& workspace);
+                     int max_iterations, JointWorkspace& workspace, unsigned held = 0);
 
 }  // namespace glasswing

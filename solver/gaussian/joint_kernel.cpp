@@ -495,7 +495,7 @@ class SumsAt {
       const bool cut = near_edge(mode, extent_), by_pixels = cut && narrow(mode);
       std::vector<ReachedPixel> pixels;
       if (by_pixels) pixels = reached_pixels(mode, extent_);
-      const SeenMode whole(mode, !cut && !samples_.areas.empty());
+      const SeenMode whole(mode, !cut && samples_.placed);
       for (size_t s = 0; s < sweep_count_; ++s) {
         const SampleLayout::Sweep& sweep = layout_.sweeps[s];
         const float* offset_px = layout_.offset_px.data() + sweep.first;
@@ -669,6 +669,21 @@ void add_bounds(double weight, const Footprints& modes, NormalEquations& equatio
   }
 }
 
+// chi2 += w (1 - xx / u^2)^2 u^2 for widths below u, along each axis.
+void add_widths(double weight, const Footprints& modes, NormalEquations& equations) {
+  constexpr double kUsual_px2 = kUsualWidth_px * kUsualWidth_px;
+  for (int m = 0; m < modes.size(); ++m) {
+    for (const auto& [variance, i] : {std::pair{modes[m].xx_px2, 3}, {modes[m].yy_px2, 5}}) {
+      const double below = 1.0 - variance / kUsual_px2;
+      if (below <= 0.0) continue;
+      const auto p = static_cast<size_t>(6 * m + i);
+      equations.chi2 += weight * kUsual_px2 * below * below;
+      equations.gradient[p] += weight * below;
+      equations.matrix[p][p] += weight / kUsual_px2;
+    }
+  }
+}
+
 }  // namespace
 
 void evaluate(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
@@ -677,6 +692,7 @@ void evaluate(const PixelSamples& samples, const Footprints& modes, const Monito
   HWY_DYNAMIC_DISPATCH(Evaluate)(samples, modes, extent, workspace, equations);
   add_areas(modes, workspace.areas, equations);
   if (samples.bound_weight > 0.0) add_bounds(samples.bound_weight, modes, equations);
+  if (samples.placed && samples.width_weight > 0.0) add_widths(samples.width_weight, modes, equations);
 }
 
 }  // namespace glasswing

@@ -72,7 +72,7 @@ bool meet(std::span<const StripeAxis> axes, std::span<const Peaks> peaks, size_t
     seen[count++] = axes[s];
   }
   if (count >= 3) {
-    meeting->mode = intersect({seen.data(), count}, {chosen.data(), count});
+    meeting->mode = intersect({seen.data(), count}, {chosen.data(), count}).mode;
   } else {
     // Two widths do not determine Sigma: assume a round one.
     const auto spread = [&](size_t i) {
@@ -241,16 +241,6 @@ Peaks rises_of(const float* residual, const SampleLayout& layout, const SampleLa
   return rises;
 }
 
-// The larger or smaller eigenvalue of Sigma and its axis.
-double principal_variance(const Footprint& mode, bool larger, double* axis_x, double* axis_y) {
-  const double mean = 0.5 * (mode.xx_px2 + mode.yy_px2), half = 0.5 * (mode.xx_px2 - mode.yy_px2);
-  const double radius = std::hypot(half, mode.xy_px2);
-  const double angle = 0.5 * std::atan2(mode.xy_px2, half) + (larger ? 0.0 : std::numbers::pi / 2.0);
-  *axis_x = std::cos(angle);
-  *axis_y = std::sin(angle);
-  return std::max(larger ? mean + radius : mean - radius, 0.05);
-}
-
 int max_peaks(std::span<const Peaks> peaks) {
   int most = 0;
   for (const Peaks& sweep : peaks) most = std::max(most, sweep.count);
@@ -306,14 +296,19 @@ class Search {
       const int size = best.modes.size() + 1;
       Footprints start;
       if (size <= static_cast<int>(meetings.size()) && subsets.best(size, &start)) starts_.push_back(start);
+      int worst = 0;
       if (!best.modes.empty()) {
         add_residual_start(best.modes);
-        add_split_starts(best.modes);
+        worst = least_explained(best.modes);
+        add_split_starts(best.modes, worst);
       }
-      JointFit next;
-      if (!fit_best_start(&next)) break;
-      if (!best.modes.empty() && !earns_its_place(best, next)) break;
-      best = next;
+      if (!add_mode(&best)) {
+        starts_.clear();
+        for (int m = 0; m < best.modes.size(); ++m) {
+          if (m != worst) add_split_starts(best.modes, m);
+        }
+        if (!add_mode(&best)) break;
+      }
       if (explained(best)) break;
     }
     return best;
@@ -341,13 +336,6 @@ class Search {
     double n = 0.0;
     for (const SampleLayout::Sweep& sweep : samples_.layout->sweeps) n += sweep.count;
     return n;
-  }
-
-  bool earns_its_place(const JointFit& before, const JointFit& after) const {
-    const double n = std::max(after.near_count, 1), least = n * noise_sd_ * noise_sd_;
-    // Outside the new fit's reach both residuals are equal.
-    const double left_before = before.chi2 - (after.chi2 - after.near_chi2);
-    return n * std::log(std::max(left_before, least) / std::max(after.near_chi2, least)) > 4.0 * std::log(n);
   }
 
   // A few steps from each start, then the best one to its minimum.
@@ -385,28 +373,30 @@ class Search {
     starts_.push_back(start);
   }
 
-  // Splits the mode around which most is unexplained. Uses the residual of add_residual_start.
-  void add_split_starts(const Footprints& modes) {
+  // Takes the best start's fit if its further mode earns its place.
+  bool add_mode(JointFit* best) {
+    JointFit next;
+    if (!fit_best_start(&next)) return false;
+    if (!best->modes.empty() && !earns_its_place(*best, next, noise_sd_)) return false;
+    *best = next;
+    return true;
+  }
+
+  // The mode around which most is left. Uses the residual of add_residual_start.
+  int least_explained(const Footprints& modes) const {
     int worst = 0;
     double most = -1.0;
     for (int m = 0; m < modes.size(); ++m) {
       const double left = left_round(modes[m]);
       if (left > most) most = left, worst = m;
     }
-    for (const bool larger : {true, false}) {
-      double ax, ay;
-      const double variance = principal_variance(modes[worst], larger, &ax, &ay);
-      const double shift = 0.8 * std::sqrt(variance), less = 0.6 * variance;
+    return worst;
+  }
+
+  void add_split_starts(const Footprints& modes, int worst) {
+    for (const SplitAxis axis : {SplitAxis::kWide, SplitAxis::kNarrow}) {
+      const auto [half, other] = split(modes[worst], axis);
       Footprints start = modes;
-      Footprint half = modes[worst];
-      half.weight *= 0.5;
-      half.xx_px2 -= less * ax * ax;
-      half.xy_px2 -= less * ax * ay;
-      half.yy_px2 -= less * ay * ay;
-      half = with_positive_covariance(half, 0.05);
-      Footprint other = half;
-      half.x_px += shift * ax, half.y_px += shift * ay;
-      other.x_px -= shift * ax, other.y_px -= shift * ay;
       start[worst] = half;
       start.push_back(other);
       starts_.push_back(start);
@@ -439,6 +429,23 @@ class Search {
   std::vector<Footprints> starts_;
 };
 
+// The fit of footprints as stripes see them, with footprints where they are.
+JointFit placed(const PixelSamples& samples, const JointFit& seen, const MonitorExtent& extent,
+                JointWorkspace& workspace) {
+  const auto is_narrow = [](const Footprint& mode) {
+    return std::min(mode.xx_px2, mode.yy_px2) < kHidden_px2;
+  };
+  if (std::none_of(seen.modes.begin(), seen.modes.end(), is_narrow)) return seen;
+  // At least an eighth of a stripe: a point within a pixel could not move.
+  const double least_px = samples.layout->sweeps.front().axis.sigma_px / 8.0;
+  Footprints start = seen.modes;
+  for (Footprint& mode : start) mode = with_positive_covariance(mode, least_px * least_px);
+  const JointFit fit = fit_jointly(samples, start, extent, kIterations, workspace);
+  const bool positive = std::all_of(fit.modes.begin(), fit.modes.end(),
+                                    [](const Footprint& mode) { return mode.weight > 0.0; });
+  return fit.converged && positive ? fit : seen;
+}
+
 }  // namespace
 
 Footprints usual_start(const SampleLayout& layout, std::span<const Peaks> peaks, int max_modes) {
@@ -451,10 +458,9 @@ Footprints usual_start(const SampleLayout& layout, std::span<const Peaks> peaks,
     for (const Peaks& sweep : peaks) {
       if (sweep.count == 1) lines.push_back(sweep.peaks[0]);
     }
-    double distance_px = 0.0;
     if (lines.size() < axes.size()) return start;
-    const Footprint mode = intersect(axes, lines, &distance_px);
-    if (distance_px <= 0.5 * axes.front().sigma_px) start.push_back(mode);
+    const Intersection found = intersect(axes, lines);
+    if (found.distance_px <= 0.5 * axes.front().sigma_px) start.push_back(found.mode);
     return start;
   }
   const std::vector<Meeting> meetings = meetings_of(axes, peaks);
@@ -463,19 +469,32 @@ Footprints usual_start(const SampleLayout& layout, std::span<const Peaks> peaks,
   return start;
 }
 
-bool suffices(const JointFit& fit, double noise_sd) {
-  return is_sound(fit) && is_explained(fit, noise_sd);
+bool suffices(const JointFit& fit, const JointFit& sweeps, double noise_sd) {
+  return is_sound(fit) && is_explained(sweeps, noise_sd);
 }
 
 bool needs_more(const JointFit& fit, double noise_sd) {
   return is_sound(fit) && !is_explained(fit, noise_sd);
 }
 
+bool earns_its_place(const JointFit& before, const JointFit& after, double noise_sd) {
+  const double noise = std::max(noise_sd, kMinNoise), n = std::max(after.near_count, 1),
+               least = n * noise * noise;
+  // Outside the new fit's reach both residuals are equal.
+  const double left_before = before.chi2 - (after.chi2 - after.near_chi2);
+  return n * std::log(std::max(left_before, least) / std::max(after.near_chi2, least)) > 4.0 * std::log(n);
+}
+
 JointFit find_footprints(const PixelSamples& samples, std::span<const Peaks> peaks,
                          const MonitorExtent& extent, double noise_sd, int max_modes,
                          JointWorkspace& workspace, const JointFit* usual) {
+  // Within a pixel neither place nor width of a footprint changes what stripes see: no search leads through
+  // it.
+  PixelSamples seen = samples;
+  seen.placed = false;
   JointFit fit =
-      Search(samples, extent, noise_sd, workspace).run(peaks, std::min(max_modes, kMaxFootprints), usual);
+      Search(seen, extent, noise_sd, workspace).run(peaks, std::min(max_modes, kMaxFootprints), usual);
+  fit = placed(samples, fit, extent, workspace);
   for (int i = 0; i < fit.modes.size(); ++i) {
     int strongest = i;
     for (int m = i + 1; m < fit.modes.size(); ++m) {

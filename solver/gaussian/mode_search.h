@@ -19,8 +19,11 @@ namespace glasswing {
 Footprints usual_start(const SampleLayout& layout, std::span<const Peaks> peaks, int max_modes);
 
 // Whether a fit has converged, needs each of its modes, and leaves nothing but noise near them; or more.
-bool suffices(const JointFit& fit, double noise_sd);
+// `sweeps`: what it leaves of the sweeps alone.
+bool suffices(const JointFit& fit, const JointFit& sweeps, double noise_sd);
 bool needs_more(const JointFit& fit, double noise_sd);
+// Whether the modes that `after` has more take enough from chi2: n log chi2 must fall by 4 log n.
+bool earns_its_place(const JointFit& before, const JointFit& after, double noise_sd);
 
 // `peaks`: one entry per sweep of the layout. `noise_sd`: of a sample of weight 1. Modes are ordered by
 // weight, strongest first; none if nothing rises above the noise. max_modes: 1 to 4. `usual`: the fit from

@@ -76,6 +76,60 @@ void MedianNear(const float* samples, size_t sample_count, const float* middle, 
   }
 }
 
+void CountCutOff(const float* samples, size_t sample_count, float cut_off, float* share) {
+  const D d;
+  const V limit = hn::Set(d, cut_off), one = hn::Set(d, 1.0f);
+  for (int first = 0; first < kBlockLanes; first += static_cast<int>(hn::Lanes(d))) {
+    V count = hn::Zero(d), pairs = hn::Zero(d), before = hn::Zero(d);
+    for (size_t i = 0; i < sample_count; ++i) {
+      const V cut = hn::IfThenElseZero(hn::Le(hn::LoadU(d, samples + i * kBlockLanes + first), limit), one);
+      count = hn::Add(count, cut);
+      pairs = hn::MulAdd(cut, before, pairs);
+      before = cut;
+    }
+    constexpr float kSideBySide = 0.75f;
+    const auto noise = hn::Le(pairs, hn::Mul(hn::Set(d, kSideBySide), count));
+    hn::StoreU(hn::IfThenElseZero(noise, hn::Mul(count, hn::Set(d, 1.0f / static_cast<float>(sample_count)))),
+               d, share + first);
+  }
+}
+
+void ScaleSamples(float* samples, float* weights, const float* inverse_peak, size_t sample_count,
+                  const internal::LaneScale& scale, internal::LaneSums& sums) {
+  const D d;
+  const V zero = hn::Zero(d), one = hn::Set(d, 1.0f);
+  for (int first = 0; first < kBlockLanes; first += static_cast<int>(hn::Lanes(d))) {
+    const auto load = [&](const float* row) { return hn::LoadU(d, row + first); };
+    const V baseline = load(scale.baseline), read = load(scale.read_variance), gain = load(scale.gain),
+            dark = load(scale.dark_variance);
+    V squares = load(sums.floor_squares), products = load(sums.floor_products), highest = load(sums.highest),
+      least = load(sums.least_weight);
+    for (size_t i = 0; i < sample_count; ++i) {
+      const size_t at = i * kBlockLanes + static_cast<size_t>(first);
+      const V radiance = hn::LoadU(d, samples + at), above = hn::Sub(radiance, baseline);
+      if (weights == nullptr) {
+        hn::StoreU(above, d, samples + at);
+        squares = hn::Add(squares, one);
+        products = hn::Add(products, above);
+        highest = hn::Max(highest, above);
+        continue;
+      }
+      const V u = hn::LoadU(d, inverse_peak + at), own = hn::LoadU(d, weights + at), y = hn::Mul(above, u);
+      least = hn::Min(least, own);
+      const V variance = hn::Mul(hn::MulAdd(gain, hn::Max(radiance, zero), read), hn::Mul(u, u));
+      const V weight = hn::IfThenElseZero(hn::Gt(u, zero), hn::Div(hn::Mul(own, dark), variance));
+      hn::StoreU(y, d, samples + at);
+      hn::StoreU(weight, d, weights + at);
+      const V answer = hn::Mul(hn::Max(weight, zero), u);
+      squares = hn::MulAdd(answer, u, squares);
+      products = hn::MulAdd(answer, y, products);
+      highest = hn::Max(highest, y);
+    }
+    hn::StoreU(squares, d, sums.floor_squares + first), hn::StoreU(products, d, sums.floor_products + first);
+    hn::StoreU(highest, d, sums.highest + first), hn::StoreU(least, d, sums.least_weight + first);
+  }
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace glasswing
 HWY_AFTER_NAMESPACE();
@@ -85,6 +139,8 @@ namespace glasswing {
 
 HWY_EXPORT(LoadFrame);
 HWY_EXPORT(MedianNear);
+HWY_EXPORT(CountCutOff);
+HWY_EXPORT(ScaleSamples);
 
 std::uint16_t internal::load_frame(const std::uint16_t* codes, int lane_count, float zero, float unit,
                                    float* to, size_t block_stride) {
@@ -94,6 +150,15 @@ std::uint16_t internal::load_frame(const std::uint16_t* codes, int lane_count, f
 void internal::median_near(const float* samples, size_t sample_count, const float* middle, const float* reach,
                            float* median) {
   HWY_DYNAMIC_DISPATCH(MedianNear)(samples, sample_count, middle, reach, median);
+}
+
+void internal::count_cut_off(const float* samples, size_t sample_count, float cut_off, float* share) {
+  HWY_DYNAMIC_DISPATCH(CountCutOff)(samples, sample_count, cut_off, share);
+}
+
+void internal::scale_samples(float* samples, float* weights, const float* inverse_peak, size_t sample_count,
+                             const LaneScale& scale, LaneSums& sums) {
+  HWY_DYNAMIC_DISPATCH(ScaleSamples)(samples, weights, inverse_peak, sample_count, scale, sums);
 }
 
 }  // namespace glasswing

@@ -14,6 +14,12 @@ SampleTile::SampleTile(const StackLayout& layout) : layout_(layout) {
     sample_count_ += sweep.shots.size();
   }
   samples_.resize(sample_count_ * kBlockLanes * kMaxBlocks);
+  for (const std::vector<AreaFrames>& areas : layout.areas) {
+    first_area_.push_back(area_count_);
+    area_count_ += areas.size();
+  }
+  areas_.resize(area_count_ * kBlockLanes * kMaxBlocks);
+  area_variances_.resize(areas_.size());
 }
 
 void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane_count,
@@ -21,6 +27,7 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
   block_count_ = (lane_count + kBlockLanes - 1) / kBlockLanes;
   const size_t start = stack.sample_index(0, row, 0) + static_cast<size_t>(first_lane);
   weighted_ = false;
+  cut_off_ = stack.cut_off;
   if (!layout_.one_frame_a_shot) {
     load_brackets(stack, start, lane_count, noise);
     return;
@@ -82,26 +89,35 @@ std::array<float, kBlockLanes> SampleTile::median_near(int block,
   return median;
 }
 
-std::array<float, kBlockLanes> SampleTile::zeros(int block) const {
-  std::array<float, kBlockLanes> count{}, pairs{};
-  const float* sample = samples(block, 0);
-  for (size_t i = 0; i + 1 < sample_count_; ++i, sample += kBlockLanes) {
-    for (size_t lane = 0; lane < kBlockLanes; ++lane) {
-      const bool zero = sample[lane] <= 0.0f, next = sample[lane + kBlockLanes] <= 0.0f;
-      count[lane] += zero ? 1.0f : 0.0f;
-      pairs[lane] += zero && next ? 1.0f : 0.0f;
+void SampleTile::load_areas(const FrameStack& stack, int row, int block, int first_lane, int lane_count,
+                            const SampleNoise& noise, const std::array<float, kBlockLanes>& one,
+                            const std::array<bool, kBlockLanes>& clipped) {
+  const size_t start = stack.sample_index(0, row, 0) + static_cast<size_t>(first_lane);
+  size_t at = area_place(block, 0);
+  for (const std::vector<AreaFrames>& areas : layout_.areas) {
+    for (const AreaFrames& area : areas) {
+      for (size_t lane = 0; lane < static_cast<size_t>(lane_count); ++lane) {
+        const MergedSample seen = merge(stack, area.shot, start + lane, noise);
+        const auto radiance = static_cast<float>(seen.radiance);
+        const float own = one[lane] > 0.0f ? one[lane] / static_cast<float>(area.shot.size())
+                                           : static_cast<float>(seen.variance);
+        areas_[at + lane] = radiance;
+        area_variances_[at + lane] = seen.saturated                               ? INFINITY
+                                     : clipped[lane] && radiance <= stack.cut_off ? -own
+                                                                                  : own;
+      }
+      at += kBlockLanes;
     }
   }
-  for (size_t lane = 0; lane < kBlockLanes; ++lane) {
-    // Noise leaves every second sample of a dark lane as it is.
-    constexpr float kSideBySide = 0.75f;
-    count[lane] =
-        pairs[lane] > kSideBySide * count[lane] ? 0.0f : count[lane] / static_cast<float>(sample_count_);
-  }
+}
+
+std::array<float, kBlockLanes> SampleTile::cut_off(int block) const {
+  std::array<float, kBlockLanes> count{};
+  internal::count_cut_off(samples(block, 0), sample_count_, cut_off_, count.data());
   return count;
 }
 
-void SampleTile::replace_zeros(int block, const std::array<float, kBlockLanes>& noise_sd) {
+void SampleTile::replace_cut_off(int block, const std::array<float, kBlockLanes>& noise_sd) {
   constexpr std::ptrdiff_t kNeighbours = 3;  // each way
   std::vector<std::array<float, kBlockLanes>> sums;
   for (size_t s = 0; s < layout_.sweeps.size(); ++s) {
@@ -119,9 +135,9 @@ void SampleTile::replace_zeros(int block, const std::array<float, kBlockLanes>& 
                  to = static_cast<size_t>(std::min(i + kNeighbours + 1, count));
       for (size_t lane = 0; lane < kBlockLanes; ++lane) {
         float& sample = sweep[i * kBlockLanes + static_cast<std::ptrdiff_t>(lane)];
-        if (sample > 0.0f || noise_sd[lane] <= 0.0f) continue;
-        const float mean = (sums[to][lane] - sums[from][lane]) / static_cast<float>(to - from);
-        sample = -noise_sd[lane] * expected_below_zero(mean / noise_sd[lane]);
+        if (sample > cut_off_ || noise_sd[lane] <= 0.0f) continue;
+        const float mean = (sums[to][lane] - sums[from][lane]) / static_cast<float>(to - from) - cut_off_;
+        sample = cut_off_ - noise_sd[lane] * expected_below_zero(mean / noise_sd[lane]);
       }
     }
   }

@@ -37,11 +37,21 @@ class SampleTile {
   bool weighted() const { return weighted_; }
   // Makes weighted() true; samples without weights get 1.
   void need_weights();
-  // The share of a lane's samples that noise made darker than black: of zeros, unless they lie side by side.
-  std::array<float, kBlockLanes> zeros(int block) const;
-  // Replaces zeros by what noise of this sd makes of the light of their neighbours, if it makes them darker
+  // White and bars of one monitor: [area][lane], in the layout's order. The variance is infinite where every
+  // exposure is saturated, negative where the camera cut the light off. `one`: the variance of one exposure;
+  // 0: that of the noise model.
+  const float* areas(int block, size_t texture) const { return areas_.data() + area_place(block, texture); }
+  const float* area_variances(int block, size_t texture) const {
+    return area_variances_.data() + area_place(block, texture);
+  }
+  void load_areas(const FrameStack& stack, int row, int block, int first_lane, int lane_count,
+                  const SampleNoise& noise, const std::array<float, kBlockLanes>& one,
+                  const std::array<bool, kBlockLanes>& clipped);
+  // The share of a lane's samples that the camera cut off, unless they lie side by side.
+  std::array<float, kBlockLanes> cut_off(int block) const;
+  // Replaces these by what noise of this sd makes of the light of their neighbours, if it makes them darker
   // than black, in the mean: then dark samples are right in the mean (clipped_noise.h).
-  void replace_zeros(int block, const std::array<float, kBlockLanes>& noise_sd);
+  void replace_cut_off(int block, const std::array<float, kBlockLanes>& noise_sd);
 
   size_t sample_count() const { return sample_count_; }  // of all sweeps of one block
 
@@ -53,14 +63,20 @@ class SampleTile {
   size_t place(int block, size_t sweep) const {
     return (static_cast<size_t>(block) * sample_count_ + first_sample_[sweep]) * kBlockLanes;
   }
+  size_t area_place(int block, size_t texture) const {
+    return (static_cast<size_t>(block) * area_count_ + first_area_[texture]) * kBlockLanes;
+  }
   void load_brackets(const FrameStack& stack, size_t row_start, int lane_count, const SampleNoise& noise);
 
   const StackLayout& layout_;
   size_t sample_count_ = 0;           // of all sweeps
   std::vector<size_t> first_sample_;  // by sweep
   int block_count_ = 0;
+  size_t area_count_ = 0;           // of all monitors
+  std::vector<size_t> first_area_;  // by texture
   bool weighted_ = false;
-  std::vector<float> samples_, weights_;
+  float cut_off_ = 0.0f;
+  std::vector<float> samples_, weights_, areas_, area_variances_;
 };
 
 }  // namespace glasswing

@@ -3,44 +3,20 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/footprint/within_pixel.h"
 #include "solver/method/clipped_noise.h"
-#include "solver/method/exposure_merge.h"
 
 namespace glasswing {
 namespace {
 
 constexpr int kStretch = SampleTile::kMaxBlocks * kBlockLanes;
-constexpr double kMinStep = 1.0 / 65535.0;
-constexpr float kMinFloor = 0.0015f;  // of full scale: fainter peaks are stray light
-constexpr float kFewZeros = 0.02f;    // of the samples: clipping hardly matters
-constexpr double kBoundSd = 0.02;     // by which a weight may be above 1
-constexpr double kBound = 0.002;      // and that much without a flag, however well known
-constexpr double kMoreThanNoise = 3.0, kBeyondNoise = 4.0;  // standard errors of what white has beyond modes
-constexpr double kLacking = 0.05;                           // of white
-constexpr int kNeighbours = 4;  // each way, whose white says whether broad light is to be expected
-constexpr int kTurns = 3;       // of finding broad light and fitting the other modes
-constexpr int kRounds = 8;      // of fits after the first, with white and bars weighed anew
-constexpr int kLong = 60;       // iterations of one that has to leave its start behind
-constexpr int kPolish = 12;     // iterations of a fit that had converged without white
-
-// Whether all steps are equal to a hundredth.
-bool is_even(const std::vector<double>& r_px) {
-  const double step_px = (r_px.back() - r_px.front()) / static_cast<double>(r_px.size() - 1);
-  for (size_t i = 1; i < r_px.size(); ++i) {
-    if (std::abs(r_px[i] - r_px[i - 1] - step_px) > 0.01 * step_px) return false;
-  }
-  return true;
-}
+constexpr double kBoundSd = 0.02;  // by which a weight may be above 1
+constexpr int kNeighbours = 4;     // each way, whose white says whether broad light is to be expected
 
 // Whether a sweep's steps are so wide that a peak's second differences are as large as its height.
 bool is_coarse(const SweepLayout& sweep) {
   const double length_px = sweep.r_px.back() - sweep.r_px.front();
   return length_px > 0.75 * sweep.sigma_px * static_cast<double>(sweep.r_px.size() - 1);
-}
-
-bool is_positive(const JointFit& fit) {
-  return std::isfinite(fit.floor) && std::all_of(fit.modes.begin(), fit.modes.end(),
-                                                 [](const Footprint& mode) { return mode.weight > 0.0; });
 }
 
 bool is_finite(const Mode& mode) {
@@ -52,38 +28,29 @@ void forget_modes(int x, int y, Matte& matte) {
   for (int c = 0; c < kChannels; ++c) std::ranges::fill(matte.modes(x, y, c), Mode{});
 }
 
-}  // namespace
-
-std::vector<SweptMonitor> swept_monitors(const StackLayout& layout) {
-  std::vector<SweptMonitor> monitors;
-  for (size_t s = 0; s < layout.sweeps.size(); ++s) {
-    const SweepLayout& sweep = layout.sweeps[s];
-    if (monitors.empty() || monitors.back().texture != sweep.texture) {
-      const EmptyMonitor& monitor = layout.stage.monitors[static_cast<size_t>(sweep.texture)];
-      monitors.push_back({.texture = sweep.texture,
-                          .extent = {.width_px = static_cast<double>(monitor.width_px),
-                                     .height_px = static_cast<double>(monitor.height_px)},
-                          .samples = {},
-                          .sweeps = {},
-                          .areas = {}});
-    }
-    monitors.back().sweeps.push_back(s);
-    monitors.back().samples.add(
-        {.cos_phi = sweep.cos_phi, .sin_phi = sweep.sin_phi, .sigma_px = sweep.sigma_px}, sweep.r_px);
-  }
-  for (SweptMonitor& monitor : monitors) {
-    for (const AreaFrames& area : layout.areas[static_cast<size_t>(monitor.texture)])
-      monitor.areas.push_back(area.lit);
-    if (!monitor.areas.empty()) monitor.broad.emplace(monitor.samples, monitor.areas, monitor.extent);
-  }
-  return monitors;
+bool is_cut(const Footprints& modes, const MonitorExtent& extent) {
+  return std::any_of(modes.begin(), modes.end(),
+                     [&](const Footprint& mode) { return near_edge(mode, extent); });
 }
+
+std::vector<Peaks> peaks_of(const SweptMonitor& monitor, const PreparedBlock& block, int lane) {
+  std::vector<Peaks> peaks;
+  for (const size_t s : monitor.sweeps) peaks.push_back(block.peaks[s][static_cast<size_t>(lane)]);
+  return peaks;
+}
+
+bool any_peak(const std::vector<Peaks>& peaks) {
+  return std::ranges::any_of(peaks, [](const Peaks& sweep) { return sweep.count > 0; });
+}
+
+}  // namespace
 
 StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout,
                          const std::vector<SweptMonitor>& monitors, int max_modes,
                          double silhouette_tolerance)
     : stack_(stack),
       layout_(layout),
+      monitors_(monitors),
       max_modes_(max_modes),
       pixel_lanes_(stack.samples_per_pixel()),
       lane_count_(stack.width_px * pixel_lanes_),
@@ -91,45 +58,11 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout,
       noise_known_(surroundings_.noise_known()),
       coarse_(std::ranges::any_of(layout.sweeps, is_coarse)),
       noise_(surroundings_.noise()),
-      textures_(monitors),
-      tile_(layout) {
-  for (const SweepLayout& sweep : layout.sweeps) {
-    Grid grid{.even = is_even(sweep.r_px),
-              .step_px = 0.0,
-              .count = static_cast<int>(sweep.r_px.size()),
-              .samples = {}};
-    const double length_px = sweep.r_px.back() - sweep.r_px.front();
-    if (!grid.even) {
-      grid.step_px = 0.5 * sweep.sigma_px;
-      grid.count = static_cast<int>(length_px / grid.step_px) + 1;
-      grid.samples.resize(static_cast<size_t>(grid.count) * kBlockLanes);
-    } else {
-      grid.step_px = length_px / static_cast<double>(grid.count - 1);
-    }
-    grids_.push_back(std::move(grid));
-  }
-  for (int phase = 0; phase < kChannels; ++phase) {
-    for (const SweepLayout& sweep : layout.sweeps) {
-      for (const auto& peak : sweep.peak) {
-        for (int lane = 0; lane < kBlockLanes; ++lane) {
-          const double own = peak[static_cast<size_t>(channel_in(phase, lane))];
-          inverse_peak_[phase].push_back(own > 0.0 ? static_cast<float>(1.0 / own) : 0.0f);
-        }
-      }
-    }
-  }
-  for (const SweepLayout& sweep : layout.sweeps) {
-    for (const auto& peak : sweep.peak) {
-      for (const double own : peak) unit_peaks_ = unit_peaks_ && own == 1.0;
-    }
-  }
-  double exposures = 0.0;
-  for (const ExposedFrame& exposed : layout.stage.black) exposures += 1.0 / (exposed.scale * exposed.scale);
-  dark_noise_ = static_cast<float>(1.0 / std::sqrt(exposures));
-  usual_.resize(textures_.size());
-  settled_.resize(textures_.size());
+      tile_(layout),
+      preparer_(layout, monitors, noise_, noise_known_,
+                [this](int phase, int lane) { return channel_in(phase, lane); }) {
+  for (const SweptMonitor& monitor : monitors) lane_solvers_.emplace_back(monitor, max_modes);
   noise_sd_.resize(static_cast<size_t>(lane_count_));
-  unclipped_.assign(noise_sd_.size(), 1.0f);
   to_solve_.resize(static_cast<size_t>(stack.width_px));
 }
 
@@ -159,12 +92,12 @@ void StackSolver::estimate_row_noise(int y) {
                                          .step_px = 1.0});
         for (size_t lane = 0; lane < kBlockLanes; ++lane) sum[lane] += own[lane];
       }
-      const std::array<float, kBlockLanes> zeros = tile_.zeros(block);
+      const std::array<float, kBlockLanes> cut_off = tile_.cut_off(block);
       for (int lane = 0; lane < std::min(kBlockLanes, count - block * kBlockLanes); ++lane) {
         const auto at = static_cast<size_t>(first + block * kBlockLanes + lane),
                    l = static_cast<size_t>(lane);
-        noise_sd_[at] = sum[l] / (dark_noise_ * static_cast<float>(layout_.sweeps.size()));
-        unclipped_[at] = sd_before_clipping(zeros[l]);
+        noise_sd_[at] = sum[l] * sd_before_clipping(cut_off[l]) /
+                        (preparer_.dark_noise() * static_cast<float>(layout_.sweeps.size()));
       }
     }
   }
@@ -184,7 +117,7 @@ std::vector<double> StackSolver::read_noise() const {
   return read_sd;
 }
 
-void StackSolver::solve_row(int y, Matte& matte) {
+void StackSolver::settle_row(int y, Matte& matte) {
   if (noise_known_) {
     for (int lane = 0; lane < lane_count_; ++lane) {
       noise_sd_[static_cast<size_t>(lane)] =
@@ -195,467 +128,259 @@ void StackSolver::solve_row(int y, Matte& matte) {
   }
   const SettledRow row =
       surroundings_.settle_row(y, noise_known_ ? std::vector<double>{} : read_noise(), matte);
-  if (!noise_known_) {
-    for (size_t lane = 0; lane < noise_sd_.size(); ++lane) noise_sd_[lane] *= unclipped_[lane];
-  }
   for (size_t x = 0; x < to_solve_.size(); ++x) {
     to_solve_[x] = row.object[x] || row.open[x];
     // The sweeps determine its position better.
     if (row.open[x]) forget_modes(static_cast<int>(x), y, matte);
   }
+}
+
+void StackSolver::solve_row(int y, Matte& matte) {
+  settle_row(y, matte);
   for (int first = 0; first < lane_count_; first += kStretch) {
     const int count = std::min(kStretch, lane_count_ - first);
     const auto begin = to_solve_.begin() + first / pixel_lanes_,
                end = to_solve_.begin() + (first + count - 1) / pixel_lanes_ + 1;
     if (std::find(begin, end, true) == end) continue;
-    tile_.load(stack_, y, first, count, noise_);
-    if (noise_.gain > 0.0 || !unit_peaks_) tile_.need_weights();
-    blocks_.resize(static_cast<size_t>(tile_.block_count()));
-    for (int block = 0; block < tile_.block_count(); ++block) {
-      blocks_[static_cast<size_t>(block)].first_lane = first + block * kBlockLanes;
-      blocks_[static_cast<size_t>(block)].phase = phase_of(first + block * kBlockLanes, y);
-      prepare_block(y, block);
+    Tile tile = prepare(y, first, count);
+    for (size_t monitor = 0; monitor < monitors_.size(); ++monitor) {
+      fit_batches(monitor, tile);
+      fit_lanes(monitor, tile);
     }
-    for (size_t t = 0; t < textures_.size(); ++t) fit_usual(t);
-    const auto for_lanes = [&](auto each) {
-      for (int block = 0; block < tile_.block_count(); ++block) {
-        for (int lane = 0; lane < kBlockLanes; ++lane) {
-          if ((blocks_[static_cast<size_t>(block)].lanes >> lane & 1u) != 0)
-            each(block, lane, static_cast<size_t>(block * kBlockLanes + lane));
-        }
+    for (int block = 0; block < std::ssize(tile.blocks); ++block) {
+      for (int lane = 0; lane < kBlockLanes; ++lane) {
+        if (tile.blocks[static_cast<size_t>(block)].solves(lane)) store(tile, block, lane, y, matte);
       }
-    };
-    for (size_t t = 0; t < textures_.size(); ++t) {
-      settled_[t].assign(blocks_.size() * kBlockLanes, {});
-      for_lanes([&](int block, int lane, size_t i) { settled_[t][i] = fit_sweeps(t, block, lane, y); });
-      neighbours_have_more_.assign(settled_[t].size(), false);
-      for_lanes([&](int, int, size_t i) { neighbours_have_more_[i] = neighbours_have_more(t, i); });
-      for_lanes([&](int block, int lane, size_t i) {
-        settle(t, block, lane, y, neighbours_have_more_[i], settled_[t][i]);
-      });
-    }
-    for_lanes([&](int block, int lane, size_t) { store(block, lane, y, matte); });
-  }
-}
-
-void StackSolver::prepare_block(int y, int block_index) {
-  Block& block = blocks_[static_cast<size_t>(block_index)];
-  block.lanes = block.saturated = 0;
-  std::array<float, kBlockLanes> dark{}, reach{}, floor{}, noise{}, sd{};
-  for (int lane = 0; lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
-    const int row_lane = block.first_lane + lane;
-    const auto l = static_cast<size_t>(lane);
-    if (!to_solve_[static_cast<size_t>(row_lane / pixel_lanes_)]) continue;
-    block.lanes |= 1u << lane;
-    dark[l] = surroundings_.black(y, row_lane);
-    sd[l] = noise_sd_[static_cast<size_t>(row_lane)];
-    noise[l] = sd[l] * dark_noise_;
-    floor[l] = std::max(3.5f * noise[l], kMinFloor);
-    reach[l] = std::max(3.0f * noise[l], 2e-5f);
-  }
-  if (block.lanes == 0) return;
-  // The light without stripes: the median of the black frame and all samples that no stripe reached.
-  dark = tile_.median_near(block_index, dark, reach);
-  for (float& r : reach) r *= 0.67f;
-  block.baseline = tile_.median_near(block_index, dark, reach);
-  const std::array<float, kBlockLanes> zeros = tile_.zeros(block_index);
-  for (size_t lane = 0; lane < kBlockLanes; ++lane) {
-    block.clipped[lane] = zeros[lane] > kFewZeros;
-    if (!block.clipped[lane]) sd[lane] = 0.0f;
-  }
-  tile_.replace_zeros(block_index, sd);
-  const float* inverse_peak = inverse_peak_[block.phase].data();
-  float* samples = tile_.samples(block_index, 0);
-  if (tile_.weighted()) weigh(block_index, inverse_peak);
-  for (size_t i = 0; i < tile_.sample_count(); ++i, samples += kBlockLanes, inverse_peak += kBlockLanes) {
-    for (size_t lane = 0; lane < kBlockLanes; ++lane)
-      samples[lane] = (samples[lane] - block.baseline[lane]) * inverse_peak[lane];
-  }
-  find_peaks(block_index, floor, noise);
-}
-
-// In frames of the reference exposure, times the square of the peak.
-void StackSolver::weigh(int block_index, const float* inverse_peak) {
-  Block& block = blocks_[static_cast<size_t>(block_index)];
-  const float* samples = tile_.samples(block_index, 0);
-  float* weights = tile_.weights(block_index, 0);
-  std::array<float, kBlockLanes> least, read_variance{}, dark_variance{}, gain{};
-  least.fill(1.0f);
-  for (int lane = 0; lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
-    const auto l = static_cast<size_t>(lane);
-    const SampleNoise& own = noise_;
-    // Merged brackets carry their own noise.
-    if (layout_.one_frame_a_shot) gain[l] = static_cast<float>(own.gain);
-    const float sd = noise_sd_[static_cast<size_t>(block.first_lane + lane)];
-    read_variance[l] = noise_known_ ? static_cast<float>(own.variance(0.0))
-                                    : std::max(sd * sd, static_cast<float>(kMinStep * kMinStep));
-    dark_variance[l] = read_variance[l] + static_cast<float>(own.gain) * std::max(block.baseline[l], 0.0f);
-  }
-  for (size_t i = 0; i < tile_.sample_count(); ++i) {
-    for (size_t lane = 0; lane < kBlockLanes; ++lane, ++samples, ++weights, ++inverse_peak) {
-      least[lane] = std::min(least[lane], *weights);
-      const float variance = read_variance[lane] + gain[lane] * std::max(*samples, 0.0f);
-      *weights = *inverse_peak > 0.0f
-                     ? *weights * dark_variance[lane] / (variance * *inverse_peak * *inverse_peak)
-                     : 0.0f;
     }
   }
-  for (size_t lane = 0; lane < kBlockLanes; ++lane) {
-    if (least[lane] < 0.0f) block.saturated |= 1u << lane;
-  }
 }
 
-void StackSolver::find_peaks(int block, const std::array<float, kBlockLanes>& floor,
-                             const std::array<float, kBlockLanes>& noise) {
-  std::vector<SweepBlock> sweeps;
-  for (size_t s = 0; s < layout_.sweeps.size(); ++s) {
-    const SweepLayout& sweep = layout_.sweeps[s];
-    Grid& grid = grids_[s];
-    const float* samples = tile_.samples(block, s);
-    if (!grid.even) {
-      size_t before = 0;
-      for (int i = 0; i < grid.count; ++i) {
-        const double r = sweep.r_px.front() + i * grid.step_px;
-        while (before + 2 < sweep.r_px.size() && sweep.r_px[before + 1] <= r) ++before;
-        const auto part =
-            static_cast<float>((r - sweep.r_px[before]) / (sweep.r_px[before + 1] - sweep.r_px[before]));
-        for (size_t lane = 0; lane < kBlockLanes; ++lane) {
-          const float a = samples[before * kBlockLanes + lane],
-                      b = samples[(before + 1) * kBlockLanes + lane];
-          grid.samples[static_cast<size_t>(i) * kBlockLanes + lane] = a + part * (b - a);
-        }
-      }
-      samples = grid.samples.data();
+StackSolver::Tile StackSolver::prepare(int y, int first, int count) {
+  Tile tile;
+  tile_.load(stack_, y, first, count, noise_);
+  if (preparer_.needs_weights()) tile_.need_weights();
+  for (int block = 0; block < tile_.block_count(); ++block) {
+    BlockStart start{.first_lane = first + block * kBlockLanes,
+                     .phase = phase_of(first + block * kBlockLanes, y)};
+    PreparedBlock::Lanes one{};
+    int lanes = 0;
+    for (int lane = 0; lane < kBlockLanes && start.first_lane + lane < lane_count_; ++lane, ++lanes) {
+      const int row_lane = start.first_lane + lane;
+      const auto l = static_cast<size_t>(lane);
+      if (!to_solve_[static_cast<size_t>(row_lane / pixel_lanes_)]) continue;
+      start.lanes |= 1u << lane;
+      start.black[l] = surroundings_.black(y, row_lane);
+      start.noise_sd[l] = noise_sd_[static_cast<size_t>(row_lane)];
+      if (!noise_known_)
+        one[l] = std::max(start.noise_sd[l] * start.noise_sd[l], static_cast<float>(kMinStep * kMinStep));
     }
-    sweeps.push_back(
-        {.y = samples, .count = grid.count, .first_r_px = sweep.r_px.front(), .step_px = grid.step_px});
+    const PreparedBlock& own = tile.blocks.emplace_back(preparer_.prepare(start, tile_, block));
+    if (own.lanes != 0) tile_.load_areas(stack_, y, block, start.first_lane, lanes, noise_, one, own.clipped);
   }
-  Block& own = blocks_[static_cast<size_t>(block)];
-  finder_.find(sweeps, floor, noise, own.lanes, own.peaks);
+  const size_t lanes = tile.blocks.size() * kBlockLanes;
+  tile.batch.assign(monitors_.size(), std::vector<BatchFit>(lanes));
+  tile.batched.assign(monitors_.size(), std::vector<bool>(lanes));
+  tile.fits.assign(monitors_.size(), std::vector<LaneFit>(lanes));
+  return tile;
 }
 
-std::vector<Peaks> StackSolver::peaks_of(size_t texture, int block, int lane) const {
-  std::vector<Peaks> peaks;
-  for (const size_t s : textures_[texture].sweeps)
-    peaks.push_back(blocks_[static_cast<size_t>(block)].peaks[s][static_cast<size_t>(lane)]);
-  return peaks;
+BatchPixel StackSolver::batch_pixel(size_t m, const Tile& tile, int block_index, int lane) const {
+  const SweptMonitor& monitor = monitors_[m];
+  const PreparedBlock& block = tile.blocks[static_cast<size_t>(block_index)];
+  const auto l = static_cast<size_t>(lane);
+  BatchPixel pixel;
+  for (size_t k = 0; k < monitor.sweeps.size(); ++k) {
+    const float* const samples = tile_.samples(block_index, monitor.sweeps[k]);
+    pixel.y[k] = samples + lane;
+    if (tile_.weighted()) pixel.weight[k] = tile_.weights(block_index, monitor.sweeps[k]) + lane;
+    if (!preparer_.unit_peaks())
+      pixel.floor_answer[k] =
+          preparer_.inverse_peak(block.phase) + (samples - tile_.samples(block_index, 0)) + lane;
+  }
+  const double noise_sd = std::max(static_cast<double>(block.noise_sd[l]), kMinStep),
+               dark = static_cast<double>(preparer_.dark_noise());
+  pixel.noise_sd = noise_sd;
+  pixel.floor_weight = 1.0 / (dark * dark);
+  pixel.black = static_cast<double>(block.black[l] - block.baseline[l]);
+  pixel.floor_squares = static_cast<double>(block.floor[m].squares[l]);
+  pixel.floor_products = static_cast<double>(block.floor[m].products[l]);
+  pixel.bound_weight = std::pow(noise_sd / kBoundSd, 2);
+  pixel.area = tile_.areas(block_index, static_cast<size_t>(monitor.texture)) + lane;
+  pixel.area_variance = tile_.area_variances(block_index, static_cast<size_t>(monitor.texture)) + lane;
+  pixel.baseline = static_cast<double>(block.baseline[l]);
+  return pixel;
 }
 
-void StackSolver::fit_usual(size_t t) {
-  const SweptMonitor& texture = textures_[t];
-  std::vector<std::optional<JointFit>>& usual = usual_[t];
-  usual.assign(blocks_.size() * kBlockLanes, std::nullopt);
-  if (texture.sweeps.size() > BatchPixel::kMaxSweeps) return;
-  std::array<std::vector<BatchPixel>, kMaxFootprints> batches;  // by count of modes
-  std::array<std::vector<size_t>, kMaxFootprints> places;
-  for (int block = 0; block < static_cast<int>(blocks_.size()); ++block) {
+void StackSolver::fit_batches(size_t m, Tile& tile) const {
+  const SweptMonitor& monitor = monitors_[m];
+  if (monitor.sweeps.size() > BatchPixel::kMaxSweeps) return;
+  std::array<std::vector<BatchPixel>, kMaxFootprints + 1> batches;  // by count of modes
+  std::array<std::vector<size_t>, kMaxFootprints + 1> places;
+  for (int block = 0; block < std::ssize(tile.blocks); ++block) {
+    const PreparedBlock& own = tile.blocks[static_cast<size_t>(block)];
     for (int lane = 0; lane < kBlockLanes; ++lane) {
-      if ((blocks_[static_cast<size_t>(block)].lanes >> lane & 1u) == 0) continue;
-      BatchPixel pixel;
-      pixel.start = usual_start(texture.samples, peaks_of(t, block, lane), max_modes_);
-      const bool cut = std::any_of(pixel.start.begin(), pixel.start.end(),
-                                   [&](const Footprint& mode) { return near_edge(mode, texture.extent); });
       // Bounds and edges are for fit_jointly.
-      const bool bounded = (blocks_[static_cast<size_t>(block)].saturated >> lane & 1u) != 0;
-      if (pixel.start.empty() || cut || bounded) continue;
-      for (size_t k = 0; k < texture.sweeps.size(); ++k) {
-        pixel.y[k] = tile_.samples(block, texture.sweeps[k]) + lane;
-        if (tile_.weighted()) pixel.weight[k] = tile_.weights(block, texture.sweeps[k]) + lane;
-      }
-      const auto batch = static_cast<size_t>(pixel.start.size() - 1);
+      if (!own.solves(lane) || own.is_bounded(lane)) continue;
+      BatchPixel pixel = batch_pixel(m, tile, block, lane);
+      bool saturated = false;
+      for (size_t a = 0; a < monitor.areas.size(); ++a)
+        saturated = saturated || std::isinf(pixel.area_variance[a * kBlockLanes]);
+      const std::vector<Peaks> peaks = peaks_of(monitor, own, lane);
+      pixel.start = usual_start(monitor.samples, peaks, max_modes_);
+      if (saturated || (pixel.start.empty() && any_peak(peaks)) || is_cut(pixel.start, monitor.extent))
+        continue;
+      const auto batch = static_cast<size_t>(pixel.start.size());
       batches[batch].push_back(pixel);
-      places[batch].push_back(static_cast<size_t>(block * kBlockLanes + lane));
+      places[batch].push_back(place(block, lane));
     }
   }
-  std::vector<JointFit> fits;
+  std::vector<BatchFit> fits;
   for (size_t batch = 0; batch < batches.size(); ++batch) {
-    fits.resize(batches[batch].size());
-    fit_batch(texture.samples, kBlockLanes, batches[batch], fits);
+    fits.assign(batches[batch].size(), {});
+    fit_batch({.layout = monitor.samples, .stride = kBlockLanes, .areas = monitor.areas}, batches[batch],
+              fits);
     for (size_t i = 0; i < fits.size(); ++i) {
-      const bool cut = std::any_of(fits[i].modes.begin(), fits[i].modes.end(),
-                                   [&](const Footprint& mode) { return near_edge(mode, texture.extent); });
-      if (!cut) usual[places[batch][i]] = fits[i];
+      if (is_cut(fits[i].sweeps.modes, monitor.extent) || is_cut(fits[i].all.modes, monitor.extent)) continue;
+      if (monitor.areas.empty()) fits[i].all = fits[i].sweeps;
+      tile.batch[m][places[batch][i]] = fits[i];
+      tile.batched[m][places[batch][i]] = true;
     }
   }
 }
 
-void StackSolver::load_samples(size_t t, int block_index, int lane) {
-  const SweptMonitor& texture = textures_[t];
-  const Block& block = blocks_[static_cast<size_t>(block_index)];
-  const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(block.first_lane + lane)]);
-  samples_.layout = &texture.samples;
-  samples_.areas.clear();
-  samples_.floor_weight = INFINITY;
-  samples_.bound_weight = std::pow(std::max(noise_sd, kMinStep) / kBoundSd, 2);
-  const auto size = static_cast<size_t>(texture.samples.padded_count());
-  samples_.y.assign(size, 0.0f);
-  samples_.weight.assign(size, 0.0f);
-  samples_.floor_answer.assign(size, 0.0f);
-  const bool bounded = (block.saturated >> lane & 1u) != 0;
-  samples_.at_least.assign(bounded ? size : 0, 0.0f);
-  const float* const inverse_peak = inverse_peak_[block.phase].data() + lane;
-  for (size_t k = 0; k < texture.sweeps.size(); ++k) {
-    const size_t s = texture.sweeps[k];
-    const auto first = static_cast<size_t>(texture.samples.sweeps[k].first);
-    const float* samples = tile_.samples(block_index, s) + lane;
-    const float* weights = tile_.weighted() ? tile_.weights(block_index, s) + lane : nullptr;
-    const float* inverse = inverse_peak + (tile_.samples(0, s) - tile_.samples(0, 0));
+LaneSamples StackSolver::lane_samples(size_t m, const PreparedBlock& block, int block_index, int lane) const {
+  const SweptMonitor& monitor = monitors_[m];
+  const auto l = static_cast<size_t>(lane);
+  const double dark = static_cast<double>(preparer_.dark_noise());
+  LaneSamples lane_samples{.sweeps = {.layout = &monitor.samples, .y = {}, .weight = {}},
+                           .peaks = peaks_of(monitor, block, lane),
+                           .area = {},
+                           .area_variance = {},
+                           .noise_sd = static_cast<double>(block.noise_sd[l]),
+                           .black = static_cast<double>(block.black[l]),
+                           .baseline = static_cast<double>(block.baseline[l]),
+                           .floor_weight = 1.0 / (dark * dark)};
+  PixelSamples& to = lane_samples.sweeps;
+  to.bound_weight = std::pow(std::max(lane_samples.noise_sd, kMinStep) / kBoundSd, 2);
+  to.width_weight = kWidthWeight * std::pow(std::max(lane_samples.noise_sd, kMinNoise), 2);
+  const auto size = static_cast<size_t>(monitor.samples.padded_count());
+  to.y.assign(size, 0.0f);
+  to.weight.assign(size, 0.0f);
+  to.floor_answer.assign(size, 0.0f);
+  to.at_least.assign(block.is_bounded(lane) ? size : 0, 0.0f);
+  for (size_t k = 0; k < monitor.sweeps.size(); ++k) {
+    const size_t s = monitor.sweeps[k];
+    const auto first = static_cast<size_t>(monitor.samples.sweeps[k].first);
+    const float* const samples = tile_.samples(block_index, s) + lane;
+    const float* const weights = tile_.weighted() ? tile_.weights(block_index, s) + lane : nullptr;
+    const float* const inverse =
+        preparer_.inverse_peak(block.phase) + (samples - tile_.samples(block_index, 0));
     for (size_t i = 0; i < layout_.sweeps[s].r_px.size(); ++i) {
-      samples_.y[first + i] = samples[i * kBlockLanes];
+      to.y[first + i] = samples[i * kBlockLanes];
       const float weight = weights != nullptr ? weights[i * kBlockLanes] : 1.0f;
-      samples_.weight[first + i] = std::max(weight, 0.0f);
-      if (weight < 0.0f) samples_.at_least[first + i] = -weight;
-      samples_.floor_answer[first + i] = inverse[i * kBlockLanes];
+      to.weight[first + i] = std::max(weight, 0.0f);
+      if (weight < 0.0f) to.at_least[first + i] = -weight;
+      to.floor_answer[first + i] = inverse[i * kBlockLanes];
     }
   }
-}
-
-void StackSolver::free_floor(int block_index, int lane, int y) {
-  const Block& block = blocks_[static_cast<size_t>(block_index)];
-  const float above =
-      block.baseline[static_cast<size_t>(lane)] - surroundings_.black(y, block.first_lane + lane);
-  for (size_t i = 0; i < samples_.y.size(); ++i) samples_.y[i] += above * samples_.floor_answer[i];
-  samples_.floor_weight = 1.0 / static_cast<double>(dark_noise_ * dark_noise_);
-}
-
-void StackSolver::load_areas(size_t t, int block_index, int lane, int y, const JointFit& fit) {
-  const SweptMonitor& texture = textures_[t];
-  const std::vector<AreaFrames>& areas = layout_.areas[static_cast<size_t>(texture.texture)];
-  const int row_lane = blocks_[static_cast<size_t>(block_index)].first_lane + lane;
-  const size_t index = stack_.sample_index(0, y, 0) + static_cast<size_t>(row_lane);
-  const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(row_lane)]);
-  const double noise = std::pow(std::max(noise_sd, kMinStep), 2);
-  // White is right for footprints of any shape: it counts more where the sweeps leave more than noise.
-  const double residual = std::max(noise, fit.near_chi2 / std::max(fit.near_count, 1));
-  const auto black = static_cast<double>(surroundings_.black(y, row_lane));
-  const bool clipped = blocks_[static_cast<size_t>(block_index)].clipped[static_cast<size_t>(lane)];
-  std::vector<LitShare> shares;
-  for (const Footprint& mode : fit.modes) shares.emplace_back(mode, texture.extent);
-  samples_.areas.clear();
-  for (const AreaFrames& area : areas) {
-    const MergedSample seen = merge(stack_, area.shot, index, noise_);
-    AreaSample& sample = samples_.areas.emplace_back(AreaSample{.lit = area.lit,
-                                                                .y = (seen.radiance - black) / area.light,
-                                                                .weight = 0.0,
-                                                                .floor_answer = 1.0 / area.light});
-    const double own = noise_known_ ? seen.variance : noise / static_cast<double>(area.shot.size());
-    double shape = 0.0, light = black + fit.floor;
-    const bool dark = seen.radiance <= 0.0 && clipped;
-    for (int m = 0; m < fit.modes.size(); ++m) {
-      const Footprint& mode = fit.modes[m];
-      shape += mode.weight * lit_share_error(mode, area.lit, texture.extent);
-      if (dark || seen.saturated)
-        light += area.light * mode.weight * shares[static_cast<size_t>(m)].of(area.lit).share;
-    }
-    if (seen.saturated && light >= seen.radiance) continue;  // it is at least that
-    if (dark) {
-      const double sd = std::sqrt(own);
-      sample.y =
-          (std::max(light, 0.0) + sd * mean_noise_below(std::max(light, 0.0) / sd) - black) / area.light;
-    }
-    const double model = area.lit.bars ? kBarsError * std::abs(sample.y) + shape : kWhiteError * sample.y;
-    sample.weight = (area.lit.bars ? noise : residual) /
-                    (std::max(own, 0.01 * noise) / (area.light * area.light) + model * model);
+  const auto texture = static_cast<size_t>(monitor.texture);
+  for (size_t a = 0; a < monitor.areas.size(); ++a) {
+    lane_samples.area.push_back(static_cast<double>(tile_.areas(block_index, texture)[a * kBlockLanes + l]));
+    lane_samples.area_variance.push_back(
+        static_cast<double>(tile_.area_variances(block_index, texture)[a * kBlockLanes + l]));
   }
+  return lane_samples;
 }
 
-StackSolver::Settled StackSolver::fit_sweeps(size_t t, int block_index, int lane, int y) {
-  const SweptMonitor& texture = textures_[t];
-  const Block& block = blocks_[static_cast<size_t>(block_index)];
-  const int row_lane = block.first_lane + lane;
-  const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(row_lane)]);
-  const std::optional<JointFit>& usual = usual_[t][static_cast<size_t>(block_index * kBlockLanes + lane)];
-  Settled settled;
-  load_samples(t, block_index, lane);
-  if (usual && suffices(*usual, noise_sd)) {
-    settled.fit = *usual;
-  } else {
-    settled.fit =
-        find_footprints(samples_, peaks_of(t, block_index, lane), texture.extent, noise_sd, max_modes_,
-                        workspace_, usual && needs_more(*usual, noise_sd) ? &*usual : nullptr);
-  }
-  settled.fit.floor =
-      static_cast<double>(block.baseline[static_cast<size_t>(lane)] - surroundings_.black(y, row_lane));
-  free_floor(block_index, lane, y);
-  load_areas(t, block_index, lane, y, settled.fit);
-  hold_against_white(t, noise_sd, settled);
-  return settled;
-}
-
-std::optional<JointFit> StackSolver::fit_all(size_t t, int block, int lane, int y, const Footprints& start) {
-  const auto weights = [&] {
-    double sum = 0.0;
-    for (const AreaSample& area : samples_.areas) sum += area.weight;
-    return sum;
+void StackSolver::fit_lanes(size_t m, Tile& tile) {
+  const auto for_lanes = [&](auto each) {
+    for (int block = 0; block < std::ssize(tile.blocks); ++block) {
+      const PreparedBlock& own = tile.blocks[static_cast<size_t>(block)];
+      for (int lane = 0; lane < kBlockLanes; ++lane) {
+        if (own.solves(lane)) each(own, block, lane, place(block, lane));
+      }
+    }
   };
-  Footprints modes = start;
-  for (int round = 0;; ++round) {
-    // The first step changes most.
-    const int iterations = round == 0 ? 1 : kPolish;
-    const JointFit fit = fit_jointly(samples_, modes, textures_[t].extent, iterations, workspace_);
-    if (!is_positive(fit)) return std::nullopt;
-    const double before = weights();
-    load_areas(t, block, lane, y, fit);
-    // Narrower footprints trust fine bars more.
-    if (round == kRounds || (fit.converged && std::abs(weights() - before) <= 0.2 * before))
-      return fit.converged ? std::optional(fit) : std::nullopt;
-    modes = fit.modes;
-  }
+  std::vector<WhiteRest> beyond(tile.fits[m].size());
+  std::vector<bool> searched(beyond.size());
+  for_lanes([&](const PreparedBlock& own, int block, int lane, size_t at) {
+    const BatchFit* const batch = tile.batched[m][at] ? &tile.batch[m][at] : nullptr;
+    const auto noise_sd = static_cast<double>(own.noise_sd[static_cast<size_t>(lane)]);
+    if (batch == nullptr || !is_done(*batch, noise_sd, false)) {
+      tile.fits[m][at] = lane_solvers_[m].search(lane_samples(m, own, block, lane), batch);
+      searched[at] = true;
+      beyond[at] = tile.fits[m][at].beyond;
+      return;
+    }
+    const auto l = static_cast<size_t>(lane);
+    tile.fits[m][at] = {.fit = batch->all, .beyond = batch->beyond};
+    tile.fits[m][at].fit.floor += static_cast<double>(own.baseline[l] - own.black[l]);
+    beyond[at] = batch->beyond;
+  });
+  for_lanes([&](const PreparedBlock& own, int block, int lane, size_t at) {
+    const bool expected = neighbours_have_more(beyond, at);
+    if (!searched[at] && !expected) return;
+    const LaneSamples samples = lane_samples(m, own, block, lane);
+    LaneSolver& solver = lane_solvers_[m];
+    if (!searched[at]) tile.fits[m][at] = solver.search(samples, &tile.batch[m][at]);
+    tile.fits[m][at] = solver.judge(samples, solver.settle(samples, tile.fits[m][at], expected));
+  });
 }
 
-void StackSolver::hold_against_white(size_t t, double noise_sd, Settled& settled) const {
-  // Of light from all over the monitor, bars show half.
-  std::vector<LitShare> shares;
-  for (const Footprint& mode : settled.fit.modes) shares.emplace_back(mode, textures_[t].extent);
-  double whole = 0.0, light = 0.0, rest = 0.0;
-  for (const AreaSample& area : samples_.areas) {
-    if (area.weight == 0.0) continue;
-    const double share = area.lit.bars ? 0.5 : 1.0;
-    double own = area.y - area.floor_answer * settled.fit.floor;
-    light += area.weight * share * own;
-    for (int m = 0; m < settled.fit.modes.size(); ++m)
-      own -= settled.fit.modes[m].weight * shares[static_cast<size_t>(m)].of(area.lit).share;
-    rest += area.weight * share * own;
-    whole += area.weight * share * share;
-  }
-  settled.white_known = whole > 0.0;
-  if (!settled.white_known) return;
-  settled.white = light / whole;
-  settled.rest = rest / whole;
-  settled.rest_variance =
-      std::pow(std::max(noise_sd, kMinStep), 2) / whole + std::pow(settled.fit.light_sd, 2);
-}
-
-bool StackSolver::neighbours_have_more(size_t t, size_t lane) const {
-  const std::vector<Settled>& all = settled_[t];
+bool StackSolver::neighbours_have_more(const std::vector<WhiteRest>& beyond, size_t lane) const {
   double rest = 0.0, variance = 0.0, light = 0.0;
   // Along the row, a mosaic has each of its colours at every other site.
   const int step = stack_.mosaic ? 2 : kChannels;
   for (int away = -kNeighbours; away <= kNeighbours; ++away) {
     const auto at = static_cast<std::ptrdiff_t>(lane) + away * step;
-    if (at < 0 || at >= std::ssize(all) || !all[static_cast<size_t>(at)].white_known) continue;
-    const Settled& own = all[static_cast<size_t>(at)];
+    if (at < 0 || at >= std::ssize(beyond) || !beyond[static_cast<size_t>(at)].known) continue;
+    const WhiteRest& own = beyond[static_cast<size_t>(at)];
     rest += own.rest;
-    variance += own.rest_variance;
+    variance += own.variance;
     light += std::abs(own.white);
   }
   return rest > kBeyondNoise * std::sqrt(variance) + kBarsError * light;
 }
 
-void StackSolver::settle(size_t t, int block, int lane, int y, bool expected, Settled& settled) {
-  const auto noise_sd = static_cast<double>(
-      noise_sd_[static_cast<size_t>(blocks_[static_cast<size_t>(block)].first_lane + lane)]);
-  load_samples(t, block, lane);
-  free_floor(block, lane, y);
-  load_areas(t, block, lane, y, settled.fit);
-  std::optional<JointFit> all = with_broad_light(t, block, lane, y, expected, settled);
-  // What modes lack altogether they must not make up for.
-  const bool lacking =
-      settled.rest > kBeyondNoise * std::sqrt(settled.rest_variance) + kLacking * std::abs(settled.white);
-  if (!all && !lacking && !settled.fit.modes.empty()) {
-    load_areas(t, block, lane, y, settled.fit);
-    all = fit_all(t, block, lane, y, settled.fit.modes);
-  }
-  const auto too_bright = [](const Footprint& mode) { return mode.weight > 1.0 + kBound; };
-  if (!all && std::any_of(settled.fit.modes.begin(), settled.fit.modes.end(), too_bright)) {
-    // Sweeps alone do not know of the bound.
-    const JointFit bounded = fit_jointly(samples_, settled.fit.modes, textures_[t].extent, kLong, workspace_);
-    if (is_positive(bounded)) all = bounded;
-  }
-  if (!all) return;
-  settled.fit = *all;
-  hold_against_white(t, noise_sd, settled);
-}
-
-std::optional<JointFit> StackSolver::with_broad_light(size_t t, int block, int lane, int y, bool expected,
-                                                      const Settled& settled) {
-  if (!settled.white_known || settled.fit.modes.size() >= max_modes_) return std::nullopt;
-  const SweptMonitor& texture = textures_[t];
-  const double noise =
-      kMoreThanNoise * std::sqrt(settled.rest_variance) + kBarsError * std::abs(settled.white);
-  if (settled.rest <= 0.0 || (!expected && settled.rest < noise)) return std::nullopt;
-  const auto noise_sd = static_cast<double>(
-      noise_sd_[static_cast<size_t>(blocks_[static_cast<size_t>(block)].first_lane + lane)]);
-  const auto take = [&](const Footprints& modes) {
-    rest_ = samples_;
-    NormalEquations equations;
-    rest_.floor_weight = INFINITY;
-    evaluate(rest_, modes, texture.extent, workspace_, equations);
-    rest_.y = workspace_.residual;
-    rest_.floor_weight = samples_.floor_weight;
-    for (size_t i = 0; i < rest_.areas.size(); ++i) rest_.areas[i].y = workspace_.areas[i].rest;
-  };
-  // Modes that took some of the broad light for their own give it back in turns.
-  Footprints modes = settled.fit.modes;
-  JointFit fit;
-  for (int turn = 0; turn < kTurns; ++turn) {
-    take(modes);
-    const std::optional<BroadLight::Found> broad =
-        texture.broad->find(rest_, noise_sd, expected, averaged_, workspace_);
-    if (!broad) return std::nullopt;
-    const Footprint& mode = broad->fit.modes[0];
-    fit = broad->fit;
-    if (modes.empty()) return fit;
-    if (broad->shape || settled.rest > noise) {
-      Footprints together = modes;
-      together.push_back(mode);
-      const std::optional<JointFit> all = fit_all(t, block, lane, y, together);
-      if (all && texture.broad->is_broad(all->modes[all->modes.size() - 1])) return all;
-    }
-    take(broad->fit.modes);
-    fit = fit_jointly(rest_, modes, texture.extent, kPolish, workspace_);
-    if (!fit.converged || !is_positive(fit)) return std::nullopt;
-    modes = fit.modes;
-    const auto last = static_cast<size_t>(modes.size());
-    fit.weight_sd[last] = broad->fit.weight_sd[0];
-    fit.centre_sd_px[last] = broad->fit.centre_sd_px[0];
-    fit.light_sd = std::hypot(fit.light_sd, broad->fit.light_sd);
-    fit.modes.push_back(mode);
-    if (settled.rest <= noise) break;
-  }
-  return fit;
-}
-
-void StackSolver::store(int block_index, int lane, int y, Matte& matte) const {
-  const Block& block = blocks_[static_cast<size_t>(block_index)];
+void StackSolver::store(const Tile& tile, int block_index, int lane, int y, Matte& matte) const {
+  const PreparedBlock& block = tile.blocks[static_cast<size_t>(block_index)];
   const int row_lane = block.first_lane + lane, x = row_lane / pixel_lanes_;
   const int channel = channel_in(block.phase, lane);
-  const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(row_lane)]);
+  const auto noise_sd = static_cast<double>(block.noise_sd[static_cast<size_t>(lane)]);
   std::uint8_t flags = matte.flags(x, y);
-  if ((block.saturated >> lane & 1u) != 0) flags |= kFlagSaturated;
+  if (block.is_bounded(lane)) flags |= kFlagSaturated;
   std::vector<Mode> found;
   bool usable = false;
   double floor = 0.0;
-  for (size_t t = 0; t < textures_.size(); ++t) {
-    const Settled& settled = settled_[t][static_cast<size_t>(block_index * kBlockLanes + lane)];
-    const JointFit& fit = settled.fit;
-    floor += settled.fit.floor / static_cast<double>(textures_.size());
-    double strongest = 0.0;
-    for (int m = 0; m < fit.modes.size(); ++m) {
-      const auto i = static_cast<size_t>(m);
-      const Mode mode = mode_of(fit.modes[m], fit.weight_sd[i], fit.centre_sd_px[i], textures_[t].texture);
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    const LaneFit& own = tile.fits[m][place(block_index, lane)];
+    const JointFit& fit = own.fit;
+    floor += fit.floor / static_cast<double>(monitors_.size());
+    for (int k = 0; k < fit.modes.size(); ++k) {
+      const auto i = static_cast<size_t>(k);
+      if (fit.modes[k].weight == 0.0) continue;
+      const double centre_sd_px = std::hypot(fit.centre_sd_px[i], shape_error_px(fit.modes[k]));
+      const Mode mode = mode_of(fit.modes[k], fit.weight_sd[i], centre_sd_px, monitors_[m].texture);
       if (!is_finite(mode)) {
         flags |= kFlagNotConverged;
         continue;
       }
       found.push_back(mode);
-      strongest = std::max(strongest, fit.modes[m].weight);
       // No object sends more light than it gets.
-      const double excess = fit.modes[m].weight - 1.0 - kBound;
+      const double excess = fit.modes[k].weight - kMaxWeight;
       if (excess > 0.0 && !(excess < kBeyondNoise * fit.weight_sd[i] && std::isfinite(fit.weight_sd[i])))
         flags |= kFlagPoorFit;
     }
     if (!fit.modes.empty() && !fit.converged) flags |= kFlagNotConverged;
-    const double rms = std::sqrt(fit.near_chi2 / std::max(fit.near_count, 1));
-    if (rms > std::max(4.0 * noise_sd, 0.1 * strongest)) flags |= kFlagPoorFit;
-    if (settled.white_known && std::abs(settled.rest) > kBeyondNoise * std::sqrt(settled.rest_variance) +
-                                                            kBarsError * std::abs(settled.white))
+    const SampleLayout& samples = monitors_[m].samples;
+    if (unexplained(own, noise_sd, samples) > 0.0 || contradicts_white(own.beyond) ||
+        is_of_another_shape(fit.modes, samples))
       flags |= kFlagPoorFit;
-    usable = usable || !fit.modes.empty() || has_samples(t, block_index, lane);
+    usable = usable || !fit.modes.empty() || has_samples(m, block_index, lane);
   }
   if (!usable) flags |= kFlagNoData;
   matte.foreground(x, y)[static_cast<size_t>(channel)] =
-      surroundings_.black(y, row_lane) + static_cast<float>(floor);
+      block.black[static_cast<size_t>(lane)] + static_cast<float>(floor);
   std::stable_sort(found.begin(), found.end(),
                    [](const Mode& a, const Mode& b) { return a.weight > b.weight; });
   const std::span<Mode> modes = matte.modes(x, y, channel);
@@ -664,15 +389,50 @@ void StackSolver::store(int block_index, int lane, int y, Matte& matte) const {
   matte.flags(x, y) = flags;
 }
 
-bool StackSolver::has_samples(size_t texture, int block, int lane) const {
+bool StackSolver::has_samples(size_t m, int block, int lane) const {
   if (!tile_.weighted()) return true;
-  for (const size_t s : textures_[texture].sweeps) {
+  for (const size_t s : monitors_[m].sweeps) {
     const float* weights = tile_.weights(block, s) + lane;
     for (size_t i = 0; i < layout_.sweeps[s].r_px.size(); ++i) {
       if (weights[i * kBlockLanes] > 0.0f) return true;
     }
   }
   return false;
+}
+
+std::vector<StackSolver::Explained> StackSolver::explain(int x, int y) {
+  std::vector<Explained> lanes;
+  Matte matte = blank_matte(stack_, {}, kMaxModes);
+  settle_row(y, matte);
+  if (!to_solve_[static_cast<size_t>(x)]) return lanes;
+  const int first = x * pixel_lanes_ / kStretch * kStretch;
+  Tile tile = prepare(y, first, std::min(kStretch, lane_count_ - first));
+  for (int row_lane = x * pixel_lanes_; row_lane < (x + 1) * pixel_lanes_; ++row_lane) {
+    // A pixel may continue in the next stretch.
+    if (row_lane - first >= kStretch) break;
+    const int block = (row_lane - first) / kBlockLanes, lane = (row_lane - first) % kBlockLanes;
+    const PreparedBlock& own = tile.blocks[static_cast<size_t>(block)];
+    Explained& explained = lanes.emplace_back();
+    explained.channel = channel_in(own.phase, lane);
+    for (size_t m = 0; m < monitors_.size(); ++m) {
+      fit_batches(m, tile);
+      LaneNotes& notes = explained.notes.emplace_back();
+      const LaneSamples& samples = explained.samples.emplace_back(lane_samples(m, own, block, lane));
+      const BatchFit* const batch =
+          tile.batched[m][place(block, lane)] ? &tile.batch[m][place(block, lane)] : nullptr;
+      LaneFit& fit = explained.fits.emplace_back();
+      if (batch != nullptr && is_done(*batch, samples.noise_sd, false)) {
+        notes.emplace_back("the batch explains all samples");
+        fit = {.fit = batch->all, .beyond = batch->beyond};
+        fit.fit.floor += samples.baseline - samples.black;
+        continue;
+      }
+      LaneSolver& solver = lane_solvers_[m];
+      fit = solver.judge(
+          samples, solver.settle(samples, solver.search(samples, batch, &notes), false, &notes), &notes);
+    }
+  }
+  return lanes;
 }
 
 }  // namespace glasswing

@@ -14,8 +14,15 @@ constexpr double kMuch = 0.1;      // of the strongest weight
 // Partial cover is tried where chi-square exceeds this multiple of the sample count, starting from these
 // shares. It is accepted if it reduces n log chi-square by as much as four more parameters must.
 constexpr double kPoor = 2.0;
-constexpr std::array<double, 3> kStraightStarts{0.25, 0.5, 0.75};
+constexpr std::array<double, 9> kStraightStarts{0.5, 0.25, 0.75};
+constexpr std::array<double, 7> kStraightSteps{0.05, 0.1, -0.05, 0.15, 0.2, 0.25, -0.1};
+constexpr size_t kFirstSteps = 2;  // that must halve chi-square
 constexpr double kCriterion = 4.0;
+// Signs of the background: chi-square that it explains, in units of what is left of a sample, and how much of
+// its light boxes may stand in for.
+constexpr double kSign = 1.0, kSameLight = 0.5;
+constexpr double kAlike = 0.07;      // of the strongest weight: waves that differ by less look alike
+constexpr double kCoverError = 0.1;  // of alpha, beyond which it is not certain
 
 constexpr double kHaloStep = 4.0;   // from the finest bar to the narrowest halo, and on to the next
 constexpr double kMinCore = 0.1;    // of the light: what the box keeps beside halos
@@ -618,29 +625,65 @@ BoxFit BoxFitter::fit_whole(const BoxFit& start) {
   return better ? *soft : box;
 }
 
+BoxFit BoxFitter::partly_covered(const BoxPixel& pixel, const BoxFit& start, const BoxFit& like,
+                                 double straight) {
+  BoxFit partly = start;
+  partly.straight = straight;
+  start_from(like, partly);
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    for (size_t p = 0; p < pixel.samples[m].size(); ++p) {
+      if (monitors_[m].patterns[p].axis != BoxPattern::kSolid) continue;
+      for (size_t c = 0; c < kChannels; ++c) {
+        const double light = monitors_[m].patterns[p].light[c];
+        if (light > 0.0)
+          partly.boxes[m].weight[c] =
+              std::max(start.boxes[m].weight[c] - straight * pixel.samples[m][p].straight[c] / light, 0.0);
+      }
+    }
+  }
+  settle(true, true, partly);
+  return partly;
+}
+
 void BoxFitter::try_partial_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best) {
   const auto count = static_cast<double>(best.sample_count);
   double enough = best.chi_square * std::exp(-kCriterion * std::log(count) / count);
   for (const double straight : kStraightStarts) {
-    BoxFit partly = start;
-    partly.straight = straight;
-    start_from(best, partly);
-    for (size_t m = 0; m < monitors_.size(); ++m) {
-      for (size_t p = 0; p < pixel.samples[m].size(); ++p) {
-        if (monitors_[m].patterns[p].axis != BoxPattern::kSolid) continue;
-        for (size_t c = 0; c < kChannels; ++c) {
-          const double light = monitors_[m].patterns[p].light[c];
-          if (light > 0.0)
-            partly.boxes[m].weight[c] =
-                std::max(start.boxes[m].weight[c] - straight * pixel.samples[m][p].straight[c] / light, 0.0);
-        }
-      }
-    }
-    settle(true, true, partly);
+    const BoxFit partly = partly_covered(pixel, start, best, straight);
     if (partly.chi_square >= enough || partly.straight <= 0.0) continue;
     enough = partly.chi_square;
     best = partly;
   }
+}
+
+bool BoxFitter::find_exact_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best) {
+  sums_.gather(pixel, 0.0);
+  BoxFit exact = best;
+  see(exact);
+  sums_.fit_light(v_, true, exact);
+  const double rough = exact.straight, first = exact.chi_square;
+  for (size_t i = 0; i < kStraightSteps.size() && !explains(exact); ++i) {
+    if (i == kFirstSteps && exact.chi_square > 0.5 * first) break;
+    const double straight = std::clamp(rough + kStraightSteps[i], 0.0, 1.0);
+    const BoxFit next = partly_covered(pixel, start, exact, straight);
+    if (next.chi_square < exact.chi_square && next.straight > 0.0) exact = next;
+  }
+  if (!explains(exact)) return false;
+  shorten(pixel, exact);
+  best = exact;
+  return true;
+}
+
+void BoxFitter::shorten(const BoxPixel& pixel, BoxFit& best) {
+  double strongest = 0.0;
+  for (const PixelBox& box : best.boxes)
+    strongest = std::max(strongest, *std::ranges::max_element(box.weight));
+  sums_.gather(pixel, std::pow(kAlike * strongest, 2.0));
+  BoxFit shorter = best;
+  settle(true, true, shorter);
+  sums_.gather(pixel, 0.0);
+  settle(false, true, shorter);
+  if (shorter.chi_square < best.chi_square + kSurely) best = shorter;
 }
 
 BoxFit BoxFitter::fit(const BoxPixel& pixel) {
@@ -660,7 +703,7 @@ BoxFit BoxFitter::fit(const BoxPixel& pixel) {
     settle(false, false, best);
   }
   if (pixel.has_straight && poor) try_partial_cover(pixel, start, best);
-  if (best.straight > 0.0) {
+  if (best.straight > 0.0 && !find_exact_cover(pixel, start, best)) {
     see(best);
     sums_.gather(pixel, misfit_of(pixel, best));
     settle(false, true, best);
@@ -670,6 +713,7 @@ BoxFit BoxFitter::fit(const BoxPixel& pixel) {
   best.rms = rms_of(pixel, best);
   sums_.gather(pixel, shape_error_of(pixel, best));
   estimate_errors(best);
+  best.cover_unsure = 2.0 * best.straight_sd > kCoverError;
   read_again(pixel, best);
   return best;
 }

@@ -77,8 +77,15 @@ class BoxFitter {
   void start_from(const BoxFit& other, BoxFit& fit) const;
   // The better of a box and a soft one, without partial cover.
   BoxFit fit_whole(const BoxFit& start);
+  // From boxes like another fit's, with this part of the background beside them.
+  BoxFit partly_covered(const BoxPixel& pixel, const BoxFit& start, const BoxFit& like, double straight);
   // Replaces `best` by a fit with alpha below 1 where that explains enough more.
   void try_partial_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best);
+  // Replaces a fit with alpha below 1 by one nearby that leaves only noise, if there is one: weighed by their
+  // noise alone, samples show a box only with nearly the right alpha beside it.
+  bool find_exact_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best);
+  // Takes the shortest boxes of those that the samples hardly tell apart: bars that share edges leave some.
+  void shorten(const BoxPixel& pixel, BoxFit& best);
   // Derivatives of v of each wave by the ends of the box's side across its bars.
   void slopes(size_t monitor, const PixelBox& box, WaveSums::Slopes& slopes) const;
   // Whether the waves of a monitor may be read at another place at hardly less likelihood.

@@ -42,8 +42,10 @@ struct PixelBox {
 struct BoxFit {
   std::vector<PixelBox> boxes;  // by monitor of the layout
   Samples3 foreground{};
-  double straight = 0.0;    // 1 - alpha
-  double chi_square = 0.0;  // of this many samples
+  double straight = 0.0;      // 1 - alpha
+  double straight_sd = 0.0;   // its standard error
+  bool cover_unsure = false;  // alpha may be off by 0.1
+  double chi_square = 0.0;    // of this many samples
   int sample_count = 0;
   double rms = 0.0;  // of the residual, radiance
 };

@@ -313,7 +313,7 @@ void BoxSolver::write(int x, int y, std::span<const BackgroundPoint> background,
   matte.coverage(x, y) = static_cast<float>(1.0 - fit.straight);
   std::uint8_t& flags = matte.flags(x, y);
   if (fit.sample_count == 0) flags |= kFlagNoData;
-  if (misread) flags |= kFlagPoorFit;
+  if (misread || fit.cover_unsure) flags |= kFlagPoorFit;
   if (fit.rms > std::max(kPoorNoise * noise_sd, kPoorShare * strongest)) flags |= kFlagPoorFit;
 }
 

@@ -242,6 +242,7 @@ void WaveSums::estimate_errors(std::span<const WaveMeans> v, std::span<const Slo
     if (matrix(i, i) <= 0.0) matrix(i, i) = 1.0;
   }
   const AllMatrix covariance = matrix.ldlt().solve(AllMatrix::Identity(count, count));
+  if (fit.straight > 0.0) fit.straight_sd = std::sqrt(std::max(covariance(straight, straight), 0.0));
   for (size_t m = 0; m < monitors_.size(); ++m) {
     PixelBox& box = fit.boxes[m];
     if (!box.seen) continue;

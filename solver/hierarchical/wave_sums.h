@@ -42,9 +42,9 @@ class WaveSums {
   // chi-square.
   void fit_light(std::span<const WaveMeans> v, bool straight_is_free, BoxFit& fit) const;
 
-  // Standard errors of R and of the boxes' centres, from the inverse of the normal matrix of all unknowns.
-  // `slopes`: v by the low and the high end of the box's side across the wave. Without the edge of a bar
-  // nearby, an end is uncertain within the finest bar of its axis.
+  // Standard errors of R, of 1 - alpha and of the boxes' centres, from the inverse of the normal matrix of
+  // all unknowns. `slopes`: v by the low and the high end of the box's side across the wave. Without the edge
+  // of a bar nearby, an end is uncertain within the finest bar of its axis.
   using Slopes = std::vector<std::array<double, 2>>;  // as WaveMeans
   void estimate_errors(std::span<const WaveMeans> v, std::span<const Slopes> slopes,
                        std::span<const std::array<double, 2>> finest_bars_px, BoxFit& fit) const;

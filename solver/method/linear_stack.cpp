@@ -26,6 +26,13 @@ float lowest(const FrameLight& light) {
   return std::max(darkest, -kMaxPedestal);
 }
 
+// The light of the camera's lowest code, in the brightest channel.
+float cut_off(const FrameLight& light) {
+  float brightest = light.light(0, 0);
+  for (int c = 1; c < kChannels; ++c) brightest = std::max(brightest, light.light(0, c));
+  return brightest;
+}
+
 // For users: reasons to distrust this light.
 std::vector<std::string> warnings_of(const v1::CaptureManifest& manifest, const PrimaryMix& mix) {
   std::vector<std::string> warnings;
@@ -88,6 +95,7 @@ FrameStack LinearStack::of(FrameStack stack) const {
   const float low = lowest(light_) - (drifts ? kDriftBelow : 0.0f), high = drifts ? 1.0f + kDriftAbove : 1.0f;
   stack.unit = (high - low) / static_cast<float>(kSaturatedCode - 1);
   stack.zero = -low / stack.unit;
+  stack.cut_off = cut_off(light_) + stack.unit;
   const auto code_of = [&](float light) {
     const float code = stack.zero + light / stack.unit + 0.5f;
     return static_cast<std::uint16_t>(std::clamp(code, 0.0f, static_cast<float>(kSaturatedCode - 1)));

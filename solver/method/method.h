@@ -54,6 +54,8 @@ struct FrameStack {
   std::shared_ptr<const void> owner;
   // Radiance = (sample - zero) * unit.
   float zero = 0.0f, unit = 1.0f / 65535.0f;
+  // The camera cuts off noise below this light: samples down here are at most that.
+  float cut_off = 0.0f;
   // By index in manifest.frames and channel: the brightness of its monitor relative to the session's first
   // white (brightness_drift.h). Empty: constant.
   std::vector<std::array<float, 3>> brightness = {};

@@ -3,60 +3,78 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
+
+#include "core/footprint/minimise.h"
 
 namespace glasswing {
 namespace {
 
-constexpr double kBoundSd = 0.02;  // by which a weight may be above 1
-constexpr double kMaxDamping = 1e8;
+constexpr double kBoundSd = 0.02;            // by which a weight may be above 1
 constexpr double kLeastInformation = 1e-10;  // of a combination of parameters, over that of one alone
 constexpr double kLittle = 1e-4;             // of chi2: a fit that gains no more has converged
+constexpr double kRounding = 1e-6;           // of chi2, by lanes of float
+constexpr size_t kMaxColumns = kMaxParameters + 1;
 
-struct Normal {
-  FootprintMatrix matrix;
-  FootprintVector gradient;
-  double chi2 = 0.0, bounded = 0.0, floor = 0.0;  // bounded: chi2 and what weights above 1 cost
+struct Equations : FootprintEquations {
+  double chi2 = 0.0, floor = 0.0;  // without what weights above 1 cost
 };
 
-void fill(const MixtureSamples& samples, const Footprints& modes, bool through_pixels,
-          MixtureWorkspace& workspace) {
-  const Eigen::Index n = samples.size();
-  workspace.columns.resize(n, PatternAnswers::kColumns * std::max(modes.size(), 1));
-  for (int m = 0; m < modes.size(); ++m) {
-    auto block = workspace.columns.middleCols(PatternAnswers::kColumns * m, PatternAnswers::kColumns);
-    samples.answers->of(modes[m], through_pixels, block.data(), n);
-    block.row(n - 1).setZero();
-    block.array().colwise() *= samples.peak.array();
+// The answers of all modes, and what they leave of the samples.
+struct Columns {
+  Columns(const LaneSamples& samples, const Footprints& modes, bool through_pixels)
+      : size(samples.patterns->size()),
+        answers(std::make_unique_for_overwrite<float[]>(PatternLanes::kColumns * size *
+                                                        static_cast<size_t>(modes.size()))),
+        residual(samples.y) {
+    for (int m = 0; m < modes.size(); ++m) {
+      float* const own = answers.get() + PatternLanes::kColumns * size * static_cast<size_t>(m);
+      samples.patterns->answer(modes[m], through_pixels, samples.peak.data(), own);
+      for (size_t k = 0; k < size; ++k) residual[k] -= own[k];
+    }
+    floor =
+        static_cast<double>(internal::dot(samples.root.data(), residual.data(), size)) / samples.information;
   }
-}
+  float* slope(int parameter) {
+    return answers.get() + size * static_cast<size_t>(parameter + parameter / 6 + 1);
+  }
 
-void evaluate(const MixtureSamples& samples, const Footprints& modes, bool through_pixels,
-              MixtureWorkspace& workspace, Normal& normal) {
-  const Eigen::Index n = samples.size(), size = 6 * modes.size();
-  normal.chi2 = residual_of(samples, modes, through_pixels, workspace, &normal.floor);
-  Eigen::MatrixXd& slopes = workspace.slopes;
-  slopes.resize(n, size);
-  const Eigen::ArrayXd root = samples.weight.array().sqrt();
-  for (int m = 0; m < modes.size(); ++m) {
-    slopes.middleCols(6 * m, 6) =
-        (workspace.columns.middleCols(PatternAnswers::kColumns * m + 1, 6).array().colwise() * root).matrix();
-  }
-  normal.matrix.resize(size, size);
-  normal.matrix.setZero();
-  normal.matrix.selfadjointView<Eigen::Lower>().rankUpdate(slopes.transpose());
+  const size_t size;
+  std::unique_ptr<float[]> answers;
+  std::vector<float> residual;
+  double floor = 0.0;
+};
+
+void evaluate(const LaneSamples& samples, const Footprints& modes, bool through_pixels,
+              Equations& equations) {
+  Columns columns(samples, modes, through_pixels);
+  const int parameters = 6 * modes.size();
+  std::array<float*, kMaxColumns> all;
+  for (int p = 0; p < parameters; ++p) all[static_cast<size_t>(p)] = columns.slope(p);
+  all[static_cast<size_t>(parameters)] = columns.residual.data();
+  const std::span<float* const> used(all.data(), static_cast<size_t>(parameters) + 1);
   // The minimum over F.
-  const FootprintVector by_floor = slopes.transpose() * root.matrix();
-  normal.matrix.selfadjointView<Eigen::Lower>().rankUpdate(by_floor, -1.0 / samples.weight.sum());
-  normal.matrix.triangularView<Eigen::StrictlyUpper>() = normal.matrix.transpose();
-  normal.gradient = slopes.transpose() * (root * workspace.residual.array()).matrix();
-  normal.bounded = normal.chi2;
+  internal::centre(samples.root.data(), samples.information, used, columns.size);
+  std::array<float, kMaxColumns*(kMaxColumns + 1) / 2> products;
+  internal::multiply(used, columns.size, products.data());
+  equations.matrix.resize(parameters, parameters);
+  equations.gradient.resize(parameters);
+  const float* at = products.data();
+  for (int p = 0; p < parameters; ++p) {
+    for (int q = 0; q <= p; ++q) equations.matrix(p, q) = equations.matrix(q, p) = static_cast<double>(*at++);
+  }
+  for (int p = 0; p < parameters; ++p) equations.gradient[p] = static_cast<double>(*at++);
+  equations.chi2 = equations.cost = static_cast<double>(*at);
+  equations.floor = columns.floor;
   for (int m = 0; m < modes.size(); ++m) {
     const double excess = std::max(modes[m].weight - 1.0, 0.0), bound = 1.0 / (kBoundSd * kBoundSd);
     if (excess == 0.0) continue;
-    normal.bounded += bound * excess * excess;
-    normal.matrix(6 * m, 6 * m) += bound;
-    normal.gradient[6 * m] -= bound * excess;
+    equations.cost += bound * excess * excess;
+    equations.matrix(6 * m, 6 * m) += bound;
+    equations.gradient[6 * m] -= bound * excess;
   }
+  // A hundredth of one sample's residual, or of its noise.
+  equations.enough = 0.01 * std::max(equations.chi2 / samples.count, 1.0);
 }
 
 bool sane(const Footprints& modes, const MonitorExtent& extent) {
@@ -69,57 +87,56 @@ bool sane(const Footprints& modes, const MonitorExtent& extent) {
 
 }  // namespace
 
-double residual_of(const MixtureSamples& samples, const Footprints& modes, bool through_pixels,
-                   MixtureWorkspace& workspace, double* floor) {
-  fill(samples, modes, through_pixels, workspace);
-  workspace.residual = samples.y;
-  for (int m = 0; m < modes.size(); ++m)
-    workspace.residual -= workspace.columns.col(PatternAnswers::kColumns * m);
-  *floor = samples.weight.dot(workspace.residual) / samples.weight.sum();
-  workspace.residual.array() -= *floor;
-  return (samples.weight.array() * workspace.residual.array().square()).sum();
-}
-
-MixtureFit fit_mixture(const MixtureSamples& samples, const Footprints& start, bool through_pixels,
-                       int max_steps, MixtureWorkspace& workspace) {
-  const MonitorExtent& extent = samples.answers->extent();
-  MixtureFit fit{.modes = start};
-  const Eigen::Index size = 6 * start.size();
-  Normal at, next;
-  evaluate(samples, fit.modes, through_pixels, workspace, at);
-  double damping = 1e-3;
-  for (int i = 0; i < max_steps && !fit.converged && damping < kMaxDamping; ++i) {
-    FootprintMatrix damped = at.matrix;
-    const double least = 1e-12 * at.matrix.diagonal().maxCoeff();
-    damped.diagonal() += damping * at.matrix.diagonal() + FootprintVector::Constant(size, least);
-    const Eigen::LLT<FootprintMatrix> solver(damped);
-    FootprintVector step = solver.solve(at.gradient);
-    const Footprints moved = step_within_cone(fit.modes, solver, step);
-    const double promise = 2.0 * at.gradient.dot(step) - step.dot(at.matrix * step);
-    // A hundredth of one sample's residual, or of its noise.
-    const bool last = promise <= 0.01 * std::max(at.chi2 / static_cast<double>(samples.size()), 1.0);
-    if (solver.info() == Eigen::Success && sane(moved, extent)) {
-      evaluate(samples, moved, through_pixels, workspace, next);
-      if (next.bounded <= at.bounded * (1.0 + 1e-9)) {
-        const double gained = at.bounded - next.bounded;
-        fit.modes = moved;
-        std::swap(at, next);
-        fit.converged = (last || gained < kLittle * at.bounded) && damping < 0.1;
-        damping *= gained > 0.5 * promise ? 0.1 : gained < 0.2 * promise ? 3.0 : 1.0;
-        damping = std::max(damping, 1e-7);
-        continue;
-      }
-    }
-    fit.converged = last;
-    damping = std::max(10.0 * damping, 1e-4);
+LaneSamples::LaneSamples(const MixtureSamples& samples)
+    : patterns(samples.patterns),
+      count(static_cast<int>(samples.size())),
+      information(samples.weight.sum()),
+      y(patterns->size()),
+      root(patterns->size()),
+      peak(patterns->size()) {
+  for (Eigen::Index i = 0; i < samples.size(); ++i) {
+    const auto pattern = static_cast<size_t>(i);
+    const size_t k = pattern < patterns->pattern_count() ? patterns->lane(pattern) : patterns->black_lane();
+    const double own = std::sqrt(samples.weight[i]);
+    root[k] = static_cast<float>(own);
+    y[k] = static_cast<float>(own * samples.y[i]);
+    peak[k] = static_cast<float>(own * samples.peak[i]);
   }
-  for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, 0.0);
-  fit.chi2 = at.chi2;
-  fit.floor = at.floor;
-  return fit;
 }
 
-void find_errors(const MixtureSamples& samples, MixtureFit& fit, MixtureWorkspace& workspace) {
+Residual residual_of(const LaneSamples& samples, const Footprints& modes, bool through_pixels) {
+  Columns columns(samples, modes, through_pixels);
+  float* const residual = columns.residual.data();
+  internal::centre(samples.root.data(), samples.information, {&residual, 1}, columns.size);
+  const double chi2 = static_cast<double>(internal::dot(residual, residual, columns.size));
+  return {.lanes = std::move(columns.residual), .floor = columns.floor, .chi2 = chi2};
+}
+
+std::vector<double> model_of(const MixtureSamples& samples, const Footprints& modes, bool through_pixels) {
+  const PatternLanes& patterns = *samples.patterns;
+  std::vector<float> peak(patterns.size()), columns(PatternLanes::kColumns * patterns.size());
+  for (size_t i = 0; i < patterns.pattern_count(); ++i)
+    peak[patterns.lane(i)] = static_cast<float>(samples.peak[static_cast<Eigen::Index>(i)]);
+  std::vector<double> model(patterns.pattern_count() + 1);
+  for (const Footprint& mode : modes) {
+    patterns.answer(mode, through_pixels, peak.data(), columns.data());
+    for (size_t i = 0; i < patterns.pattern_count(); ++i)
+      model[i] += static_cast<double>(columns[patterns.lane(i)]);
+  }
+  return model;
+}
+
+MixtureFit fit_mixture(const LaneSamples& samples, const Footprints& start, bool through_pixels,
+                       int max_steps) {
+  const MonitorExtent& extent = samples.patterns->answers().extent();
+  const Minimum<Equations> found = minimise<Equations>(
+      start, [&](const Footprints& modes, Equations& at) { evaluate(samples, modes, through_pixels, at); },
+      [&](const Footprints& modes) { return sane(modes, extent); },
+      {.max_steps = max_steps, .little = kLittle, .rounding = kRounding});
+  return {.modes = found.modes, .chi2 = found.at.chi2, .floor = found.at.floor, .converged = found.converged};
+}
+
+void find_errors(const LaneSamples& samples, MixtureFit& fit) {
   fit.weight_sd.fill(std::numeric_limits<double>::infinity());
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
   const Eigen::Index size = 6 * fit.modes.size();
@@ -131,10 +148,10 @@ void find_errors(const MixtureSamples& samples, MixtureFit& fit, MixtureWorkspac
     mode.xx_px2 += kFlatPixel_px2;
     mode.yy_px2 += kFlatPixel_px2;
   }
-  Normal normal;
-  evaluate(samples, seen, false, workspace, normal);
-  FootprintMatrix information = normal.matrix;
-  const MonitorExtent& extent = samples.answers->extent();
+  Equations equations;
+  evaluate(samples, seen, false, equations);
+  FootprintMatrix information = equations.matrix;
+  const MonitorExtent& extent = samples.patterns->answers().extent();
   const double side_px = std::max(extent.width_px, extent.height_px);
   for (int m = 0; m < fit.modes.size(); ++m) {
     for (Eigen::Index p = 0; p < 6; ++p)

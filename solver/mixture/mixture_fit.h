@@ -12,17 +12,27 @@
 #include <vector>
 
 #include "core/footprint/cone_step.h"
-#include "core/footprint/pattern_answer.h"
+#include "solver/mixture/pattern_lanes.h"
 
 namespace glasswing {
 
 // The samples of one channel on one monitor, by pattern; the last is black, to which no footprint answers.
 struct MixtureSamples {
-  const PatternAnswers* answers = nullptr;
+  const PatternLanes* patterns = nullptr;
   Eigen::VectorXd y, weight;
   Eigen::VectorXd peak;  // of the pattern, in this channel
 
   Eigen::Index size() const { return y.size(); }
+};
+
+// The same in lanes of float (pattern_lanes.h).
+struct LaneSamples {
+  explicit LaneSamples(const MixtureSamples& samples);
+
+  const PatternLanes* patterns;
+  int count;                         // with black
+  double information;                // sum of the weights
+  std::vector<float> y, root, peak;  // y and peak times the weight's root; the root
 };
 
 struct MixtureFit {
@@ -33,22 +43,22 @@ struct MixtureFit {
   std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};  // standard errors, by find_errors()
 };
 
-// Scratch memory of one thread.
-struct MixtureWorkspace {
-  Eigen::MatrixXd columns;   // peak * answers, kColumns a mode
-  Eigen::MatrixXd slopes;    // times the root of the weight
-  Eigen::VectorXd residual;  // y - F - model
+// y - F - model, times the root of the weight.
+struct Residual {
+  std::vector<float> lanes;
+  double floor = 0.0;  // F
+  double chi2 = 0.0;   // without the bound's part
 };
+Residual residual_of(const LaneSamples& samples, const Footprints& modes, bool through_pixels);
 
-// Sets residual, and returns chi2 (without the bound's part) and F.
-double residual_of(const MixtureSamples& samples, const Footprints& modes, bool through_pixels,
-                   MixtureWorkspace& workspace, double* floor);
+// sum_m y_m by pattern, black included.
+std::vector<double> model_of(const MixtureSamples& samples, const Footprints& modes, bool through_pixels);
 
-// Levenberg-Marquardt from `start`; Sigma stays positive semi-definite (cone_step.h).
-MixtureFit fit_mixture(const MixtureSamples& samples, const Footprints& start, bool through_pixels,
-                       int max_steps, MixtureWorkspace& workspace);
+// Levenberg-Marquardt from `start`; Sigma stays positive semi-definite (minimise.h).
+MixtureFit fit_mixture(const LaneSamples& samples, const Footprints& start, bool through_pixels,
+                       int max_steps);
 
 // Sets the standard errors, from the inverse of the normal matrix; infinite where that is singular.
-void find_errors(const MixtureSamples& samples, MixtureFit& fit, MixtureWorkspace& workspace);
+void find_errors(const LaneSamples& samples, MixtureFit& fit);
 
 }  // namespace glasswing

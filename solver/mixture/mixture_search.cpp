@@ -11,6 +11,8 @@ constexpr double kPointsAPeriod = 5.0;  // of the finest sinusoid, or of as much
 constexpr double kMaxPoints = 64.0;     // along the longer side
 constexpr double kWide[] = {1.0 / 20.0, 1.0 / 7.0};  // sigmas of wide footprints, of the longer side
 constexpr int kFirstSteps = 2, kFurther = 3, kFurtherSteps = 6, kSteps = 60;
+constexpr int kNearSteps = 8;  // from a neighbour's footprints
+constexpr int kSplits = 2;     // of the strongest modes
 
 // The period of the finest pattern.
 double finest_px(const PatternAnswers& answers) {
@@ -31,6 +33,22 @@ double light_of(const Footprints& modes) {
   return light;
 }
 
+// Of chi2 over what noise leaves, in standard deviations.
+double excess(const MixtureFit& fit, int samples) {
+  const double degrees = std::max(samples - 1.0 - 6.0 * fit.modes.size(), 1.0);
+  return (fit.chi2 - degrees) / std::sqrt(2.0 * degrees);
+}
+
+bool nearly_explains(const MixtureFit& fit, int samples) {
+  return excess(fit, samples) < 3.0;
+}
+
+// Whether one more mode lowers n log chi2 by 4 log n.
+bool earns_its_place(double before, double after, int samples) {
+  const double n = samples;
+  return n * std::log(std::max(before, n) / std::max(after, n)) > 4.0 * std::log(n);
+}
+
 // Puts the strongest mode first.
 void sort(MixtureFit& fit) {
   for (int i = 0; i < fit.modes.size(); ++i) {
@@ -44,7 +62,8 @@ void sort(MixtureFit& fit) {
 
 }  // namespace
 
-FootprintDictionary::FootprintDictionary(const PatternAnswers& answers) {
+FootprintDictionary::FootprintDictionary(const PatternLanes& patterns) : patterns_(patterns) {
+  const PatternAnswers& answers = patterns.answers();
   const MonitorExtent& extent = answers.extent();
   const double side = std::max(extent.width_px, extent.height_px);
   const auto add_grid = [&](double step_px, double sigma_px) {
@@ -64,94 +83,69 @@ FootprintDictionary::FootprintDictionary(const PatternAnswers& answers) {
   for (const double wide : kWide) {
     if (wide * side > 2.0 * step_px) add_grid(wide * side, wide * side);
   }
-  const Eigen::Index n = answers.size() + 1;
-  answers_.setZero(n, std::ssize(footprints_));
-  Eigen::MatrixXd columns(n, PatternAnswers::kColumns);
-  for (size_t i = 0; i < footprints_.size(); ++i) {
-    columns.setZero();
-    answers.of(footprints_[i], false, columns.data(), n);
-    answers_.col(static_cast<Eigen::Index>(i)) = columns.col(0).cast<float>();
+  const size_t count = footprints_.size();
+  stride_ = (count + internal::kTogether - 1) / internal::kTogether * internal::kTogether;
+  answers_.resize(patterns.pattern_count() * stride_);
+  const std::vector<float> ones(patterns.size(), 1.0f);
+  std::vector<float> columns(PatternLanes::kColumns * patterns.size());
+  for (size_t i = 0; i < count; ++i) {
+    patterns.answer(footprints_[i], false, ones.data(), columns.data());
+    for (size_t p = 0; p < patterns.pattern_count(); ++p)
+      answers_[p * stride_ + i] = columns[patterns.lane(p)];
   }
 }
 
-void FootprintDictionary::weigh(const MixtureSamples& samples, Norms& norms) const {
-  const Eigen::VectorXf weight = samples.weight.cast<float>(), peak = samples.peak.cast<float>();
-  if (norms.weight.size() == weight.size() && norms.weight == weight && norms.peak == peak) return;
-  norms.weight = weight;
-  norms.peak = peak;
-  const Eigen::VectorXf once = (weight.array() * peak.array()).matrix(),
-                        twice = (weight.array() * peak.array().square()).matrix();
-  norms.sums = answers_.transpose() * once;
-  norms.squares.resize(answers_.cols());
-  for (Eigen::Index i = 0; i < answers_.cols(); ++i)
-    norms.squares[i] = (answers_.col(i).array().square() * twice.array()).sum();
-  norms.squares.array() -= norms.sums.array().square() / weight.sum();
+FootprintDictionary::Norms FootprintDictionary::norms(const LaneSamples& samples) const {
+  std::vector<float> first(patterns_.pattern_count()), second(first);
+  for (size_t p = 0; p < first.size(); ++p) {
+    const size_t k = patterns_.lane(p);
+    first[p] = samples.root[k] * samples.peak[k];
+    second[p] = samples.peak[k] * samples.peak[k];
+  }
+  Norms norms{.sums = std::vector<float>(stride_), .squares = std::vector<float>(stride_)};
+  internal::weigh(answers_.data(), first, second, stride_, norms.sums.data(), norms.squares.data());
+  const auto share = static_cast<float>(1.0 / samples.information);
+  for (size_t i = 0; i < stride_; ++i) norms.squares[i] -= share * norms.sums[i] * norms.sums[i];
+  return norms;
 }
 
-Footprint FootprintDictionary::best(const MixtureSamples& samples, const Eigen::VectorXd& residual,
+Footprint FootprintDictionary::best(const LaneSamples& samples, const Residual& residual,
                                     const Norms& norms) const {
-  const Eigen::VectorXf wanted =
-      (samples.weight.array() * samples.peak.array() * residual.array()).matrix().cast<float>();
-  const Eigen::VectorXf both = answers_.transpose() * wanted;
+  std::vector<float> wanted(patterns_.pattern_count()), both(stride_);
+  for (size_t p = 0; p < wanted.size(); ++p) {
+    const size_t k = patterns_.lane(p);
+    wanted[p] = samples.peak[k] * residual.lanes[k];
+  }
+  internal::correlate(answers_.data(), wanted, stride_, both.data());
   float most = 0.0f;
-  Eigen::Index best = -1;
-  for (Eigen::Index i = 0; i < both.size(); ++i) {
+  size_t best = stride_;
+  for (size_t i = 0; i < footprints_.size(); ++i) {
     if (!(norms.squares[i] > 0.0f) || both[i] <= 0.0f) continue;
     const float gain = both[i] * both[i] / norms.squares[i];
     if (gain > most) most = gain, best = i;
   }
-  if (best < 0) return {};
-  Footprint found = footprints_[static_cast<size_t>(best)];
+  if (best == stride_) return {};
+  Footprint found = footprints_[best];
   found.weight = static_cast<double>(both[best] / norms.squares[best]);
   return found;
 }
 
-bool MixtureSearch::explains(const MixtureFit& fit, Eigen::Index samples) {
-  const double degrees = std::max(static_cast<double>(samples) - 1.0 - 6.0 * fit.modes.size(), 1.0);
-  return fit.chi2 < degrees + 1.0 * std::sqrt(2.0 * degrees);
+bool MixtureSearch::explains(const MixtureFit& fit, int samples) {
+  return excess(fit, samples) < 1.0;
 }
 
-Footprints MixtureSearch::with_best(const MixtureSamples& samples, Footprints modes) {
-  double floor = 0.0;
-  residual_of(samples, modes, false, workspace_, &floor);
-  const Footprint found = dictionary_.best(samples, workspace_.residual, norms_);
+Footprints MixtureSearch::with_best(const LaneSamples& samples, const FootprintDictionary::Norms& norms,
+                                    Footprints modes) const {
+  const Footprint found = dictionary_.best(samples, residual_of(samples, modes, false), norms);
   if (found.weight > 0.0) modes.push_back(found);
   return modes;
 }
 
-void MixtureSearch::add_splits(const Footprints& modes, std::vector<Footprints>& starts) {
-  // The two brightest modes, along both axes of Sigma.
-  for (int m = 0; m < std::min(modes.size(), 2); ++m) {
-    const Footprint& whole = modes[m];
-    const double mean = 0.5 * (whole.xx_px2 + whole.yy_px2), half = 0.5 * (whole.xx_px2 - whole.yy_px2);
-    const double radius = std::hypot(half, whole.xy_px2);
-    for (const bool longer : {true, false}) {
-      const double angle = 0.5 * std::atan2(whole.xy_px2, half) + (longer ? 0.0 : 0.5 * std::numbers::pi);
-      const double ax = std::cos(angle), ay = std::sin(angle);
-      const double variance = std::max(mean + (longer ? radius : -radius), 0.05);
-      const double shift = 0.8 * std::sqrt(variance), less = 0.6 * variance;
-      Footprint part = whole;
-      part.weight *= 0.5;
-      part.xx_px2 -= less * ax * ax;
-      part.xy_px2 -= less * ax * ay;
-      part.yy_px2 -= less * ay * ay;
-      part = with_positive_covariance(part, 0.05);
-      Footprint other = part;
-      part.x_px += shift * ax, part.y_px += shift * ay;
-      other.x_px -= shift * ax, other.y_px -= shift * ay;
-      Footprints split = modes;
-      split[m] = part;
-      split.push_back(other);
-      starts.push_back(split);
-    }
-  }
-}
-
-MixtureFit MixtureSearch::best_of(const MixtureSamples& samples, int size,
-                                  std::span<const Footprints> starts) {
+MixtureFit MixtureSearch::best_of(const LaneSamples& samples, int size,
+                                  std::span<const Footprints> starts) const {
   std::vector<MixtureFit> fits;
   for (const Footprints& start : starts) {
-    if (start.size() == size) fits.push_back(fit_mixture(samples, start, false, kFirstSteps, workspace_));
+    if (start.size() == size) fits.push_back(fit_mixture(samples, start, false, kFirstSteps));
   }
   if (fits.empty()) return {};
   // The best few get further steps, and the best of these all that it needs.
@@ -159,7 +153,7 @@ MixtureFit MixtureSearch::best_of(const MixtureSamples& samples, int size,
     count = std::min(count, std::ssize(fits));
     std::ranges::partial_sort(fits, fits.begin() + count, {}, &MixtureFit::chi2);
     for (MixtureFit& fit : std::span(fits).first(static_cast<size_t>(count))) {
-      if (!fit.converged) fit = fit_mixture(samples, fit.modes, false, steps, workspace_);
+      if (!fit.converged) fit = fit_mixture(samples, fit.modes, false, steps);
     }
   };
   go_on(kFurther, kFurtherSteps);
@@ -167,31 +161,76 @@ MixtureFit MixtureSearch::best_of(const MixtureSamples& samples, int size,
   return fits.front();
 }
 
-MixtureFit MixtureSearch::run(const MixtureSamples& samples, std::span<const Footprints> neighbours) {
-  dictionary_.weigh(samples, norms_);
-  const double n = static_cast<double>(samples.size());
-  MixtureFit best;
-  best.chi2 = residual_of(samples, {}, false, workspace_, &best.floor);
-  best.converged = true;
+MixtureFit MixtureSearch::run(const MixtureSamples& samples, std::span<const Footprints> neighbours) const {
+  const LaneSamples lanes(samples);
+  const Footprints* likeliest = nullptr;
+  double least = INFINITY;
+  for (const Footprints& own : neighbours) {
+    if (own.empty() || own.size() > max_modes_) continue;
+    const double chi2 = residual_of(lanes, own, false).chi2;
+    if (chi2 < least) least = chi2, likeliest = &own;
+  }
+  MixtureFit near;
+  if (likeliest != nullptr) {
+    near = fit_mixture(lanes, *likeliest, false, kNearSteps);
+    if (explains(near, lanes.count)) return fewest(lanes, near);
+  }
+  const FootprintDictionary::Norms norms = dictionary_.norms(lanes);
+  if (likeliest != nullptr && near.modes.size() < max_modes_) {
+    // Beyond an edge of the object's surface the pixel sees another place.
+    const MixtureFit other = fit_mixture(lanes, with_best(lanes, norms, {}), false, kNearSteps);
+    if (explains(other, lanes.count)) return other;
+    // On the edge, it sees one more.
+    const MixtureFit more = fit_mixture(lanes, with_best(lanes, norms, near.modes), false, kNearSteps);
+    const bool earned = earns_its_place(near.chi2, more.chi2, lanes.count);
+    if (earned && explains(more, lanes.count)) return fewest(lanes, more);
+    if (!earned && nearly_explains(near, lanes.count)) return fewest(lanes, near);
+  }
+  return search(lanes, norms, neighbours);
+}
+
+MixtureFit MixtureSearch::fewest(const LaneSamples& samples, MixtureFit fit) const {
+  sort(fit);
+  while (fit.modes.size() > 1) {
+    Footprints fewer = fit.modes;
+    fewer.remove(fewer.size() - 1);
+    MixtureFit next = fit_mixture(samples, fewer, false, kNearSteps);
+    if (!explains(next, samples.count)) break;
+    sort(next);
+    fit = next;
+  }
+  return fit;
+}
+
+MixtureFit MixtureSearch::search(const LaneSamples& samples, const FootprintDictionary::Norms& norms,
+                                 std::span<const Footprints> neighbours) const {
+  const Residual empty = residual_of(samples, {}, false);
+  MixtureFit best{.modes = {}, .chi2 = empty.chi2, .floor = empty.floor, .converged = true};
   Footprints pursued;
   std::vector<Footprints> starts;
-  while (best.modes.size() < max_modes_ && !explains(best, samples.size())) {
+  while (best.modes.size() < max_modes_ && !explains(best, samples.count)) {
     const int size = best.modes.size() + 1;
-    starts.assign(1, with_best(samples, best.modes));
+    starts.assign(1, with_best(samples, norms, best.modes));
     // From the dictionary alone: where two places are wanted, one mode may have settled between them.
     if (size > 1) {
-      pursued = with_best(samples, pursued);
+      pursued = with_best(samples, norms, pursued);
       starts.push_back(pursued);
     } else {
       pursued = starts.front();
     }
     for (const Footprints& neighbour : neighbours) starts.push_back(neighbour);
-    add_splits(best.modes, starts);
+    for (int m = 0; m < std::min(best.modes.size(), kSplits); ++m) {
+      for (const SplitAxis axis : {SplitAxis::kWide, SplitAxis::kNarrow}) {
+        const auto [half, other] = split(best.modes[m], axis);
+        Footprints& start = starts.emplace_back(best.modes);
+        start[m] = half;
+        start.push_back(other);
+      }
+    }
     MixtureFit next = best_of(samples, size, starts);
     if (next.modes.empty() || !(light_of(next.modes) > 0.0)) break;
     sort(next);
-    const double before = std::max(best.chi2, n), after = std::max(next.chi2, n);
-    if (!(n * std::log(before / after) > 4.0 * std::log(n))) break;
+    if (!earns_its_place(best.chi2, next.chi2, samples.count)) break;
     best = next;
   }
   return best;

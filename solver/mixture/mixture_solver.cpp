@@ -15,7 +15,7 @@ constexpr double kLeastNoise = 1e-4;  // the shape of pixels and footprints leav
 constexpr int kRounds = 3;            // of weighing white and bars, and what was cut off at black, anew
 constexpr int kPolish = 20;           // steps of a round
 constexpr double kQuarterOfNormal = 0.31864;  // of |x|, in standard deviations
-constexpr int kNoiseFits = 8;                 // pixels of a row
+constexpr int kNoiseFits = 9;                 // pixels of a row, of one channel each
 constexpr double kPoorFit = 0.1;              // of the strongest weight: rms of what is left
 constexpr double kLeastLight = 1e-4;          // of a mode, on the monitor
 
@@ -23,12 +23,26 @@ bool is_finite(const Footprint& mode) {
   return std::isfinite(mode.weight + mode.x_px + mode.y_px + mode.xx_px2 + mode.xy_px2 + mode.yy_px2);
 }
 
+// By so little that white and bars would be weighed as before.
+bool stayed(const Footprints& before, const Footprints& after) {
+  constexpr double kShare = 0.02;
+  for (int m = 0; m < after.size(); ++m) {
+    const Footprint &a = before[m], &b = after[m];
+    const double wide_px2 = b.xx_px2 + b.yy_px2 + kFlatPixel_px2;
+    if (std::abs(a.weight - b.weight) > kShare * b.weight ||
+        std::pow(a.x_px - b.x_px, 2.0) + std::pow(a.y_px - b.y_px, 2.0) > kShare * wide_px2 ||
+        std::abs(a.xx_px2 - b.xx_px2) + std::abs(a.yy_px2 - b.yy_px2) > 5.0 * kShare * wide_px2)
+      return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 MixtureTables::MixtureTables(const MixtureLayout& layout) {
   for (const MixtureMonitor& monitor : layout.monitors) {
     answers.emplace_back(monitor.patterns, monitor.extent);
-    dictionaries.emplace_back(answers.back());
+    dictionaries.emplace_back(patterns.emplace_back(answers.back()));
   }
 }
 
@@ -92,10 +106,9 @@ double MixtureSolver::noise_of_fits(int y) {
   std::vector<double> left;
   for (int i = 0; i < kNoiseFits; ++i) {
     const int x = (2 * i + 1) * stack_.width_px / (2 * kNoiseFits);
-    for (const int channel : stack_.channels(x, y)) {
-      load(0, x, y, channel);
-      left.push_back(noise_left(solve(0, {})));
-    }
+    const ChannelRange channels = stack_.channels(x, y);
+    load(0, x, y, channels.first + i % channels.size());
+    left.push_back(noise_left(solve(0, {})));
   }
   return kLeastNoise * std::sqrt(std::max(median(std::move(left)), 1.0));
 }
@@ -104,7 +117,7 @@ void MixtureSolver::load(size_t m, int x, int y, int channel) {
   const MixtureMonitor& monitor = layout_.monitors[m];
   const auto count = std::ssize(monitor.shots);
   const size_t index = stack_.sample_index(x, y, channel);
-  samples_.answers = &tables_.answers[m];
+  samples_.patterns = &tables_.patterns[m];
   for (Eigen::VectorXd* const all : {&samples_.y, &samples_.weight, &samples_.peak, &seen_, &variance_})
     all->resize(count + 1);
   saturated_ = clipped_ = false;
@@ -128,22 +141,17 @@ void MixtureSolver::load(size_t m, int x, int y, int channel) {
 
 void MixtureSolver::reweigh(size_t m, const Footprints& modes, double floor) {
   const MixtureMonitor& monitor = layout_.monitors[m];
-  MixtureWorkspace& workspace = searches_[m].workspace();
-  double ignored = 0.0;
-  samples_.y = seen_;
-  residual_of(samples_, modes, true, workspace, &ignored);
-  Eigen::VectorXd model = Eigen::VectorXd::Constant(samples_.size(), floor);
-  for (int k = 0; k < modes.size(); ++k) model += workspace.columns.col(PatternAnswers::kColumns * k);
+  const std::vector<double> model = model_of(samples_, modes, true);
   for (Eigen::Index i = 0; i < samples_.size(); ++i) {
-    const double sd = std::sqrt(variance_[i]);
-    if (seen_[i] <= 0.0 && std::isfinite(sd)) {
-      const double light = std::max(model[i], 0.0);
+    const double own = model[static_cast<size_t>(i)];
+    if (seen_[i] <= 0.0 && std::isfinite(variance_[i])) {
+      const double sd = std::sqrt(variance_[i]), light = std::max(floor + own, 0.0);
       samples_.y[i] = light + sd * mean_noise_below(light / sd);
     }
     if (i + 1 == samples_.size()) continue;
     const ShownPattern& pattern = monitor.patterns[static_cast<size_t>(i)];
     if (pattern.kind != ShownPattern::Kind::kArea) continue;
-    double off = (pattern.lit.bars ? kBarsError : kWhiteError) * (model[i] - floor);
+    double off = (pattern.lit.bars ? kBarsError : kWhiteError) * own;
     for (const Footprint& mode : modes)
       off += samples_.peak[i] * mode.weight * lit_share_error(mode, pattern.lit, monitor.extent);
     samples_.weight[i] = 1.0 / (variance_[i] + off * off);
@@ -155,7 +163,7 @@ double MixtureSolver::noise_left(const MixtureFit& fit) const {
 }
 
 MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours) {
-  MixtureSearch& search = searches_[m];
+  const MixtureSearch& search = searches_[m];
   // Edges of bars would tell a footprint's shape too exactly.
   for (Eigen::Index i = 0; i + 1 < samples_.size(); ++i) {
     const ShownPattern& pattern = layout_.monitors[m].patterns[static_cast<size_t>(i)];
@@ -168,15 +176,16 @@ MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours
   if (fit.modes.empty()) return fit;
   for (int round = 0; round < kRounds; ++round) {
     reweigh(m, fit.modes, fit.floor);
-    const MixtureFit next = fit_mixture(samples_, fit.modes, true, kPolish, search.workspace());
-    const bool settled = round > 0 && std::abs(next.chi2 - fit.chi2) < 0.01 * next.chi2;
+    const MixtureFit next = fit_mixture(LaneSamples(samples_), fit.modes, true, kPolish);
+    const bool settled =
+        stayed(fit.modes, next.modes) || (round > 0 && std::abs(next.chi2 - fit.chi2) < 0.01 * next.chi2);
     fit = next;
     if (!settled) continue;
     // Along flat valleys, where several modes share light, steps go on that change nothing that is seen.
     fit.converged = true;
     break;
   }
-  find_errors(samples_, fit, search.workspace());
+  find_errors(LaneSamples(samples_), fit);
   return fit;
 }
 

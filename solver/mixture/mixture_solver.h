@@ -1,6 +1,7 @@
 // Solves rows of a stack from a mixture of patterns.
 #pragma once
 
+#include <deque>
 #include <vector>
 
 #include "core/matte/matte.h"
@@ -14,8 +15,10 @@ namespace glasswing {
 struct MixtureTables {
   explicit MixtureTables(const MixtureLayout& layout);
 
-  std::vector<PatternAnswers> answers;            // by monitor of the layout
-  std::vector<FootprintDictionary> dictionaries;  // the same
+  // By monitor of the layout; each refers to the one before.
+  std::deque<PatternAnswers> answers;
+  std::deque<PatternLanes> patterns;
+  std::deque<FootprintDictionary> dictionaries;
 };
 
 class MixtureSolver {

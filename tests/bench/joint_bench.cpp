@@ -46,9 +46,9 @@ void batch_ours(benchmark::State& state, int modes) {
   const Pixels pixels(modes);
   std::vector<BatchPixel> batch;
   for (size_t i = 0; i < kPixels; ++i) batch.push_back(batch_pixel(pixels.samples[i], pixels.starts[i]));
-  std::vector<JointFit> fits(kPixels);
+  std::vector<BatchFit> fits(kPixels);
   for (auto _ : state) {
-    fit_batch(pixels.layout, 1, batch, fits);
+    fit_batch({.layout = pixels.layout}, batch, fits);
     benchmark::DoNotOptimize(fits.data());
   }
   state.SetItemsProcessed(state.iterations() * kPixels);
@@ -160,7 +160,7 @@ class JointPeers {
   JointPeers() {
     JointWorkspace workspace;
     std::vector<BatchPixel> batch;
-    std::vector<JointFit> fits(kPixels);
+    std::vector<BatchFit> fits(kPixels);
     std::vector<Answer> sd;
     std::vector<std::optional<Answer>> together, single;
     for (size_t i = 0; i < kPixels; ++i) {
@@ -171,8 +171,8 @@ class JointPeers {
       single.push_back(
           stored(fit_jointly(pixels.samples[i], pixels.starts[i], kSimulatedExtent, 50, workspace)));
     }
-    fit_batch(pixels.layout, 1, batch, fits);
-    for (const JointFit& fit : fits) together.push_back(stored(fit));
+    fit_batch({.layout = pixels.layout}, batch, fits);
+    for (const BatchFit& fit : fits) together.push_back(stored(fit.sweeps));
     const auto by_ceres = stored(answers(CeresPeer<Model>(kRule), models, starts));
     ceres = compared(together, by_ceres, sd);
     general = compared(single, by_ceres, sd);

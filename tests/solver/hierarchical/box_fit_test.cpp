@@ -196,6 +196,38 @@ TEST(BoxFit, PartialCoverIsFound) {
   EXPECT_EQ(fitter.fit(whole.pixel()).straight, 0.0);
 }
 
+// Boxes of any place and width, half covered: alpha is right within 0.1, or said to be unsure.
+TEST(BoxFit, PartialCoverIsRightOrUnsure) {
+  const std::vector<BoxMonitor> monitors{monitor(true, true)};
+  BoxFitter fitter(monitors, kMaxHalos);
+  std::mt19937 random(3);
+  const auto within = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  int flagged = 0, wrong = 0;
+  constexpr int kTries = 400;
+  for (unsigned i = 0; i < kTries; ++i) {
+    const double straight = within(0.2, 0.8), width = std::exp(within(0.0, 2.5)),
+                 height = std::exp(within(0.0, 2.5)), x = within(0.0, 96.0 - width),
+                 y = within(0.0, 64.0 - height), bx = within(2.0, 92.0), by = within(2.0, 60.0),
+                 light = (1.0 - straight) * within(0.3, 1.0);
+    SimulatedPixel simulated(monitors, true, kNoise, 100 + i);
+    simulated.foreground({0.02, 0.02, 0.02});
+    simulated.box(0, {{x, x + width}, {y, y + height}, {light, light, light}});
+    simulated.straight(0, {{bx, bx + 1.0}, {by, by + 1.0}, {1.0, 1.0, 1.0}}, straight);
+    const BoxFit fit = fitter.fit(simulated.pixel());
+    double strongest = 0.0;
+    for (const double weight : fit.boxes[0].weight) strongest = std::max(strongest, weight);
+    if (fit.boxes[0].misread || fit.cover_unsure || fit.rms > std::max(4.0 * kNoise, 0.05 * strongest)) {
+      ++flagged;
+    } else if (std::abs(fit.straight - straight) > 0.1) {
+      ++wrong;
+    }
+  }
+  EXPECT_LE(flagged, kTries / 5);
+  EXPECT_LE(wrong, kTries / 100);
+}
+
 // Two positions at once are not a box: the fit reports it.
 TEST(BoxFit, TwoPlacesLeaveMoreThanNoise) {
   const std::vector<BoxMonitor> monitors{monitor(true, true)};

@@ -20,13 +20,15 @@ v1::Monitor monitor_of(int width_px, int height_px) {
 
 struct Simulated {
   explicit Simulated(std::vector<ShownPattern> patterns, double width_px = 128.0, double height_px = 96.0)
-      : answers(std::move(patterns), {.width_px = width_px, .height_px = height_px}), dictionary(answers) {}
+      : answers(std::move(patterns), {.width_px = width_px, .height_px = height_px}),
+        lanes(answers),
+        dictionary(lanes) {}
 
   // Of these footprints, with F of 0.05 and noise.
   MixtureSamples seen(const Footprints& modes, double noise_sd, std::mt19937& random) const {
     std::normal_distribution<double> noise(0.0, noise_sd);
     const Eigen::Index n = answers.size() + 1;
-    MixtureSamples samples{.answers = &answers,
+    MixtureSamples samples{.patterns = &lanes,
                            .y = Eigen::VectorXd::Constant(n, 0.05),
                            .weight = Eigen::VectorXd::Constant(n, 1.0 / (noise_sd * noise_sd)),
                            .peak = Eigen::VectorXd::Ones(n)};
@@ -42,6 +44,7 @@ struct Simulated {
   }
 
   PatternAnswers answers;
+  PatternLanes lanes;
   FootprintDictionary dictionary;
 };
 
@@ -56,7 +59,8 @@ std::vector<ShownPattern> designed(int images, double noise, int modes = 2) {
   return patterns;
 }
 
-// By brute force: the scatter of many fits is what was expected of them.
+// By brute force: the scatter of many fits is what was expected of them, and what they say of their own
+// error.
 TEST(Mixture, FitsScatterAsTheDesignExpects) {
   const double noise = 0.003;
   const Simulated pixel(designed(60, noise));
@@ -66,20 +70,24 @@ TEST(Mixture, FitsScatterAsTheDesignExpects) {
   const Eigen::MatrixXd expected =
       expected_covariance(pixel.answers, truth, {.read_sd = noise, .full_well = {}}, {.high_px = 20.0});
   std::mt19937 random(7);
-  MixtureWorkspace workspace;
   constexpr int kTries = 600;
   Eigen::VectorXd squares = Eigen::VectorXd::Zero(12);
+  double covered = 0.0;  // share of weights within one standard error
   for (int i = 0; i < kTries; ++i) {
     const MixtureSamples samples = pixel.seen(truth, noise, random);
-    const MixtureFit fit = fit_mixture(samples, truth, false, 60, workspace);
+    const LaneSamples lanes(samples);
+    MixtureFit fit = fit_mixture(lanes, truth, false, 60);
     ASSERT_TRUE(fit.converged);
+    find_errors(lanes, fit);
     for (int m = 0; m < 2; ++m) {
       const Footprint &is = fit.modes[m], &was = truth[m];
       const double off[] = {is.weight - was.weight, is.x_px - was.x_px,     is.y_px - was.y_px,
                             is.xx_px2 - was.xx_px2, is.xy_px2 - was.xy_px2, is.yy_px2 - was.yy_px2};
       for (int p = 0; p < 6; ++p) squares[6 * m + p] += off[p] * off[p] / kTries;
+      covered += std::abs(off[0]) < fit.weight_sd[static_cast<size_t>(m)] ? 0.5 / kTries : 0.0;
     }
   }
+  EXPECT_NEAR(covered, 0.683, 0.04);  // three of its own standard errors, 0.013
   // The variance of kTries squares is 2 / kTries of it: 6 %, and what is not linear.
   for (Eigen::Index p = 0; p < 12; ++p) {
     EXPECT_NEAR(squares[p] / expected(p, p), 1.0, 0.25)
