@@ -65,6 +65,11 @@ NormalShare share_of_bars(const Footprint& mode, const LitArea& area) {
 
 }  // namespace
 
+bool same_bars(const LitArea& a, const LitArea& b) {
+  return a.bars && b.bars && a.horizontal == b.horizontal && a.bar_px == b.bar_px &&
+         a.offset_px == b.offset_px;
+}
+
 LitShare::LitShare(const Footprint& mode, const MonitorExtent& extent)
     : mode_(mode),
       extent_(extent),
@@ -76,9 +81,7 @@ LitShare::LitShare(const Footprint& mode, const MonitorExtent& extent)
 
 NormalShare LitShare::of(const LitArea& area) {
   if (!area.bars) return whole_;
-  const bool same = before_.bars && before_.horizontal == area.horizontal && before_.bar_px == area.bar_px &&
-                    before_.offset_px == area.offset_px;
-  if (!same) {
+  if (!same_bars(before_, area)) {
     before_ = area;
     of_before_ = of_bars(area);
   } else if (before_.inverse != area.inverse) {

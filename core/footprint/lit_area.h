@@ -23,6 +23,9 @@ struct LitArea {
   bool inverse = false;    // it is dark
 };
 
+// Whether both are the same bars, or one is the inverse of the other.
+bool same_bars(const LitArea& a, const LitArea& b);
+
 // S of one footprint, of weight 1, with its derivatives.
 class LitShare {
  public:

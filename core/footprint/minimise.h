@@ -1,4 +1,5 @@
-// The minimiser of all scalar fits of footprints: Levenberg-Marquardt over (R, c, Sigma) of each, with steps
+// The minimiser of mixtures and spectra (solver/gaussian/joint_fit has its own, which keeps places within
+// pixels moving): Levenberg-Marquardt over (R, c, Sigma) of each footprint, with steps
 // that keep Sigma positive (cone_step.h). Of Ceres, TinySolver knows no such bound; through a factor of Sigma
 // it stalls at points and lines, where the factor's derivative vanishes.
 #pragma once

@@ -23,7 +23,7 @@ constexpr int kIterations = 24,
               kPatience = 8;                  // one pixel alone costs as much as ten iterations of all lanes
 constexpr int kMaxFree = kMaxParameters + 1;  // the modes' and F, which comes last
 constexpr int kMaxNormal = kMaxFree * (kMaxFree + 1) / 2;
-constexpr float kFinestStep = 1.0f / 65535.0f;  // of the frames; a fit that moves by less has converged
+constexpr float kFinestStep = static_cast<float>(kMinStep);  // a fit that moves by less has converged
 constexpr float kMaxFloorWeight = 1e12f;
 
 // The samples of one sweep around the starts, by lane and mode: those near mode m that no earlier mode has.
@@ -514,12 +514,6 @@ void AddPriors(int mode_count, BatchSpace& space, Point& point) {
   AddTo(point.chi2, chi2);
 }
 
-// Whether bars are the same, or the inverse.
-bool SameBars(const LitArea& a, const LitArea& b) {
-  return a.bars && b.bars && a.horizontal == b.horizontal && a.bar_px == b.bar_px &&
-         a.offset_px == b.offset_px;
-}
-
 // What an area shows of each mode; of bars' inverse, from the bars before it.
 void ShareModes(const AreaLanes& area, const AreaLanes* before, int mode_count, const BatchSpace& space,
                 const Point& point, LitLane* shares) {
@@ -529,7 +523,7 @@ void ShareModes(const AreaLanes& area, const AreaLanes* before, int mode_count, 
     for (int m = 0; m < mode_count; ++m) shares[m] = {Set(1.0f), hn::Zero(d), hn::Zero(d)};
     return;
   }
-  const bool known = before != nullptr && SameBars(*before->lit, lit);
+  const bool known = before != nullptr && same_bars(*before->lit, lit);
   const auto bar_px = static_cast<float>(lit.bar_px);
   for (int m = 0; m < mode_count; ++m) {
     const SeenMode& mode = space.seen[m];
@@ -780,7 +774,7 @@ void HoldAgainstWhite(size_t area_count, int mode_count, V light_variance, Batch
     };
     V white = seen(area), variance = hn::Abs(hn::Load(d, area.variance));
     if (area.lit->bars) {
-      if (a + 1 == area_count || !SameBars(*area.lit, *space.areas[a + 1].lit)) continue;
+      if (a + 1 == area_count || !same_bars(*area.lit, *space.areas[a + 1].lit)) continue;
       white = hn::Add(white, seen(space.areas[++a]));
       variance = hn::Add(variance, hn::Abs(hn::Load(d, space.areas[a].variance)));
     }

@@ -13,7 +13,6 @@ namespace {
 
 // A hundredth of a pixel wide: effectively a point.
 constexpr double kMinCovariance_px2 = 1e-4;
-constexpr double kFinestStep = 1.0 / 65535.0;  // of the frames; a fit that moves by less has converged
 
 bool sane(const Footprints& modes, const SampleLayout& layout, const MonitorExtent& extent) {
   const double limit = 2.0 * (extent.width_px + extent.height_px);
@@ -64,8 +63,7 @@ class Problem {
       // The predicted reduction relative to the noise of one sample: a squared distance in standard errors.
       const double promise = 2.0 * gradient.dot(step) - step.dot(normal * step);
       const double samples = std::max(at.near_count, 1);
-      const bool last =
-          promise <= std::max(0.01 * at.near_chi2 / samples, samples * kFinestStep * kFinestStep);
+      const bool last = promise <= std::max(0.01 * at.near_chi2 / samples, samples * kMinStep * kMinStep);
       bool better = solver.info() == Eigen::Success && sane(moved, *samples_.layout, extent_);
       if (better) {
         evaluate(samples_, moved, extent_, workspace_, next_);
@@ -111,6 +109,7 @@ class Problem {
     }
     return least;
   }
+
   void load(const NormalEquations& at, FootprintMatrix& normal, FootprintVector& gradient) const {
     normal = matrix_of(at, gradient.size(), held_);
     for (Eigen::Index p = 0; p < gradient.size(); ++p)
@@ -128,7 +127,7 @@ void add_errors(const NormalEquations& at, unsigned held, JointFit& fit) {
   const int n = 6 * fit.modes.size();
   FootprintMatrix normal = matrix_of(at, n, held);
   const double variance = at.near_chi2 / std::max(at.near_count - n, 1);
-  const double unit = std::max(variance, kFinestStep * kFinestStep);
+  const double unit = std::max(variance, kMinStep * kMinStep);
   for (int m = 0; m < fit.modes.size(); ++m) {
     const std::array<double, 5> known = known_within_pixel(fit.modes[m]);
     for (int i = 0; i < 5; ++i) normal(6 * m + 1 + i, 6 * m + 1 + i) += unit * known[static_cast<size_t>(i)];

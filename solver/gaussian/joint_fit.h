@@ -39,7 +39,7 @@ inline constexpr double kUsualWidth_px = 0.25;
 // In samples of weight 1. All of it costs less than half a standard error.
 inline constexpr double kWidthWeight = 3.0;
 
-inline constexpr double kMinStep = 1.0 / 65535.0;  // of frames
+inline constexpr double kMinStep = 1.0 / 65535.0;  // of frames; a fit that moves by less has converged
 
 // Weights up to this lie within what cameras and monitors are known to: no object sends more light than it
 // gets.

@@ -37,9 +37,9 @@ double noise_of(const LaneSamples& samples) {
   return std::pow(std::max(samples.noise_sd, kMinStep), 2);
 }
 
-bool same_bars(const LitArea& a, const LitArea& b) {
-  return a.bars && b.bars && a.horizontal == b.horizontal && a.bar_px == b.bar_px &&
-         a.offset_px == b.offset_px;
+// How much of white noise explains, at so many standard errors.
+double noise_of(const WhiteRest& beyond, double standard_errors) {
+  return standard_errors * std::sqrt(beyond.variance) + kBarsError * std::abs(beyond.white);
 }
 
 void note(LaneNotes* notes, std::string text) {
@@ -62,16 +62,13 @@ std::string described(const JointFit& fit) {
 }  // namespace
 
 bool contradicts_white(const WhiteRest& beyond) {
-  return beyond.known && std::abs(beyond.rest) >
-                             kBeyondNoise * std::sqrt(beyond.variance) + kBarsError * std::abs(beyond.white);
+  return beyond.known && std::abs(beyond.rest) > noise_of(beyond, kBeyondNoise);
 }
 
-bool is_done(const BatchFit& fit, double noise_sd, bool broad_light_expected) {
-  const WhiteRest& beyond = fit.beyond;
-  if (!suffices(fit.all, fit.sweeps, noise_sd) || broad_light_expected) return false;
+bool is_done(const BatchFit& fit, double noise_sd) {
+  if (!suffices(fit.all, fit.sweeps, noise_sd)) return false;
   if (std::any_of(fit.all.modes.begin(), fit.all.modes.end(), is_too_bright)) return false;
-  return !beyond.known || std::abs(beyond.rest) <= kMoreThanNoise * std::sqrt(beyond.variance) +
-                                                       kBarsError * std::abs(beyond.white);
+  return !fit.beyond.known || std::abs(fit.beyond.rest) <= noise_of(fit.beyond, kMoreThanNoise);
 }
 
 LaneFit LaneSolver::search(const LaneSamples& samples, const BatchFit* batch, LaneNotes* notes) {
@@ -236,7 +233,7 @@ std::optional<JointFit> LaneSolver::with_broad_light(const LaneSamples& samples,
                                                      bool expected) {
   const WhiteRest& beyond = found.beyond;
   if (!beyond.known || found.fit.modes.size() >= max_modes_) return std::nullopt;
-  const double noise = kMoreThanNoise * std::sqrt(beyond.variance) + kBarsError * std::abs(beyond.white);
+  const double noise = noise_of(beyond, kMoreThanNoise);
   if (beyond.rest <= 0.0 || (!expected && beyond.rest < noise)) return std::nullopt;
   PixelSamples all = everything(samples, found.fit);
   // Modes that took some of the broad light for their own give it back in turns.
@@ -292,9 +289,8 @@ LaneFit LaneSolver::judge(const LaneSamples& samples, LaneFit settled, LaneNotes
     }
     if (sure || lies_on(fit.modes[m], monitor_.extent)) continue;
     const bool held = hold_on_monitor(samples, m, settled);
-    note(notes,
-         fmt::format("its centre lies off the monitor and is not known: {}{}",
-                     held ? "held at the edge" : "what is seen of it, flagged", described(settled.fit)));
+    note(notes, fmt::format("its centre lies off the monitor and is not known: {}{}",
+                            held ? "held at the edge" : "flagged", described(settled.fit)));
   }
   return settled;
 }
@@ -321,16 +317,12 @@ bool LaneSolver::hold_on_monitor(const LaneSamples& samples, int m, LaneFit& set
   NormalEquations now;
   evaluate(all, fit.modes, extent, workspace_, now);
   JointFit on = fit_jointly(all, start, extent, kLong, workspace_, held << (6 * m));
-  const auto i = static_cast<size_t>(m);
-  const double spread_px = std::sqrt(0.5 * (seen.xx_px2 + seen.yy_px2));
   if (!is_positive(on) || !on.converged || on.chi2 > now.chi2 + kNoWorse * noise_of(samples)) {
-    fit.modes[m] = seen;
-    fit.weight_sd[i] = std::min(fit.weight_sd[i], seen.weight);
-    fit.centre_sd_px[i] = spread_px;
     fit.converged = false;
     return false;
   }
-  on.centre_sd_px[i] = std::hypot(on.centre_sd_px[i], spread_px);
+  const auto i = static_cast<size_t>(m);
+  on.centre_sd_px[i] = std::hypot(on.centre_sd_px[i], std::sqrt(0.5 * (seen.xx_px2 + seen.yy_px2)));
   settled = {.fit = on, .beyond = held_against_white(samples, on)};
   return true;
 }

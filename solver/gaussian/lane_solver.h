@@ -32,7 +32,7 @@ using LaneNotes = std::vector<std::string>;
 
 // Whether a batch's fit needs nothing more: it has converged, each of its modes is sure, and sweeps, white
 // and bars show nothing but noise beside it.
-bool is_done(const BatchFit& fit, double noise_sd, bool broad_light_expected);
+bool is_done(const BatchFit& fit, double noise_sd);
 
 class LaneSolver {
  public:
@@ -60,7 +60,7 @@ class LaneSolver {
   // The fit with broad light, if white shows more than the modes and there is any.
   std::optional<JointFit> with_broad_light(const LaneSamples& samples, const LaneFit& found, bool expected);
   // Where the samples do not tell how far off the monitor a mode lies: the same light from a mode at its
-  // edge. False: that explains them worse; the mode is what is seen of it, and the fit has not converged.
+  // edge. False: that explains them worse; the mode stays, and the fit counts as not converged.
   bool hold_on_monitor(const LaneSamples& samples, int mode, LaneFit& settled);
 
   const SweptMonitor& monitor_;

@@ -39,6 +39,14 @@ std::vector<Peaks> peaks_of(const SweptMonitor& monitor, const PreparedBlock& bl
   return peaks;
 }
 
+// The fit of all samples, with its floor above black.
+LaneFit lane_fit(const BatchFit& batch, const PreparedBlock& block, int lane) {
+  const auto l = static_cast<size_t>(lane);
+  LaneFit fit{.fit = batch.all, .beyond = batch.beyond};
+  fit.fit.floor += static_cast<double>(block.baseline[l] - block.black[l]);
+  return fit;
+}
+
 bool any_peak(const std::vector<Peaks>& peaks) {
   return std::ranges::any_of(peaks, [](const Peaks& sweep) { return sweep.count > 0; });
 }
@@ -306,15 +314,13 @@ void StackSolver::fit_lanes(size_t m, Tile& tile) {
   for_lanes([&](const PreparedBlock& own, int block, int lane, size_t at) {
     const BatchFit* const batch = tile.batched[m][at] ? &tile.batch[m][at] : nullptr;
     const auto noise_sd = static_cast<double>(own.noise_sd[static_cast<size_t>(lane)]);
-    if (batch == nullptr || !is_done(*batch, noise_sd, false)) {
+    if (batch == nullptr || !is_done(*batch, noise_sd)) {
       tile.fits[m][at] = lane_solvers_[m].search(lane_samples(m, own, block, lane), batch);
       searched[at] = true;
       beyond[at] = tile.fits[m][at].beyond;
       return;
     }
-    const auto l = static_cast<size_t>(lane);
-    tile.fits[m][at] = {.fit = batch->all, .beyond = batch->beyond};
-    tile.fits[m][at].fit.floor += static_cast<double>(own.baseline[l] - own.black[l]);
+    tile.fits[m][at] = lane_fit(*batch, own, lane);
     beyond[at] = batch->beyond;
   });
   for_lanes([&](const PreparedBlock& own, int block, int lane, size_t at) {
@@ -407,6 +413,7 @@ std::vector<StackSolver::Explained> StackSolver::explain(int x, int y) {
   if (!to_solve_[static_cast<size_t>(x)]) return lanes;
   const int first = x * pixel_lanes_ / kStretch * kStretch;
   Tile tile = prepare(y, first, std::min(kStretch, lane_count_ - first));
+  for (size_t m = 0; m < monitors_.size(); ++m) fit_batches(m, tile);
   for (int row_lane = x * pixel_lanes_; row_lane < (x + 1) * pixel_lanes_; ++row_lane) {
     // A pixel may continue in the next stretch.
     if (row_lane - first >= kStretch) break;
@@ -415,16 +422,14 @@ std::vector<StackSolver::Explained> StackSolver::explain(int x, int y) {
     Explained& explained = lanes.emplace_back();
     explained.channel = channel_in(own.phase, lane);
     for (size_t m = 0; m < monitors_.size(); ++m) {
-      fit_batches(m, tile);
       LaneNotes& notes = explained.notes.emplace_back();
       const LaneSamples& samples = explained.samples.emplace_back(lane_samples(m, own, block, lane));
       const BatchFit* const batch =
           tile.batched[m][place(block, lane)] ? &tile.batch[m][place(block, lane)] : nullptr;
       LaneFit& fit = explained.fits.emplace_back();
-      if (batch != nullptr && is_done(*batch, samples.noise_sd, false)) {
+      if (batch != nullptr && is_done(*batch, samples.noise_sd)) {
         notes.emplace_back("the batch explains all samples");
-        fit = {.fit = batch->all, .beyond = batch->beyond};
-        fit.fit.floor += samples.baseline - samples.black;
+        fit = lane_fit(*batch, own, lane);
         continue;
       }
       LaneSolver& solver = lane_solvers_[m];

@@ -71,8 +71,7 @@ void add_lane(const Matte& matte, int x, int y, int channel, const Truth& truth,
       phantom += static_cast<double>(mode.weight);
   }
   report.with_modes[count] += 1.0;
-  report.phantoms += phantom > 0.0;
-  report.phantom_light += phantom;
+  if (matte.flags(x, y) == 0) report.phantoms += phantom > 0.0, report.phantom_light += phantom;
   const std::vector<TrueMode> own = truth ? truth(x, y, channel) : std::vector<TrueMode>{};
   if (!own.empty())
     report.truly_with[std::min(own.size(), report.truly_with.size() - 1)] += 1.0, ++sums.truths;

@@ -24,7 +24,7 @@ struct MatteReport {
   int flagged = 0;  // of them; and by reason
   int not_converged = 0, saturated = 0, poor_fit = 0, no_data = 0;
   int lanes = 0;     // of object pixels
-  int phantoms = 0;  // lanes with a mode centred off its monitor that is less certain than it is heavy
+  int phantoms = 0;  // lanes without a flag and with a mode off its monitor, less certain than it is heavy
   double phantom_light = 0.0;          // their weights, a lane
   std::array<double, 9> with_modes{};  // the share of lanes with so many modes
   std::array<double, 9> truly_with{};  // and in truth
