@@ -73,7 +73,8 @@ absl::Status PatchProof::learn(const std::vector<Waiting>& set) {
     const absl::StatusOr<Image16> image = member.last->image();
     if (absl::IsUnavailable(image.status())) continue;  // lost
     GW_RETURN_IF_ERROR(image.status());
-    if (known.reader.read(*image) != member.frame.record.stimulus().patch_id())
+    const std::optional<std::uint16_t> id = known.reader.read(*image);
+    if (!id || !known.shows(*id, member.frame.record.stimulus().patch_id()))
       return absl::OutOfRangeError("the id patch changes before the time that is reported");
   }
   std::erase_if(known_, [&](const Known& other) {
@@ -90,7 +91,7 @@ PatchVerdict PatchProof::judge(v1::Frame& record, const Image16& image) const {
     if (known.object != record.object() || !same_exposure(known.exposure_ms, record.exposure_ms())) continue;
     const std::optional<std::uint16_t> id = known.reader.read(image);
     if (!id) return PatchVerdict::kUnreadable;
-    if (*id != record.patch_id()) return PatchVerdict::kOtherId;
+    if (!known.shows(*id, record.patch_id())) return PatchVerdict::kOtherId;
     if (known.monitor == record.stimulus().panel()) record.set_proof(v1::PROOF_TIME_AND_PATCH);
   }
   return PatchVerdict::kAgrees;

@@ -29,7 +29,7 @@ class PatchProof {
   // applies to frames of that stage and exposure.
   struct LearningSet {
     std::vector<Archive::NewFrame> frames;
-    absl::Status learned;  // PatchReader::learn's result; OUT_OF_RANGE: a later frame shows another id
+    absl::Status learned;  // PatchReader::learn's result; OUT_OF_RANGE also: a later frame shows another id
   };
   // Adds a frame of kind "patch". It replaces a waiting one of the same id, monitor, stage and exposure. When
   // its set is complete, learns from the set and returns it. `last`: a later frame that must show the same
@@ -47,6 +47,8 @@ class PatchProof {
     double exposure_ms = 0.0;
     std::string monitor;
     PatchReader reader;
+    // `read` is what the reader sees of `id`.
+    bool shows(std::uint16_t read, std::uint32_t id) const { return ((read ^ id) & reader.bits()) == 0; }
   };
   struct Waiting {
     Archive::NewFrame frame;

@@ -225,7 +225,7 @@ absl::StatusOr<bool> Capture::move_object(bool present, std::stop_token stop) {
 absl::Status Capture::capture_group(const Group& group, std::stop_token stop) {
   progress_.begin_group();
   const absl::Cleanup end = [this] { progress_.end_group(); };
-  GroupCapture capturing(setup_, *archive_, player_, progress_, group.exposure_ms);
+  GroupCapture capturing(setup_, *archive_, player_, progress_, patches_given_up_, group.exposure_ms);
   GW_RETURN_IF_ERROR(capturing.start(stop));
   std::vector<Step> steps, video;
   for (const Step& step : group.steps) (video_.is_video_frame(step) ? video : steps).push_back(step);

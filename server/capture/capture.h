@@ -11,6 +11,7 @@
 
 #include <functional>
 #include <optional>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -90,8 +91,9 @@ class Capture {
   CaptureProgress progress_;
   VideoCapture video_;
   StepPlayer player_;
-  std::optional<CaptureArchive> archive_;  // once the rig is found
-  std::optional<bool> object_wanted_;      // on the stage or off it, by a person; none: nobody has to move it
+  std::optional<CaptureArchive> archive_;   // once the rig is found
+  std::set<std::string> patches_given_up_;  // monitors whose steps are proven by time alone
+  std::optional<bool> object_wanted_;  // on the stage or off it, by a person; none: nobody has to move it
 };
 
 }  // namespace glasswing

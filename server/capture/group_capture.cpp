@@ -30,14 +30,16 @@ std::string listed(const std::vector<Step>& steps) {
 }  // namespace
 
 GroupCapture::GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPlayer& player,
-                           CaptureProgress& progress, double exposure_ms)
+                           CaptureProgress& progress, std::set<std::string>& patches_given_up,
+                           double exposure_ms)
     : setup_(setup),
       archive_(archive),
       player_(player),
       progress_(progress),
       // The same after a restart of the server, and of no other server's session.
       recording_(setup.links, exposure_ms,
-                 fmt::format("{} {}", progress.session().name(), progress.session().created())) {}
+                 fmt::format("{} {}", progress.session().name(), progress.session().created())),
+      learning_(patches_given_up) {}
 
 absl::Status GroupCapture::start(std::stop_token stop) {
   GW_RETURN_IF_ERROR(recording_.wait_running(stop));
@@ -64,7 +66,7 @@ absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) 
           steps, stop);
     }
     GW_RETURN_IF_ERROR(show(steps, stop));
-    if (const v1::UnseenPatch* const patch = learning_.hopeless()) return unseen(*patch, steps, stop);
+    if (const v1::UnseenPatch* const patch = learning_.hopeless()) return contradicted(*patch, steps, stop);
     std::erase_if(steps, [this](const Step& step) { return progress_.is_proven(step.number); });
     progress_.update_seconds();
     note_retaken(steps);
@@ -78,9 +80,10 @@ absl::Status GroupCapture::learn(const std::vector<v1::Frame>& frames, std::stop
   std::vector<std::int64_t> last;
   for (const v1::Frame& frame : frames)
     last.push_back(recording_.last_of_patch(frame.step(), frame.sequence()));
-  GW_ASSIGN_OR_RETURN(const v1::LearnPatchesResponse learned, archive_.learn_patches(frames, last, stop));
+  GW_ASSIGN_OR_RETURN(const v1::LearnPatchesResponse learned,
+                      archive_.learn_patches(frames, last, learning_.accepted_unseen(), stop));
   progress_.note_kept(learned.frames(), 0);
-  learning_.note_learned(learned);
+  for (const std::string& warning : learning_.note_learned(learned)) progress_.warn(warning);
   return absl::OkStatus();
 }
 
@@ -136,18 +139,17 @@ absl::Status GroupCapture::unproven(const std::string& what, const std::vector<S
   return absl::FailedPreconditionError(fmt::format("{}; {}; {}", what, causes, advice));
 }
 
-absl::Status GroupCapture::unseen(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
-                                  std::stop_token stop) {
-  std::string advice;
-  if (!patch.dark()) {
-    GW_ASSIGN_OR_RETURN(advice, lags(steps.front(), stop));
-  }
-  if (advice.empty()) {
-    advice = fmt::format(
-        "have the camera see the whole patch sharply, with nothing before it; or start the display with "
+absl::Status GroupCapture::contradicted(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
+                                        std::stop_token stop) {
+  if (patch.frozen()) {
+    return absl::FailedPreconditionError(fmt::format(
+        "monitor \"{}\": nothing that the camera sees changes while its pictures are shown; is it switched "
+        "on, and does the camera look at it? If the camera need not see it, start its display with "
         "--patch-rows {}=0, and its steps are proven by time alone",
-        patch.monitor());
+        patch.monitor(), patch.monitor()));
   }
+  GW_ASSIGN_OR_RETURN(std::string advice, lags(steps.front(), stop));
+  if (advice.empty()) advice = "no constant lag explains it";
   return absl::FailedPreconditionError(
       fmt::format("monitor \"{}\": {}; {}", patch.monitor(), patch.reason(), advice));
 }

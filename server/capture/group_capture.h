@@ -22,14 +22,14 @@ namespace glasswing {
 
 class GroupCapture {
  public:
-  // Starts the camera. All references are borrowed.
+  // Starts the camera. All references are borrowed. `patches_given_up`: see PatchLearning.
   GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPlayer& player, CaptureProgress& progress,
-               double exposure_ms);
+               std::set<std::string>& patches_given_up, double exposure_ms);
 
   // Returns when the camera runs and the clocks are measured.
   absl::Status start(std::stop_token stop);
-  // Shows steps again until each is proven. FAILED_PRECONDITION: some are not after the plan's retries, or an
-  // id patch stays unseen. CANCELLED: stopped.
+  // Shows steps again until each is proven. FAILED_PRECONDITION: some are not after the plan's retries, or
+  // what the camera sees contradicts the reported times. CANCELLED: stopped.
   absl::Status prove(std::vector<Step> steps, std::stop_token stop);
   // Shows steps once and has the proven frames stored. CANCELLED: stopped.
   absl::Status show(const std::vector<Step>& steps, std::stop_token stop);
@@ -43,8 +43,9 @@ class GroupCapture {
   // step was missed, or taught nothing: frames of later steps cannot be judged, and the showing ends.
   absl::StatusOr<bool> judge(std::vector<v1::Frame> frames, bool is_over, std::stop_token stop);
   absl::Status learn(const std::vector<v1::Frame>& frames, std::stop_token stop);
-  // The error for a patch that stays unseen while `steps` are shown.
-  absl::Status unseen(const v1::UnseenPatch& patch, const std::vector<Step>& steps, std::stop_token stop);
+  // The error for a patch that contradicts the reported times, or for a frozen one, while `steps` are shown.
+  absl::Status contradicted(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
+                            std::stop_token stop);
   // For people, what the monitors' patches say against the reported times; empty: no lag explains it. Shows
   // the patch learning steps of the group that has this step again, and stops the camera.
   absl::StatusOr<std::string> lags(const Step& of_group, std::stop_token stop);

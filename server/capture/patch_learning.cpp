@@ -1,5 +1,7 @@
 #include "server/capture/patch_learning.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -33,30 +35,56 @@ std::vector<v1::Frame> PatchLearning::take_learning_frames(std::vector<v1::Frame
   return taken;
 }
 
-void PatchLearning::note_learned(const v1::LearnPatchesResponse& response) {
+std::vector<std::string> PatchLearning::accepted_unseen() const {
+  std::set<std::string> monitors = given_up_;
+  for (const auto& [monitor, unseen] : unseen_) {
+    if (unseen.count + 1 >= (unseen.last.dark() ? kMaxDarkAttempts : kMaxAttempts)) monitors.insert(monitor);
+  }
+  return {monitors.begin(), monitors.end()};
+}
+
+std::vector<std::string> PatchLearning::note_learned(const v1::LearnPatchesResponse& response) {
   for (const int step : response.waiting_steps()) {
     if (const auto due = due_.find(step); due != due_.end()) held_.insert(*due);
   }
-  for (const v1::Frame& frame : response.frames()) due_.erase(frame.step());
+  std::set<std::string> stored;  // monitors
+  for (const v1::Frame& frame : response.frames()) {
+    due_.erase(frame.step());
+    stored.insert(frame.stimulus().panel());
+  }
+  std::vector<std::string> warnings;
   if (!response.unseen_patches().empty()) ++unseen_showings_;
   for (const v1::UnseenPatch& unseen : response.unseen_patches()) {
-    std::erase_if(held_, [&](const auto& step) { return step.second == unseen.monitor(); });
-    Unseen& known = unseen_[unseen.monitor()];
-    ++known.count;
-    if (unseen.dark() || unseen.early()) ++known.plain_count;
+    const std::string& monitor = unseen.monitor();
+    std::erase_if(held_, [&](const auto& step) { return step.second == monitor; });
+    Unseen& known = unseen_[monitor];
     known.last = unseen;
+    if (unseen.contradicts()) {
+      known.count = 0;
+      ++known.contradictions;
+    } else if (unseen.frozen()) {
+      ++known.frozen;
+    } else {
+      ++known.count;
+    }
+    if (!stored.contains(monitor) || !given_up_.insert(monitor).second) continue;
+    warnings.push_back(
+        fmt::format("monitor \"{}\": {}; its steps are proven by time alone", monitor, unseen.reason()));
   }
+  return warnings;
 }
 
 std::optional<std::vector<v1::Frame>> PatchLearning::take_ready_frames() {
   if (due_.empty()) return std::exchange(queue_, {});
-  if (queue_.empty() || !learning_.empty()) return std::vector<v1::Frame>();
+  const bool dark =
+      std::ranges::any_of(unseen_, [](const auto& unseen) { return unseen.second.last.dark(); });
+  if (queue_.size() < (dark ? kOthers : 1) || !learning_.empty()) return std::vector<v1::Frame>();
   return std::nullopt;
 }
 
 const v1::UnseenPatch* PatchLearning::hopeless() const {
   for (const auto& [monitor, unseen] : unseen_) {
-    if (unseen.count >= kMaxAttempts || unseen.plain_count >= kMaxPlainAttempts) return &unseen.last;
+    if (unseen.contradictions >= kMaxAttempts || unseen.frozen >= kMaxDarkAttempts) return &unseen.last;
   }
   return nullptr;
 }

@@ -3,13 +3,13 @@
 source "$(dirname "$0")/rig.sh"
 
 "$bin/glasswing-server" --listen "$server" --data "$work/server" >"$work/server.log" 2>&1 &
-display() { # NAME PORT MONITOR PATCH-ROWS
-  "$bin/glasswing-display" --listen "127.0.0.1:$2" --server "$server" --name "$1" --patch-rows "$4" --monitor "$3" \
+display() { # NAME PORT MONITOR
+  "$bin/glasswing-display" --listen "127.0.0.1:$2" --server "$server" --name "$1" --patch-rows 8 --monitor "$3" \
     >"$work/$1.log" 2>&1 &
 }
 # During the 21 s of this session the phase between their refreshes wraps around six times.
-display one $((port + 1)) back=96x80@60 8
-display two $((port + 3)) left=72x80@59.7 0 # the camera does not see its lowest rows
+display one $((port + 1)) back=96x80@60
+display two $((port + 3)) left=72x80@59.7
 "$bin/glasswing-camera" --listen "127.0.0.1:$((port + 2))" --server "$server" --name camera-1 --data "$work/camera" \
   --size 72x60 --scene crystal --tap "127.0.0.1:$((port + 1))" --tap "127.0.0.1:$((port + 3))" >"$work/camera.log" 2>&1 &
 until_true 20 up 3 || fail "not all nodes came up"
