@@ -27,9 +27,8 @@ void add_screen_options(CLI::App& app, DisplayOptions& display) {
   app.add_option(
          "--patch-rows", display.patch_rows,
          "ROWS at the bottom of every monitor that show an id patch, by which frames are proven from their "
-         "pixels, 0 if left out; NAME=ROWS of one monitor, such as left=0 where the camera does not see it: "
-         "its "
-         "frames are proven by time alone; repeat for more")
+         "pixels, 0 if left out; NAME=ROWS of one monitor, such as left=0 where the camera does not see it "
+         "and its frames are proven by time alone; repeat for more")
       ->type_name("[NAME=]ROWS");
   app.add_option("--lag-ms", display.lag_ms, "time from the scan-out of a row to its light")
       ->check(CLI::Range(0.0, 200.0))
