@@ -85,6 +85,9 @@ void set_limits(grpc::ServerBuilder& builder, const ServiceLimits& limits) {
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, static_cast<int>(limits.idle.count()));
+  // Otherwise windows grow to megabytes that a busy daemon holds unread, and ConnectionWatch cannot tell from
+  // a flood. A message that is waited for gets a window of its size all the same.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, limits.calls_of_a_connection);
   builder.SetMaxReceiveMessageSize(limits.message_bytes);
   grpc::ResourceQuota quota("service");
