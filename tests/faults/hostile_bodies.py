@@ -11,12 +11,12 @@ import zlib
 
 import grpc
 
-from glasswing.v1 import session_service_pb2 as sessions
+from glasswing.v1 import session_pb2, session_service_pb2 as sessions
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
 from callers import Memory, watched
 from case import Report, struck
-from hostile import Browser, HostileStage, Member, Others, case
+from hostile import SESSION, Browser, HostileStage, Member, Others, case, refusal
 
 _MAX_GROWTH_MB = 256.0
 _MB = 1 << 20
@@ -60,6 +60,16 @@ def bodies(stage: HostileStage) -> Report:
         assert _status(stage, anna, "/api/SessionService/ListSessions", bytes(9 * _MB)) >= 400
     assert anna.request("GET", "/me")[0] == 200
     return Report(13, f"{memory.check(_MAX_GROWTH_MB)}; {others.check()}")
+
+
+@case("hostile.empty", "an import that is finished before a frame has come", "FAILED_PRECONDITION; it stays an import")
+def empty(stage: HostileStage) -> Report:
+    """Captured without a frame, its archive would be damaged."""
+    code, words = refusal(stage.anna.sessions.FinishImport, sessions.FinishImportRequest(name=SESSION))
+    assert code == "FAILED_PRECONDITION" and "no frame" in words, f"{code}: {words}"
+    session = stage.anna.sessions.GetSession(sessions.GetSessionRequest(name=SESSION), timeout=10.0).session
+    assert session.state == session_pb2.SESSION_STATE_CREATED
+    return Report()
 
 
 def _picture() -> list[bytes]:
