@@ -320,6 +320,10 @@ absl::StatusOr<TiffRows> TiffRows::open(std::string_view bytes, const FrameShape
   return rows;
 }
 
+int TiffRows::strip_rows() const {
+  return Strips(shape_).rows();
+}
+
 absl::Status TiffRows::read(int first_row, int row_count, std::uint16_t* samples) const {
   thread_local const std::unique_ptr<ZSTD_DCtx, FreeContext> context(ZSTD_createDCtx());
   thread_local std::vector<std::uint16_t> partial;

@@ -44,6 +44,8 @@ class TiffRows {
 
   // All samples of a plain file, where they lie. Empty: the file is compressed.
   std::span<const std::uint16_t> plain() const { return plain_; }
+  // Of a compressed file: how many rows are decompressed at a time, from a multiple of it on.
+  int strip_rows() const;
   // Writes the samples of rows [first_row, first_row + row_count), which the frame must have. DATA_LOSS: a
   // strip is damaged.
   absl::Status read(int first_row, int row_count, std::uint16_t* samples) const;

@@ -23,6 +23,8 @@ absl::StatusOr<std::shared_ptr<MappedArchive>> MappedArchive::map(const std::fil
   GW_ASSIGN_OR_RETURN(archive->manifest_, read_any_manifest(directory));
   const v1::Camera& camera = archive->manifest_.camera();
   const FrameShape shape = shape_of(camera);
+  archive->last_strips_ =
+      std::make_unique<LastStrip[]>(static_cast<size_t>(archive->manifest_.frames_size()));
   for (const v1::Frame& frame : archive->manifest_.frames()) {
     const std::filesystem::path path = directory / frame.file();
     const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a FIFO has another size
@@ -98,10 +100,48 @@ std::span<const std::uint16_t> MappedArchive::rows(int frame, int first_row, int
 
 absl::StatusOr<FrameSamples> MappedArchive::read(int frame, int first_row, int row_count) const {
   if (!samples_of(frame).empty()) return FrameSamples{rows(frame, first_row, row_count), nullptr};
-  const size_t count = shape_of(manifest_.camera()).row_samples() * static_cast<size_t>(row_count);
-  const std::shared_ptr<std::uint16_t[]> samples = std::make_shared_for_overwrite<std::uint16_t[]>(count);
-  const absl::Status status = files_[static_cast<size_t>(frame)].read(first_row, row_count, samples.get());
-  if (status.ok()) return FrameSamples{{samples.get(), count}, samples};
+  const int strip_rows = files_[static_cast<size_t>(frame)].strip_rows(), end_row = first_row + row_count;
+  if (first_row / strip_rows == (end_row - 1) / strip_rows) return read_in_strip(frame, first_row, row_count);
+  const size_t row = shape_of(manifest_.camera()).row_samples();
+  const auto samples = std::make_shared_for_overwrite<std::uint16_t[]>(row * static_cast<size_t>(row_count));
+  const int whole_begin = (first_row + strip_rows - 1) / strip_rows * strip_rows,
+            whole_end =
+                end_row == manifest_.camera().height_px() ? end_row : end_row / strip_rows * strip_rows;
+  for (const auto& [begin, end] : {std::pair(first_row, whole_begin), std::pair(whole_end, end_row)}) {
+    if (begin >= end) continue;
+    GW_ASSIGN_OR_RETURN(const FrameSamples part, read_in_strip(frame, begin, end - begin));
+    std::ranges::copy(part.samples, samples.get() + row * static_cast<size_t>(begin - first_row));
+  }
+  if (whole_begin < whole_end) {
+    GW_RETURN_IF_ERROR(decompress(frame, whole_begin, whole_end - whole_begin,
+                                  samples.get() + row * static_cast<size_t>(whole_begin - first_row)));
+  }
+  return FrameSamples{{samples.get(), row * static_cast<size_t>(row_count)}, samples};
+}
+
+absl::StatusOr<FrameSamples> MappedArchive::read_in_strip(int frame, int first_row, int row_count) const {
+  const size_t row = shape_of(manifest_.camera()).row_samples();
+  const int strip_rows = files_[static_cast<size_t>(frame)].strip_rows(),
+            strip = first_row / strip_rows * strip_rows,
+            strip_end = std::min(strip + strip_rows, manifest_.camera().height_px());
+  LastStrip& last = last_strips_[static_cast<size_t>(frame)];
+  const std::lock_guard lock(last.mutex);
+  if (last.first_row != strip) {
+    const auto samples =
+        std::make_shared_for_overwrite<std::uint16_t[]>(row * static_cast<size_t>(strip_end - strip));
+    GW_RETURN_IF_ERROR(decompress(frame, strip, strip_end - strip, samples.get()));
+    last.first_row = strip;
+    last.samples = samples;
+  }
+  return FrameSamples{{last.samples.get() + row * static_cast<size_t>(first_row - strip),
+                       row * static_cast<size_t>(row_count)},
+                      last.samples};
+}
+
+absl::Status MappedArchive::decompress(int frame, int first_row, int row_count,
+                                       std::uint16_t* samples) const {
+  const absl::Status status = files_[static_cast<size_t>(frame)].read(first_row, row_count, samples);
+  if (status.ok()) return status;
   return absl::DataLossError(fmt::format("{} is damaged: {}",
                                          (directory_ / manifest_.frames(frame).file()).string(),
                                          std::string(status.message())));

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -47,14 +48,25 @@ class MappedArchive {
   MappedArchive() = default;
   static absl::StatusOr<std::shared_ptr<MappedArchive>> map(const std::filesystem::path& directory);
 
+  // The strip of a compressed file that was read last: bands of rows are often smaller.
+  struct LastStrip {
+    std::mutex mutex;
+    int first_row = -1;
+    std::shared_ptr<const std::uint16_t[]> samples;
+  };
+  // Rows within one strip.
+  absl::StatusOr<FrameSamples> read_in_strip(int frame, int first_row, int row_count) const;
+  absl::Status decompress(int frame, int first_row, int row_count, std::uint16_t* samples) const;
+
   // None: it is compressed, and not in memory.
   std::span<const std::uint16_t> samples_of(int frame) const;
 
   std::filesystem::path directory_;
   v1::CaptureManifest manifest_;
   std::vector<std::string_view> mappings_;
-  std::vector<TiffRows> files_;     // by frame, in mappings_
-  std::vector<Image16> in_memory_;  // by frame; empty where it is as in its file
+  std::vector<TiffRows> files_;               // by frame, in mappings_
+  std::unique_ptr<LastStrip[]> last_strips_;  // by frame
+  std::vector<Image16> in_memory_;            // by frame; empty where it is as in its file
 };
 
 }  // namespace glasswing

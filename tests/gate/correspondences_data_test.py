@@ -17,7 +17,7 @@ BIN = pathlib.Path(os.environ["GLASSWING_BIN"])
 SCENE = pathlib.Path(os.environ.get("GLASSWING_DATA", "/nonexistent")) / "rendered/dev2/L_depth"
 GREEN = 1
 # Regressions, a little above what was measured (docs/correspondences.md): medians of distances, mm.
-LIMITS = {"the renderer's": {"near": 0.13, "far": 0.165}, "Snell's": {"near": 0.2, "far": 0.12}}
+LIMITS = {"the renderer's": {"near": 0.13, "far": 0.195}, "Snell's": {"near": 0.2, "far": 0.12}}
 
 
 def run(*words: object) -> None:
