@@ -51,8 +51,9 @@ const libcamera::ControlInfo* find_control(const libcamera::Camera& camera, cons
 bool is_usb(const std::string& id) {
   if (id.size() < 10) return false;
   const std::string end = id.substr(id.size() - 10);
-  return end[0] == '-' && end[5] == ':' &&
-         std::all_of(end.begin() + 1, end.end(), [](char c) { return c == ':' || absl::ascii_isxdigit(static_cast<unsigned char>(c)); });
+  return end[0] == '-' && end[5] == ':' && std::all_of(end.begin() + 1, end.end(), [](char c) {
+           return c == ':' || absl::ascii_isxdigit(static_cast<unsigned char>(c));
+         });
 }
 
 bool same_setting(double is, double asked) {
