@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <stop_token>
 #include <string>
@@ -31,6 +32,18 @@ struct ScreenInfo {
 inline MonitorSize pattern_size_of(const ScreenInfo& screen) {
   return {.width_px = screen.width_px, .height_px = screen.height_px - screen.patch_rows};
 }
+
+// ScreenInfo::patch_rows of a display's monitors.
+struct PatchRows {
+  // Implicit: of every monitor.
+  PatchRows(int rows = 0) : of_all(rows) {}
+  int of(const std::string& monitor) const {
+    const auto own = of_one.find(monitor);
+    return own == of_one.end() ? of_all : own->second;
+  }
+  int of_all;
+  std::map<std::string, int> of_one;  // by monitor, instead
+};
 
 inline nanoseconds period_of(const ScreenInfo& screen) {
   return nanoseconds(std::llround(1e9 / screen.refresh_hz));

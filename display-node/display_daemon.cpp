@@ -42,9 +42,10 @@ absl::Status run_display(const CLI::App& app, const DaemonOptions& daemon, const
   std::optional<RepeatingDisplay> repeating;
   if (options.repeat > 0.0) repeating.emplace(tap, options.repeat, options.faults.seed);
   Display& display = repeating ? static_cast<Display&>(*repeating) : tap;
-  GW_RETURN_IF_ERROR(DisplayServiceImpl::check_patch(display, options.patch_rows));
+  GW_ASSIGN_OR_RETURN(const PatchRows patch_rows, options.patches());
+  GW_RETURN_IF_ERROR(DisplayServiceImpl::check_patch(display, patch_rows));
   GW_ASSIGN_OR_RETURN(std::vector<MonitorRail> rails, open_rails(options, tap));
-  DisplayServiceImpl service(options.name, display, options.patch_rows, std::move(rails));
+  DisplayServiceImpl service(options.name, display, patch_rows, std::move(rails));
   EmissionServiceImpl emission(tap, optics);
   display_metrics();
   return serve(daemon, {.services = {&service, &emission},

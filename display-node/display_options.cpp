@@ -1,5 +1,6 @@
 #include "display-node/display_options.h"
 
+#include <charconv>
 #include <cstdio>
 
 #include "core/base/time.h"
@@ -23,11 +24,12 @@ void add_screen_options(CLI::App& app, DisplayOptions& display) {
       "sim: NAME=WIDTHxHEIGHT@HZ, back=128x96@60 if left out; x11: NAME=OUTPUT as xrandr calls it; kms: "
       "NAME=[CARD:]CONNECTOR[@WIDTHxHEIGHT[@HZ]]; all monitors if left out; repeat for more");
   app.add_option("--x11-server", display.x11_server, "x11: which, such as :0; $DISPLAY if left out");
-  app.add_option("--patch-rows", display.patch_rows,
-                 "rows at the bottom of every monitor that show an id patch, by which frames are proven from "
-                 "their pixels")
-      ->check(CLI::Range(0, 4096))
-      ->capture_default_str();
+  app.add_option(
+         "--patch-rows", display.patch_rows,
+         "ROWS at the bottom of every monitor that show an id patch, by which frames are proven from their "
+         "pixels, 0 if left out; NAME=ROWS of one monitor, such as left=0 where the camera does not see it "
+         "and its frames are proven by time alone; repeat for more")
+      ->type_name("[NAME=]ROWS");
   app.add_option("--lag-ms", display.lag_ms, "time from the scan-out of a row to its light")
       ->check(CLI::Range(0.0, 200.0))
       ->capture_default_str();
@@ -112,6 +114,22 @@ nanoseconds DisplayOptions::settle() const {
 }
 nanoseconds DisplayOptions::jitter() const {
   return of_ms(jitter_ms);
+}
+
+absl::StatusOr<PatchRows> DisplayOptions::patches() const {
+  PatchRows patches;
+  for (const std::string& text : patch_rows) {
+    const size_t equals = text.find('=');
+    const std::string rows = equals == std::string::npos ? text : text.substr(equals + 1);
+    int count = 0;
+    const auto [end, error] = std::from_chars(rows.data(), rows.data() + rows.size(), count);
+    if (error != std::errc() || end != rows.data() + rows.size() || count < 0 || equals == 0) {
+      return absl::InvalidArgumentError("--patch-rows is " + text +
+                                        "; it must be ROWS or NAME=ROWS, such as 48 or left=0");
+    }
+    (equals == std::string::npos ? patches.of_all : patches.of_one[text.substr(0, equals)]) = count;
+  }
+  return patches;
 }
 
 absl::StatusOr<TrueOptics> DisplayOptions::true_optics() const {

@@ -22,7 +22,7 @@ struct DisplayOptions {
   std::vector<std::string> monitors;
   std::string x11_server;
   double lag_ms = 3.0, settle_ms = 1.0;
-  int patch_rows = 0;
+  std::vector<std::string> patch_rows;
   std::optional<int> bits;  // of a code; empty: the backend's default
   // Of simulated screens.
   std::optional<double> true_lag_ms, true_settle_ms;
@@ -39,6 +39,8 @@ struct DisplayOptions {
   nanoseconds lag() const;
   nanoseconds settle() const;
   nanoseconds jitter() const;
+  // INVALID_ARGUMENT: --patch-rows cannot be read.
+  absl::StatusOr<PatchRows> patches() const;
   // INVALID_ARGUMENT: --true-response or --true-flicker cannot be read.
   absl::StatusOr<TrueOptics> true_optics() const;
 };

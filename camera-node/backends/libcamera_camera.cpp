@@ -1,11 +1,11 @@
 #include "camera-node/backends/libcamera_camera.h"
 
+#include <absl/strings/ascii.h>
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -51,8 +51,9 @@ const libcamera::ControlInfo* find_control(const libcamera::Camera& camera, cons
 bool is_usb(const std::string& id) {
   if (id.size() < 10) return false;
   const std::string end = id.substr(id.size() - 10);
-  return end[0] == '-' && end[5] == ':' &&
-         std::all_of(end.begin() + 1, end.end(), [](char c) { return c == ':' || std::isxdigit(c); });
+  return end[0] == '-' && end[5] == ':' && std::all_of(end.begin() + 1, end.end(), [](char c) {
+           return c == ':' || absl::ascii_isxdigit(static_cast<unsigned char>(c));
+         });
 }
 
 bool same_setting(double is, double asked) {

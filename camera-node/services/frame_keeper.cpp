@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <set>
 #include <utility>
@@ -36,6 +37,7 @@ v1::UnseenPatch unseen_patch(const PatchProof::LearningSet& set) {
   patch.set_monitor(set.frames.front().record.stimulus().panel());
   patch.set_reason(std::string(set.learned.message()));
   patch.set_dark(absl::IsNotFound(set.learned));
+  patch.set_contradicts(absl::IsOutOfRange(set.learned));
   return patch;
 }
 
@@ -70,6 +72,15 @@ absl::StatusOr<std::vector<Archive::NewFrame>> FrameKeeper::find_pictures(const 
   return frames;
 }
 
+std::map<std::int64_t, CapturedFrame> FrameKeeper::find_last(const v1::LearnPatchesRequest& request) const {
+  std::map<std::int64_t, CapturedFrame> last;
+  for (int i = 0; i < std::min(request.frames_size(), request.last_sequences_size()); ++i) {
+    if (std::optional<CapturedFrame> found = ring_.find(request.last_sequences(i)))
+      last.emplace(request.frames(i).sequence(), *std::move(found));
+  }
+  return last;
+}
+
 nanoseconds FrameKeeper::wait_of(const Frames& wanted) const {
   const std::optional<CapturedFrame> newest = ring_.newest();
   nanoseconds waited{};
@@ -87,6 +98,7 @@ absl::Status FrameKeeper::use_proof_of(const std::string& session, Archive& arch
   GW_RETURN_IF_ERROR(proof_.learn_from(archive));
   of_calibration_ = archive.manifest().plan().has_calibration();
   proof_session_ = session;
+  learning_since_ = std::numeric_limits<std::int64_t>::max();
   return absl::OkStatus();
 }
 
@@ -155,6 +167,7 @@ absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatch
         "LearnPatches takes frames of kind \"patch\"; send others with KeepFrames");
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store_.find(request.session()));
   GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find_pictures(request.frames()));
+  const std::map<std::int64_t, CapturedFrame> last = find_last(request);
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(use_proof_of(request.session(), *archive));
   v1::LearnPatchesResponse response;
@@ -162,13 +175,13 @@ absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatch
   std::set<int> waiting;
   for (Archive::NewFrame& frame : frames) {
     waiting.insert(frame.record.step());
-    std::optional<PatchProof::LearningSet> set = proof_.add(std::move(frame));
+    learning_since_ = std::min(learning_since_, frame.record.sequence());
+    const auto later = last.find(frame.record.sequence());
+    std::optional<PatchProof::LearningSet> set =
+        later == last.end() ? proof_.add(std::move(frame)) : proof_.add(std::move(frame), later->second);
     if (!set) continue;
     const bool learned = set->learned.ok();
-    if (!learned) *response.add_unseen_patches() = unseen_patch(*set);
-    const std::string& monitor = set->frames.front().record.stimulus().panel();
-    const bool kept = learned || std::ranges::find(request.accept_unseen_patches(), monitor) !=
-                                     request.accept_unseen_patches().end();
+    const bool kept = learned || accepts(request, *set, response);
     for (Archive::NewFrame& member : set->frames) {
       waiting.erase(member.record.step());
       // Learning succeeds only if every frame shows the id of its step.
@@ -181,6 +194,24 @@ absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatch
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven, nanoseconds(0)));
   for (const v1::Frame& frame : stored) *response.add_frames() = frame;
   return response;
+}
+
+bool FrameKeeper::accepts(const v1::LearnPatchesRequest& request, const PatchProof::LearningSet& set,
+                          v1::LearnPatchesResponse& response) const {
+  v1::UnseenPatch& patch = *response.add_unseen_patches() = unseen_patch(set);
+  if (patch.contradicts() || std::ranges::find(request.accept_unseen_patches(), patch.monitor()) ==
+                                 request.accept_unseen_patches().end())
+    return false;
+  patch.set_frozen(patch.dark() && !has_changed_from(set.frames.front().image));
+  return !patch.frozen();
+}
+
+bool FrameKeeper::has_changed_from(const Image16& image) const {
+  return std::ranges::any_of(ring_.all(), [&](const CapturedFrame& frame) {
+    if (frame.taken.sequence() < learning_since_) return false;
+    const absl::StatusOr<Image16> other = frame.image();
+    return other.ok() && shape_of(*other) == shape_of(image) && differs(*other, image);
+  });
 }
 
 absl::StatusOr<v1::LookForPatchesResponse> FrameKeeper::look(const v1::LookForPatchesRequest& request) const {

@@ -4,6 +4,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <map>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -34,6 +35,14 @@ class FrameKeeper {
   absl::StatusOr<std::vector<Held>> find(const Frames& wanted) const;
   // The same with their pictures.
   absl::StatusOr<std::vector<Archive::NewFrame>> find_pictures(const Frames& wanted) const;
+  // Of LearnPatchesRequest.last_sequences, those that are still in the ring, by the frame's sequence.
+  std::map<std::int64_t, CapturedFrame> find_last(const v1::LearnPatchesRequest& request) const;
+  // Adds a set whose patch is not seen to the response. Returns true if its frames are to be stored.
+  bool accepts(const v1::LearnPatchesRequest& request, const PatchProof::LearningSet& set,
+               v1::LearnPatchesResponse& response) const;
+  // Some pixel of some frame in the ring differs, from the session's first learning frame on. Requires
+  // mutex_.
+  bool has_changed_from(const Image16& image) const;
   // Judges the frames, and stores those that pass. Requires mutex_.
   absl::Status judge_and_store(Archive& archive, std::vector<Archive::NewFrame> frames, nanoseconds waited,
                                v1::KeepFramesResponse& response);
@@ -50,6 +59,8 @@ class FrameKeeper {
   std::mutex mutex_;           // held while frames are judged and stored
   std::string proof_session_;  // guarded by mutex_
   PatchProof proof_;           // of proof_session_; guarded by mutex_
+  // Sequence of proof_session_'s first frame of kind "patch"; guarded by mutex_.
+  std::int64_t learning_since_ = 0;
   // Whether proof_session_ is a calibration's, whose frames are read at single pixels; guarded by mutex_.
   bool of_calibration_ = false;
   FormChoice form_;  // guarded by mutex_

@@ -23,6 +23,11 @@ void FrameRing::clear() {
   held_bytes_ = 0;
 }
 
+std::deque<CapturedFrame> FrameRing::all() const {
+  const std::lock_guard lock(mutex_);
+  return frames_;
+}
+
 std::optional<CapturedFrame> FrameRing::newest() const {
   const std::lock_guard lock(mutex_);
   return frames_.empty() ? std::nullopt : std::optional(frames_.back());

@@ -18,6 +18,8 @@ class FrameRing {
   // stays.
   void push(CapturedFrame frame, size_t max_frames);
   void clear();
+  // Oldest first.
+  std::deque<CapturedFrame> all() const;
   // None: the ring is empty.
   std::optional<CapturedFrame> newest() const;
   // Waits for a newest frame other than `sequence`; none after `timeout`.

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "camera-node/camera.h"
 #include "core/frame/archive.h"
 #include "core/pattern/id_patch.h"
 
@@ -28,11 +29,13 @@ class PatchProof {
   // applies to frames of that stage and exposure.
   struct LearningSet {
     std::vector<Archive::NewFrame> frames;
-    absl::Status learned;  // PatchReader::learn's result
+    absl::Status learned;  // PatchReader::learn's result; OUT_OF_RANGE also: a later frame shows another id
   };
   // Adds a frame of kind "patch". It replaces a waiting one of the same id, monitor, stage and exposure. When
-  // its set is complete, learns from the set and returns it.
-  std::optional<LearningSet> add(Archive::NewFrame frame);
+  // its set is complete, learns from the set and returns it. `last`: a later frame that must show the same
+  // id, if it is not lost. The rows of a picture are replaced from the top, and those of the patch come last:
+  // as long as it stands, and one scan-out earlier, the picture above it has not been replaced either.
+  std::optional<LearningSet> add(Archive::NewFrame frame, std::optional<CapturedFrame> last = {});
 
   // Compares `record.patch_id` with the pixels of each monitor whose patch is known. If the lit monitor's
   // patch agrees, sets record.proof to PROOF_TIME_AND_PATCH.
@@ -44,11 +47,17 @@ class PatchProof {
     double exposure_ms = 0.0;
     std::string monitor;
     PatchReader reader;
+    // `read` is what the reader sees of `id`.
+    bool shows(std::uint16_t read, std::uint32_t id) const { return ((read ^ id) & reader.bits()) == 0; }
   };
-  absl::Status learn(const std::vector<Archive::NewFrame>& frames);
+  struct Waiting {
+    Archive::NewFrame frame;
+    std::optional<CapturedFrame> last;
+  };
+  absl::Status learn(const std::vector<Waiting>& set);
 
   std::vector<Known> known_;
-  std::vector<Archive::NewFrame> waiting_;  // of sets that are not complete
+  std::vector<Waiting> waiting_;  // of sets that are not complete
 };
 
 }  // namespace glasswing

@@ -141,6 +141,17 @@ std::string waiting_text(const v1::Session& session) {
                      waiting.advice());
 }
 
+namespace {
+
+// Of a captured session whose proofs are less than they could be.
+std::string by_time_text(const v1::Session& session) {
+  if (session.time_proven_count() == 0) return "";
+  return fmt::format("; {} of {} steps are proven by time alone", session.time_proven_count(),
+                     session.step_count());
+}
+
+}  // namespace
+
 std::string summary_of(const v1::Session& session) {
   std::string line = fmt::format("session {} is {}", session.name(), state_name(session.state()));
   // Of a session that is paused the reason says more.
@@ -155,9 +166,9 @@ std::string summary_of(const v1::Session& session) {
       if (session.frame_count() > 0) line += fmt::format(": a video of {}", video_text(session));
       // Imported frames have no capture time.
       if (session.frames_taken() == 0) return line + fmt::format(": {} frames", session.step_count());
-      return line + fmt::format(": {} steps ({} retaken) in {}, {} frames taken", session.step_count(),
+      return line + fmt::format(": {} steps ({} retaken) in {}, {} frames taken{}", session.step_count(),
                                 session.retaken_count(), seconds_text(session.capture_seconds()),
-                                session.frames_taken());
+                                session.frames_taken(), by_time_text(session));
     case v1::SESSION_STATE_SOLVING:
       line += " by " + method_text(session);
       if (is_video(session) && !session.matte_ready())  // otherwise the frames are the previous solve's
@@ -166,12 +177,14 @@ std::string summary_of(const v1::Session& session) {
       return line + ": " + tiles_text(session);
     case v1::SESSION_STATE_DONE:
       if (is_video(session))
-        return line + fmt::format(": mattes of {}, solved by {} in {}", video_text(session),
-                                  method_text(session), seconds_text(session.solve_seconds()));
-      return line + fmt::format(": {} of {} pixels show the object ({} flagged){}, solved by {} in {}",
+        return line + fmt::format(": mattes of {}, solved by {} in {}{}", video_text(session),
+                                  method_text(session), seconds_text(session.solve_seconds()),
+                                  by_time_text(session));
+      return line + fmt::format(": {} of {} pixels show the object ({} flagged){}, solved by {} in {}{}",
                                 session.object_pixel_count(), session.pixel_count(),
                                 session.flagged_pixel_count(), unsolved_text(session.unsolved_pixel_count()),
-                                method_text(session), seconds_text(session.solve_seconds()));
+                                method_text(session), seconds_text(session.solve_seconds()),
+                                by_time_text(session));
     default:
       return line;
   }

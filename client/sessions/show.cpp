@@ -54,7 +54,7 @@ void print_details(const v1::Session& session) {
     causes += fmt::format("{}{} {}", causes.empty() ? "" : ", ", retakes.count(), describe(retakes.cause()));
   row("retakes", causes);
   if (session.frames_taken() > 0) {
-    row("proof", fmt::format("{} by time and id patch, {} by time; {} refused for their pixels",
+    row("proof", fmt::format("{} by time and id patch, {} by time alone; {} refused for their pixels",
                              session.patch_proven_count(),
                              session.proven_count() - session.patch_proven_count(), session.refused_count()));
   }

@@ -20,7 +20,7 @@ const char* outcome_text(const v1::StepEvent& event) {
     case v1::STEP_OUTCOME_PROVEN:
       return event.proof() == v1::PROOF_TIME_AND_PATCH ? "proven by time and id patch"
              : event.proof() == v1::PROOF_IMPORTED     ? "imported"
-                                                       : "proven by time";
+                                                       : "proven by time alone";
     case v1::STEP_OUTCOME_RETAKEN:
       return "retaken";
     case v1::STEP_OUTCOME_LOST:

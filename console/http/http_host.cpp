@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 #include <openssl/ssl.h>
 
-#include <charconv>
 #include <nlohmann/json.hpp>
 
+#include "core/base/address.h"
 #include "core/base/status.h"
 #include "core/security/pem.h"
 #include "core/security/tls.h"
@@ -73,11 +73,8 @@ bool refuses_body(const Request& request, const HttpHost::BodyLimit& limit, Resp
 
 absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& address,
                                                          const HttpLimits& limits) {
-  const size_t colon = address.rfind(':');
-  int port = -1;
-  if (colon != std::string::npos)
-    std::from_chars(address.data() + colon + 1, address.data() + address.size(), port);
-  if (port < 0 || port > 65535)
+  absl::StatusOr<Address> at = parse_address(address);
+  if (!at.ok())
     return absl::InvalidArgumentError(fmt::format("--listen is \"{}\"; it must be HOST:PORT", address));
   std::unique_ptr<HttpHost> self(new HttpHost);
   self->has_tls_ = !tls_material().key.empty();
@@ -91,14 +88,12 @@ absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& addr
   self->server_->set_payload_max_length(kMaxBytes);
   self->server_->set_keep_alive_max_count(1000);
   self->server_->set_tcp_nodelay(true);
-  std::string host = address.substr(0, colon);
-  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
-  const bool bound = port != 0 ? self->server_->bind_to_port(host, port)
-                               : (port = self->server_->bind_to_any_port(host)) > 0;
+  const bool bound = at->port != 0 ? self->server_->bind_to_port(at->host, at->port)
+                                   : (at->port = self->server_->bind_to_any_port(at->host)) > 0;
   if (!bound)
     return absl::UnavailableError(
         fmt::format("cannot listen on {} (--listen); is another program running there?", address));
-  self->address_ = fmt::format("{}:{}", address.substr(0, colon), port);
+  self->address_ = text_of(*at);
   return self;
 }
 

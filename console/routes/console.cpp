@@ -14,6 +14,7 @@
 #include "console/routes/event_stream.h"
 #include "core/base/pause.h"
 #include "core/base/status.h"
+#include "core/security/roles.h"
 #include "core/service/service.h"
 #include "glasswing/v1/plan.pb.h"
 
@@ -29,7 +30,7 @@ constexpr std::chrono::hours kMaxStream(24);
 constexpr std::chrono::minutes kFitTimeout(11);
 constexpr std::chrono::milliseconds kFirstMessage(250);
 constexpr std::chrono::seconds kAnnounceInterval(1);
-constexpr size_t kMaxJson = size_t{8} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
+constexpr size_t kMaxJson = size_t{4} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
 constexpr const char* kJson = "application/json";
 constexpr const char* kHoldHeader = "X-Glasswing-Hold";
 
@@ -81,6 +82,25 @@ absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_
 void refuse_visit(Response& response, const absl::Status& status) {
   if (absl::IsUnavailable(status)) response.set_header("Retry-After", "1");
   refuse(response, status);
+}
+
+absl::Status anybody(const Request&, const Principal&) {
+  return absl::OkStatus();
+}
+
+// What the server would refuse; it logs what it admits.
+absl::Status check_server_call(std::string_view method, const Principal& principal) {
+  for (const MethodAccess& access : access_table()) {
+    if (access.method == method && (access.roles & principal.roles) == 0)
+      return admit(method, principal.roles, principal.title());
+  }
+  return absl::OkStatus();
+}
+
+// Of the path's last two parts.
+absl::StatusOr<JsonMethod> method_in(const Request& request) {
+  const size_t last = request.matches.size() - 1;
+  return JsonMethod::find(request.matches[last - 1], request.matches[last]);
 }
 
 // Nodes know no logins: what the console may do there, it may do for viewers and operators alike.
@@ -180,25 +200,36 @@ void Console::add_routes(const std::filesystem::path& files) {
                 if (!body.ok()) return refuse(response, body.status());
                 log_in(request, *body, response);
               });
-  routes.Post("/logout", guarded(kMaxToken, [this](const Login& login, const Request&, const std::string&,
-                                                   Response& response) {
-                if (const absl::Status status = server_.log_out(login); !status.ok())
-                  return refuse_visit(response, status);
-                response.set_header("Set-Cookie", cookie_of("", std::chrono::seconds(0), host_->has_tls()));
-                response.set_content("{}", kJson);
-              }));
+  routes.Post("/logout",
+              guarded(kMaxToken, anybody,
+                      [this](const Login& login, const Request&, const std::string&, Response& response) {
+                        if (const absl::Status status = server_.log_out(login); !status.ok())
+                          return refuse_visit(response, status);
+                        response.set_header("Set-Cookie",
+                                            cookie_of("", std::chrono::seconds(0), host_->has_tls()));
+                        response.set_content("{}", kJson);
+                      }));
   routes.Get("/me", guarded([](const Login& login, const Request&, Response& response) {
                response.set_content(principal_json(login.principal), kJson);
              }));
+  const auto may_call_node = [](const Request& request, const Principal& principal) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const JsonMethod method, method_in(request));
+    return check_node_call(method.name(), principal);
+  };
   routes.Post(R"(/api/nodes/([A-Za-z0-9._-]+)/(\w+)/(\w+))",
-              guarded(kMaxJson, [this](const Login& login, const Request& request, const std::string& body,
-                                       Response& response) {
-                call(request.matches[1].str(), login, request, body, response);
-              }));
-  routes.Post(R"(/api/(\w+)/(\w+))", guarded(kMaxJson, [this](const Login& login, const Request& request,
-                                                              const std::string& body, Response& response) {
-                call(std::nullopt, login, request, body, response);
-              }));
+              guarded(kMaxJson, may_call_node,
+                      [this](const Login& login, const Request& request, const std::string& body,
+                             Response& response) {
+                        call(request.matches[1].str(), login, request, body, response);
+                      }));
+  const auto may_call = [](const Request& request, const Principal& principal) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const JsonMethod method, method_in(request));
+    return check_server_call(method.name(), principal);
+  };
+  routes.Post(R"(/api/(\w+)/(\w+))",
+              guarded(kMaxJson, may_call,
+                      [this](const Login& login, const Request& request, const std::string& body,
+                             Response& response) { call(std::nullopt, login, request, body, response); }));
   add_data_routes();
   routes.set_mount_point(
       "/assets", (files / "assets").string(),
@@ -222,14 +253,19 @@ void Console::add_routes(const std::filesystem::path& files) {
 
 void Console::add_data_routes() {
   httplib::Server& routes = host_->routes();
-  routes.Post("/plans", guarded(kMaxJson, [](const Login&, const Request&, const std::string& body,
-                                             Response& response) { parse_plan(body, response); }));
-  routes.Post("/images", guarded(kMaxImage, [this](const Login& login, const Request&,
-                                                   const std::string& body, Response& response) {
-                sessions_.store_image(login, body, response);
-              }));
+  routes.Post("/plans", guarded(kMaxJson, anybody,
+                                [](const Login&, const Request&, const std::string& body,
+                                   Response& response) { parse_plan(body, response); }));
+  const auto of = [](const char* method) -> Check {
+    return
+        [method](const Request&, const Principal& principal) { return check_server_call(method, principal); };
+  };
+  routes.Post("/images",
+              guarded(kMaxImage, of("SessionService/UploadImage"),
+                      [this](const Login& login, const Request&, const std::string& body,
+                             Response& response) { sessions_.store_image(login, body, response); }));
   routes.Post(R"(/imports/([A-Za-z0-9._-]+))",
-              guarded(ImportRoutes::kMaxManifest,
+              guarded(ImportRoutes::kMaxManifest, of("SessionService/BeginImport"),
                       [this](const Login& login, const Request& request, const std::string& body,
                              Response& response) { imports_.begin(login, request, body, response); }));
   // Its body is not held. Of a refused request it is not read, and the connection ends.
@@ -243,7 +279,7 @@ void Console::add_data_routes() {
   using Make = void (RayRoutes::*)(const Login&, const Request&, const std::string&, Response&) const;
   const auto make = [&](const char* path, Make own) {
     routes.Post(path,
-                guarded(RayRoutes::kMaxGeometry,
+                guarded(RayRoutes::kMaxGeometry, anybody,
                         [this, own](const Login& login, const Request& request, const std::string& body,
                                     Response& response) { (rays_.*own)(login, request, body, response); }));
   };
@@ -279,13 +315,16 @@ httplib::Server::Handler Console::guarded(Handler handler) const {
   };
 }
 
-httplib::Server::HandlerWithContentReader Console::guarded(size_t max_bytes, BodyHandler handler) const {
-  return [this, max_bytes, handler = std::move(handler)](const Request& request, Response& response,
-                                                         const httplib::ContentReader& content) {
+httplib::Server::HandlerWithContentReader Console::guarded(size_t max_bytes, Check may,
+                                                           BodyHandler handler) const {
+  return [this, max_bytes, may = std::move(may), handler = std::move(handler)](
+             const Request& request, Response& response, const httplib::ContentReader& content) {
     response.set_header("Cache-Control", "no-store");
     const absl::StatusOr<Login> login = authenticate(request);
-    const absl::StatusOr<std::string> body = body_of(content, login.ok() ? max_bytes : 0);
+    const absl::Status admitted = login.ok() ? may(request, login->principal) : login.status();
+    const absl::StatusOr<std::string> body = body_of(content, admitted.ok() ? max_bytes : 0);
     if (!login.ok()) return refuse_visit(response, login.status());
+    if (!admitted.ok()) return refuse(response, admitted);
     if (!body.ok()) return refuse(response, body.status());
     handler(*login, request, *body, response);
   };
@@ -295,15 +334,19 @@ void Console::log_in(const Request& request, const std::string& text, Response& 
   if (const absl::Status status = check_origin(request, host_->has_tls()); !status.ok())
     return refuse(response, status);
   const auto moment = std::chrono::steady_clock::now();
-  if (!logins_.allows(request.remote_addr, moment)) {
-    return refuse(response, absl::ResourceExhaustedError(
-                                "too many logins from this address were refused; wait a minute"));
-  }
+  // Behind a proxy or a tunnel everybody has one address: guesses lock out no real token.
+  const bool locked_out = !logins_.allows(request.remote_addr, moment);
   const auto body = nlohmann::json::parse(text, nullptr, false);
   const bool told = body.is_object() && body.contains("token") && body["token"].is_string();
   const absl::StatusOr<Login> login =
-      server_.log_in(told ? body["token"].get<std::string>() : "", request.remote_addr);
-  if (absl::IsUnauthenticated(login.status())) logins_.note_refused(request.remote_addr, moment);
+      server_.log_in(told ? body["token"].get<std::string>() : "", request.remote_addr, locked_out);
+  if (absl::IsUnauthenticated(login.status())) {
+    if (locked_out) {
+      return refuse(response, absl::ResourceExhaustedError(
+                                  "too many logins from this address were refused; wait a minute"));
+    }
+    logins_.note_refused(request.remote_addr, moment);
+  }
   if (!login.ok()) return refuse_visit(response, login.status());
   const auto valid =
       std::chrono::floor<std::chrono::seconds>(login->principal.expires - std::chrono::system_clock::now());
@@ -313,16 +356,12 @@ void Console::log_in(const Request& request, const std::string& text, Response& 
 
 void Console::call(const std::optional<std::string>& node, const Login& login, const Request& request,
                    const std::string& body, Response& response) {
-  const size_t last = request.matches.size() - 1;
-  const absl::StatusOr<JsonMethod> method =
-      JsonMethod::find(request.matches[last - 1], request.matches[last]);
+  const absl::StatusOr<JsonMethod> method = method_in(request);
   if (!method.ok()) return refuse(response, method.status());
   const absl::StatusOr<std::string> hold = hold_in(request);
   if (!hold.ok()) return refuse(response, hold.status());
   Callee callee{.channel = server_.channel(), .title = server_.title(), .login = &login, .hold = *hold};
   if (node) {
-    if (const absl::Status status = check_node_call(method->name(), login.principal); !status.ok())
-      return refuse(response, status);
     const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = nodes_.to(*node, login);
     if (!channel.ok()) return refuse(response, channel.status());
     callee = {.channel = *channel, .title = fmt::format("node \"{}\"", *node)};

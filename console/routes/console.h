@@ -74,9 +74,11 @@ class Console {
   void add_data_routes();
   // Wraps a handler so that it serves only people who are logged in, and only requests of our own page.
   httplib::Server::Handler guarded(Handler handler) const;
+  // Whether somebody may make a request, before its body is held.
+  using Check = std::function<absl::Status(const httplib::Request&, const Principal&)>;
   // The same, with at most `max_bytes` of body. The body of a refused request is read and dropped; otherwise
   // it would be taken for the connection's next request.
-  httplib::Server::HandlerWithContentReader guarded(size_t max_bytes, BodyHandler handler) const;
+  httplib::Server::HandlerWithContentReader guarded(size_t max_bytes, Check may, BodyHandler handler) const;
   // Whose a request is. Errors are those of check_origin and ServerLink::principal_of.
   absl::StatusOr<Login> authenticate(const httplib::Request& request) const;
   void log_in(const httplib::Request& request, const std::string& body, httplib::Response& response);

@@ -15,7 +15,7 @@ namespace glasswing {
 // whole frame is held.
 class ImportRoutes {
  public:
-  static constexpr size_t kMaxManifest = size_t{64} << 20;  // bytes
+  static constexpr size_t kMaxManifest = size_t{32} << 20;  // bytes
   static constexpr size_t kMaxFrames = size_t{1} << 30;     // bytes of one request
   static constexpr const char* kTokenHeader = "X-Glasswing-Import";
 

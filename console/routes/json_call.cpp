@@ -5,7 +5,9 @@
 #include <google/protobuf/dynamic_message.h>
 #include <google/protobuf/util/json_util.h>
 
+#include "console/routes/json_bounds.h"
 #include "core/base/status.h"
+#include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.pb.h"
 #include "glasswing/v1/camera_service.pb.h"
@@ -75,11 +77,19 @@ absl::StatusOr<std::unique_ptr<JsonCall>> JsonCall::start(const std::shared_ptr<
                                                           const std::string& request, const Login* login,
                                                           const std::string& hold,
                                                           std::chrono::milliseconds timeout) {
+  GW_RETURN_IF_ERROR(check_json_bounds(request));
   const std::unique_ptr<pb::Message> message = made(method.descriptor->input_type());
   const auto parsed = pb::util::JsonStringToMessage(request.empty() ? "{}" : request, message.get());
   if (!parsed.ok()) {
     return absl::InvalidArgumentError(fmt::format("{} needs a {} in JSON: {}", method.name(),
                                                   message->GetTypeName(), std::string(parsed.message())));
+  }
+  // What the callee would refuse, and drop the connection for, which all visitors share.
+  GW_RETURN_IF_ERROR(check_limits(*message));
+  constexpr size_t kMaxBytes = ServiceLimits{}.message_bytes;
+  if (const size_t bytes = message->ByteSizeLong(); bytes > kMaxBytes) {
+    return absl::InvalidArgumentError(
+        fmt::format("the {} has {} bytes; it may have {}", message->GetTypeName(), bytes, kMaxBytes));
   }
   std::unique_ptr<JsonCall> self(new JsonCall(channel, method));
   set_deadline(self->context_, timeout);

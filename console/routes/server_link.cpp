@@ -56,10 +56,12 @@ void call_for(const Login& login, grpc::ClientContext& context) {
 ServerLink::ServerLink(const std::string& address)
     : title_("the server at " + address), channel_(dial(address, only(Role::kServer))) {}
 
-absl::StatusOr<Login> ServerLink::log_in(const std::string& token, const std::string& from) const {
+absl::StatusOr<Login> ServerLink::log_in(const std::string& token, const std::string& from,
+                                         bool locked_out) const {
   v1::LogInRequest request;
   request.set_token(fitted(token));
   request.set_from(from);
+  request.set_locked_out(locked_out);
   GW_ASSIGN_OR_RETURN(const v1::LogInResponse response, answer(*this, &Stub::LogIn, request));
   return Login{.secret = response.login(), .principal = principal_in(response.principal())};
 }

@@ -34,8 +34,8 @@ class ServerLink {
   // "the server at 127.0.0.1:7440", for messages.
   const std::string& title() const { return title_; }
 
-  // UNAUTHENTICATED: not a token that is valid. `from`: the browser's address.
-  absl::StatusOr<Login> log_in(const std::string& token, const std::string& from) const;
+  // UNAUTHENTICATED: not a token that is valid. `from`: the browser's address. `locked_out`: LogInRequest's.
+  absl::StatusOr<Login> log_in(const std::string& token, const std::string& from, bool locked_out) const;
   absl::Status log_out(const Login& login) const;
   // UNAUTHENTICATED: the login has ended.
   absl::StatusOr<Principal> principal_of(const std::string& login) const;

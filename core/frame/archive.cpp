@@ -183,7 +183,12 @@ absl::StatusOr<bool> Archive::is_new_locked(const v1::Frame& record) const {
         fmt::format("session \"{}\" holds another {} already; import under another name", manifest_.session(),
                     record.file()));
   }
-  if (stored_as(record) != nullptr) return false;
+  if (const v1::Frame* const known = stored_as(record)) {
+    if (known->file() == record.file() && known->checksum() == record.checksum()) return false;
+    return absl::AlreadyExistsError(
+        fmt::format("session \"{}\" holds {} of step {} already, not this {}; import under another name",
+                    manifest_.session(), known->file(), known->step(), record.file()));
+  }
   GW_RETURN_IF_ERROR(check_open());
   if (file == index_of_file_.end()) return true;
   return absl::AlreadyExistsError(fmt::format("{} holds another {}", directory_.string(), record.file()));

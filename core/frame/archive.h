@@ -74,7 +74,7 @@ class Archive {
                                              FrameForm form = FrameForm::kPlain);
 
   // False: a frame of this step (or file, where there are no steps) is stored already. Errors as add();
-  // ALREADY_EXISTS, too: the stored frame of that file has another checksum.
+  // ALREADY_EXISTS, too: the stored frame of that step or file has another checksum or file.
   absl::StatusOr<bool> is_new(const v1::Frame& record) const;
 
   // A frame whose file, whole and durable, lies under a temporary name below the archive.

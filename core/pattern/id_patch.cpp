@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
+#include <cmath>
 
 namespace glasswing {
 namespace {
@@ -17,6 +19,17 @@ constexpr float kMaxDeviation = 0.25f;            // of a pixel's contrast, from
 constexpr size_t kMaxPixels = 64;                 // of a cell
 // Of full contrast: nine tenths of one picture mixed with a tenth of another is still doubtful.
 constexpr double kSure = 0.8;
+// Of the noise: 12 sd are out of reach of ten samples.
+constexpr float kSureContrast = 12.0f;
+// Of a pixel's contrast: pairs of ids may differ by so much. A cell that was lit twice in one pair and never
+// in another makes 2; noise of a twelfth of the contrast, sqrt(2) times 2.3 sd, makes 0.3.
+constexpr float kMaxPairDifference = 0.5f;
+// Pixels that contradict: so many, and such a share of those with a sure contrast. If two ids are swapped
+// half the cells contradict; a lag of an id leaves one cell of 32 that does not.
+constexpr int kMinContradicting = 8;
+constexpr double kMaxContradicting = 0.125;
+
+using Light = std::array<float, kLearningIds.size()>;
 
 // Of a pixel's channels.
 float sum_at(const Image16& frame, size_t at) {
@@ -24,6 +37,56 @@ float sum_at(const Image16& frame, size_t at) {
   for (size_t c = 0; c < static_cast<size_t>(frame.channels); ++c)
     sum += static_cast<float>(frame.samples[at + c]);
   return sum;
+}
+
+// A pixel's light by learning id.
+Light light_at(std::span<const Image16> frames, size_t at) {
+  Light light;
+  for (size_t i = 0; i < light.size(); ++i) light[i] = sum_at(frames[i], at);
+  return light;
+}
+
+bool pairs_differ(const Light& light, float contrast) {
+  float least = light[0] + light[1], most = least;
+  for (size_t i = 2; i < light.size(); i += 2) {
+    least = std::min(least, light[i] + light[i + 1]);
+    most = std::max(most, light[i] + light[i + 1]);
+  }
+  return most - least > kMaxPairDifference * contrast;
+}
+
+// From which on a pixel's contrast is no noise. Most pixels see no patch, and change in few of the frames:
+// the median of what they change by from frame to frame is 0.95 sd of Gaussian noise.
+float sure_contrast(std::span<const Image16> frames) {
+  const auto channels = static_cast<size_t>(frames.front().channels);
+  const auto median = [](auto& values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+  };
+  std::vector<float> changes;
+  for (size_t at = 0; at < frames.front().samples.size(); at += channels) {
+    const Light light = light_at(frames, at);
+    std::array<float, kLearningIds.size() - 1> steps;
+    for (size_t i = 0; i < steps.size(); ++i) steps[i] = std::abs(light[i + 1] - light[i]);
+    changes.push_back(median(steps));
+  }
+  return changes.empty() ? 0.0f : kSureContrast * median(changes);
+}
+
+// Enough pixels change otherwise than the ids do.
+bool contradicts(std::span<const Image16> frames) {
+  const auto channels = static_cast<size_t>(frames.front().channels);
+  const float sure = std::max(kMinContrast * static_cast<float>(channels), sure_contrast(frames));
+  int sure_count = 0, contradicting = 0;
+  for (size_t at = 0; at < frames.front().samples.size(); at += channels) {
+    const Light light = light_at(frames, at);
+    const auto [low, high] = std::minmax_element(light.begin(), light.end());
+    if (*high - *low < sure) continue;
+    ++sure_count;
+    if (pairs_differ(light, *high - *low)) ++contradicting;
+  }
+  return contradicting >= kMinContradicting && contradicting > kMaxContradicting * sure_count;
 }
 
 bool is_lit(int cell, std::uint16_t id) {
@@ -71,8 +134,7 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
   reader.sample_count_ = frames.front().samples.size();
   const int channels = frames.front().channels;
   for (size_t at = 0; at < reader.sample_count_; at += static_cast<size_t>(channels)) {
-    std::array<float, kLearningIds.size()> light;
-    for (size_t i = 0; i < light.size(); ++i) light[i] = sum_at(frames[i], at);
+    const Light light = light_at(frames, at);
     const auto [low, high] = std::minmax_element(light.begin(), light.end());
     const float contrast = *high - *low;
     if (contrast < kMinContrast * static_cast<float>(channels)) continue;
@@ -91,20 +153,34 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
       reader.cells_[static_cast<size_t>(cell)].push_back({.at = at, .dark = dark, .lit = lit});
   }
   if (dark_everywhere) return absl::NotFoundError("the camera does not see the id patch");
-  for (int cell = 0; cell < kCells; ++cell) {
-    std::vector<Pixel>& pixels = reader.cells_[static_cast<size_t>(cell)];
-    if (pixels.empty()) {
-      return absl::FailedPreconditionError(fmt::format("the camera sees no {} cell of bit {} of the id patch",
-                                                       cell % 2 == 0 ? "upper" : "lower", cell / 2));
-    }
-    std::sort(pixels.begin(), pixels.end(),
-              [](const Pixel& a, const Pixel& b) { return a.lit - a.dark > b.lit - b.dark; });
-    // Noise occasionally matches a cell's sequence, but with low contrast.
-    const float strongest = pixels.front().lit - pixels.front().dark;
-    while (pixels.size() > kMaxPixels || pixels.back().lit - pixels.back().dark < 0.5f * strongest)
-      pixels.pop_back();
+  for (std::vector<Pixel>& pixels : reader.cells_) keep_strongest(pixels);
+  // One frame of another id would spoil the sequences of half the cells.
+  if (std::ranges::all_of(reader.cells_, [](const auto& pixels) { return !pixels.empty(); })) return reader;
+  if (contradicts(frames))
+    return absl::OutOfRangeError("the id patch changes at other times than are reported");
+  const int seen = std::popcount(reader.bits());
+  if (seen >= IdPatch::kMinBits) return reader;
+  return absl::FailedPreconditionError(
+      fmt::format("the camera sees only {} of the {} bits of the id patch; it must see {}", seen,
+                  IdPatch::kBits, IdPatch::kMinBits));
+}
+
+void PatchReader::keep_strongest(std::vector<Pixel>& pixels) {
+  if (pixels.empty()) return;
+  std::sort(pixels.begin(), pixels.end(),
+            [](const Pixel& a, const Pixel& b) { return a.lit - a.dark > b.lit - b.dark; });
+  // Noise occasionally matches a cell's sequence, but with low contrast.
+  const float strongest = pixels.front().lit - pixels.front().dark;
+  while (pixels.size() > kMaxPixels || pixels.back().lit - pixels.back().dark < 0.5f * strongest)
+    pixels.pop_back();
+}
+
+std::uint16_t PatchReader::bits() const {
+  unsigned bits = 0;
+  for (int bit = 0; bit < IdPatch::kBits; ++bit) {
+    if (sees(2 * bit) || sees(2 * bit + 1)) bits |= 1u << bit;
   }
-  return reader;
+  return static_cast<std::uint16_t>(bits);
 }
 
 double PatchReader::level(int cell, const Image16& frame) const {
@@ -117,15 +193,39 @@ double PatchReader::level(int cell, const Image16& frame) const {
   return above / contrast;
 }
 
+std::optional<bool> PatchReader::read_bit(int bit, const Image16& frame) const {
+  std::optional<bool> found;
+  for (const bool upper : {true, false}) {
+    const int cell = 2 * bit + (upper ? 0 : 1);
+    if (!sees(cell)) continue;
+    const double own = level(cell, frame);
+    const bool one = own > 0.0 ? upper : !upper;
+    if (std::abs(own) < kSure || (found && *found != one)) return std::nullopt;
+    found = one;
+  }
+  return found;
+}
+
 std::optional<std::uint16_t> PatchReader::read(const Image16& frame) const {
   if (frame.samples.size() != sample_count_) return std::nullopt;
+  const unsigned visible = bits();
   unsigned id = 0;
   for (int bit = 0; bit < IdPatch::kBits; ++bit) {
-    const double own = level(2 * bit, frame), other = level(2 * bit + 1, frame);
-    if (std::min(std::abs(own), std::abs(other)) < kSure || (own > 0.0) == (other > 0.0)) return std::nullopt;
-    id |= (own > 0.0 ? 1u : 0u) << bit;
+    if ((visible >> bit & 1) == 0) continue;
+    const std::optional<bool> one = read_bit(bit, frame);
+    if (!one) return std::nullopt;
+    id |= (*one ? 1u : 0u) << bit;
   }
   return static_cast<std::uint16_t>(id);
+}
+
+bool differs(const Image16& frame, const Image16& other) {
+  assert(frame.samples.size() == other.samples.size());
+  const float least = kMinContrast * static_cast<float>(frame.channels);
+  for (size_t at = 0; at < frame.samples.size(); at += static_cast<size_t>(frame.channels)) {
+    if (std::abs(sum_at(frame, at) - sum_at(other, at)) >= least) return true;
+  }
+  return false;
 }
 
 }  // namespace glasswing

@@ -6,6 +6,7 @@
 
 #include <functional>
 
+#include "core/base/address.h"
 #include "core/base/status.h"
 #include "core/security/peer.h"
 #include "core/security/pem.h"
@@ -70,11 +71,10 @@ bool contains(const std::string& text, const char* words) {
   return text.find(words) != std::string::npos;
 }
 
-// Without the brackets of an IPv6 address.
+// Empty: it is no address.
 std::string host_of(const std::string& address) {
-  std::string host = address.substr(0, address.rfind(':'));
-  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
-  return host;
+  const absl::StatusOr<Address> parsed = parse_address(address);
+  return parsed.ok() ? parsed->host : "";
 }
 
 }  // namespace

@@ -3,10 +3,12 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <grpcpp/server_context.h>
+#include <linux/sockios.h>
 #include <linux/tcp.h>
 #include <malloc.h>
 #include <netinet/in.h>
 #include <spdlog/spdlog.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -33,11 +35,14 @@ std::optional<std::uint64_t> cookie_of(int fd) {
   return cookie;
 }
 
-std::int64_t received_by(int fd) {
+// Bytes that the program has read from a connection.
+std::int64_t read_from(int fd) {
   tcp_info info{};
   socklen_t size = sizeof info;
-  if (::getsockopt(fd, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return 0;
-  return static_cast<std::int64_t>(info.tcpi_bytes_received);
+  int waiting = 0;  // asked second: what arrives meanwhile must not count as read
+  if (::getsockopt(fd, IPPROTO_TCP, TCP_INFO, &info, &size) != 0 || ::ioctl(fd, SIOCINQ, &waiting) != 0)
+    return 0;
+  return static_cast<std::int64_t>(info.tcpi_bytes_received) - waiting;
 }
 
 // What a peer sent since its last progress.
@@ -123,10 +128,10 @@ void ConnectionWatch::look() {
       at = connections_.erase(at);
       continue;
     }
-    const std::int64_t received = received_by(each.fd);
-    if (std::exchange(each.progressed, false)) each.received = received;
-    if (received > each.received)
-      addresses[at->first.substr(0, at->first.rfind(':'))].push_back({received - each.received, at->first});
+    const std::int64_t read = read_from(each.fd);
+    if (std::exchange(each.progressed, false)) each.read = read;
+    if (read > each.read)
+      addresses[at->first.substr(0, at->first.rfind(':'))].push_back({read - each.read, at->first});
     ++at;
   }
   for (auto& [address, unfinished] : addresses) {

@@ -18,9 +18,10 @@ namespace glasswing {
 // Thread-safe.
 class ConnectionWatch {
  public:
-  // A connection is dropped once it has received `max_bytes` since a call began on it or a message of a call
-  // was received or sent; of the connections of one address the greediest are, once these bytes come to twice
-  // as much. `max_bytes` must exceed the largest message.
+  // A connection is dropped once gRPC has read `max_bytes` of it since a call began on it or a message of a
+  // call was received or sent; of the connections of one address the greediest are, once these bytes come to
+  // twice as much. What the kernel still holds, as on a busy machine, is not counted. `max_bytes` must exceed
+  // the largest message.
   explicit ConnectionWatch(std::int64_t max_bytes);
   ~ConnectionWatch();
 
@@ -33,8 +34,8 @@ class ConnectionWatch {
  private:
   struct Connection {
     int fd = -1;
-    std::uint64_t cookie = 0;   // the kernel's name of the socket, since the number may be used again
-    std::int64_t received = 0;  // bytes at the last progress
+    std::uint64_t cookie = 0;  // the kernel's name of the socket, since the number may be used again
+    std::int64_t read = 0;     // bytes at the last progress
     bool progressed = true;
   };
   void look();

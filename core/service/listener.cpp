@@ -13,6 +13,7 @@
 #include <chrono>
 #include <cstring>
 
+#include "core/base/address.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -27,16 +28,14 @@ struct FreeAddresses {
 using Addresses = std::unique_ptr<addrinfo, FreeAddresses>;
 
 absl::StatusOr<Addresses> addresses_of(const std::string& address) {
-  const size_t colon = address.rfind(':');
-  std::string host = address.substr(0, colon);
-  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
-  const std::string port = colon == std::string::npos ? "" : address.substr(colon + 1);
+  const absl::StatusOr<Address> at = parse_address(address);
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
   hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
   addrinfo* found = nullptr;
-  const int failed =
-      host.empty() || port.empty() ? EAI_NONAME : ::getaddrinfo(host.c_str(), port.c_str(), &hints, &found);
+  const int failed = at.ok()
+                         ? ::getaddrinfo(at->host.c_str(), std::to_string(at->port).c_str(), &hints, &found)
+                         : EAI_NONAME;
   if (failed == 0) return Addresses(found);
   return absl::InvalidArgumentError(fmt::format("--listen is {}; it must be HOST:PORT of this machine: {}",
                                                 address, ::gai_strerror(failed)));

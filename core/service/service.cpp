@@ -10,8 +10,8 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <regex>
 
+#include "core/base/address.h"
 #include "core/base/status.h"
 #include "core/security/call_shares.h"
 #include "core/security/tls.h"
@@ -64,8 +64,8 @@ class DaemonLogService final : public v1::LogService::Service {
   }
 };
 
-std::string host_of(const std::string& address) {
-  return address.substr(0, address.rfind(':'));
+bool is_every_host(const std::string& host) {
+  return host == "0.0.0.0" || host == "::";
 }
 
 constexpr int kMaxMetadataBytes = 16 << 10;  // of a call; its path and our own metadata have some hundred
@@ -85,6 +85,9 @@ void set_limits(grpc::ServerBuilder& builder, const ServiceLimits& limits) {
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, static_cast<int>(limits.idle.count()));
+  // Otherwise windows grow to megabytes that a busy daemon holds unread, and ConnectionWatch cannot tell from
+  // a flood. A message that is waited for gets a window of its size all the same.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, limits.calls_of_a_connection);
   builder.SetMaxReceiveMessageSize(limits.message_bytes);
   grpc::ResourceQuota quota("service");
@@ -109,18 +112,19 @@ int allow_descriptors() {
 
 absl::Status check_advertised(const ListenOptions& options) {
   const std::string& advertised = options.advertised;
-  const std::string host = host_of(options.address);
+  const absl::StatusOr<Address> listening = parse_address(options.address);
+  if (!listening.ok()) {
+    return absl::InvalidArgumentError(fmt::format("--listen: {}", std::string(listening.status().message())));
+  }
   if (advertised.empty()) {
-    if (host != "0.0.0.0" && host != "[::]") return absl::OkStatus();
+    if (!is_every_host(listening->host)) return absl::OkStatus();
     return absl::InvalidArgumentError(
         fmt::format("--listen is {}, which is every address of this machine; set --advertise HOST:PORT, by "
                     "which the others call it",
                     options.address));
   }
-  static const std::regex kHostAndPort(R"(([^:/\s]+|\[[0-9A-Fa-f:.]+\]):([1-9][0-9]{0,4}))");
-  if (std::regex_match(advertised, kHostAndPort) && host_of(advertised) != "0.0.0.0" &&
-      host_of(advertised) != "[::]")
-    return absl::OkStatus();
+  const absl::StatusOr<Address> called = parse_address(advertised);
+  if (called.ok() && called->port > 0 && !is_every_host(called->host)) return absl::OkStatus();
   return absl::InvalidArgumentError(fmt::format(
       "--advertise is {}; it must be the HOST:PORT by which the others call this machine", advertised));
 }
@@ -165,7 +169,8 @@ std::shared_ptr<grpc::Channel> dial(const std::string& address, Roles roles) {
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetInt(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
   arguments.SetInt(GRPC_COMPRESSION_CHANNEL_ENABLED_ALGORITHMS_BITSET, kUncompressed);
-  return grpc::CreateCustomChannel(address, credentials_for(address, roles), arguments);
+  // With its scheme: a host such as "unix" is none.
+  return grpc::CreateCustomChannel("dns:///" + address, credentials_for(address, roles), arguments);
 }
 
 void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeout) {
@@ -206,7 +211,7 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
     return absl::InternalError(fmt::format("cannot serve on {}", options.address));
   self->listener_ = std::move(listener);
   self->listener_->start(std::move(acceptor), watch, std::min(limits.descriptors, allow_descriptors() / 2));
-  self->address_ = fmt::format("{}:{}", host_of(options.address), self->listener_->port());
+  self->address_ = text_of({.host = parse_address(options.address)->host, .port = self->listener_->port()});
   self->advertised_ = options.advertised.empty() ? self->address_ : options.advertised;
   self->server_->GetHealthCheckService()->SetServingStatus(true);
   return self;

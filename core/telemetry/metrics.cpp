@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 #include <prometheus/registry.h>
 
-#include <charconv>
 #include <map>
 #include <mutex>
 
+#include "core/base/address.h"
 #include "core/base/version.h"
 #include "core/security/tls.h"
 #include "core/telemetry/process_metrics.h"
@@ -47,15 +47,6 @@ class AllMetrics final : public prometheus::Collectable {
  private:
   const MetricsOptions options_;
 };
-
-bool has_port(const std::string& address) {
-  const size_t colon = address.rfind(':');
-  if (colon == std::string::npos) return false;
-  int port = -1;
-  const char* end = address.data() + address.size();
-  const auto [at, error] = std::from_chars(address.data() + colon + 1, end, port);
-  return error == std::errc() && at == end && port >= 0 && port <= 65535;
-}
 
 }  // namespace
 
@@ -112,7 +103,8 @@ void add_metrics_option(CLI::App& app, MetricsOptions& options) {
 
 absl::StatusOr<std::unique_ptr<MetricsHost>> MetricsHost::start(const MetricsOptions& options) {
   if (options.address.empty()) return nullptr;
-  if (!has_port(options.address) || !is_loopback(options.address)) {
+  absl::StatusOr<Address> address = parse_address(options.address);
+  if (!address.ok() || !is_loopback(options.address)) {
     return absl::InvalidArgumentError(fmt::format(
         "--metrics is {}; it must be a loopback address, such as 127.0.0.1:9440 (docs/monitoring.md tells "
         "how other machines read it)",
@@ -127,8 +119,8 @@ absl::StatusOr<std::unique_ptr<MetricsHost>> MetricsHost::start(const MetricsOpt
   }
   self->all_ = std::make_shared<AllMetrics>(options);
   self->exposer_->RegisterCollectable(self->all_);
-  const std::vector<int> ports = self->exposer_->GetListeningPorts();
-  self->address_ = fmt::format("{}:{}", options.address.substr(0, options.address.rfind(':')), ports.front());
+  address->port = self->exposer_->GetListeningPorts().front();
+  self->address_ = text_of(*address);
   return self;
 }
 

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <sstream>
 #include <string>
 
@@ -39,17 +40,19 @@ double cpu_seconds() {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
-double open_descriptors() {
-  std::error_code failed;
-  const std::filesystem::directory_iterator listed("/proc/self/fd", failed);
-  const auto count = std::distance(begin(listed), std::filesystem::directory_iterator());
-  return static_cast<double>(count - 1);  // without the listing's own
-}
-
 double max_descriptors() {
   rlimit limit{};
   ::getrlimit(RLIMIT_NOFILE, &limit);
   return static_cast<double>(limit.rlim_cur);
+}
+
+double open_descriptors() {
+  std::error_code failed;
+  const std::filesystem::directory_iterator listed("/proc/self/fd", failed);
+  if (failed == std::errc::too_many_files_open) return max_descriptors();  // none is left for the listing
+  if (failed) return std::numeric_limits<double>::quiet_NaN();
+  const auto count = std::distance(begin(listed), std::filesystem::directory_iterator());
+  return static_cast<double>(count - 1);  // without the listing's own
 }
 
 // Unix time, s.

@@ -14,12 +14,19 @@ constexpr nanoseconds kMemory = std::chrono::seconds(5);
 
 StableWindow stable_window(const std::vector<MonitorWindow>& monitors) {
   assert(!monitors.empty());
-  StableWindow window{.step = monitors.front().step, .from = nanoseconds::min(), .until = nanoseconds::max()};
+  StableWindow window{.step = monitors.front().step,
+                      .from = nanoseconds::min(),
+                      .until = nanoseconds::max(),
+                      .patch_until = nanoseconds::max()};
   for (const MonitorWindow& monitor : monitors) {
     window.from =
         std::max(window.from, monitor.scanout_end + monitor.lag + monitor.settle + monitor.uncertainty);
-    window.until = std::min(window.until, monitor.replaced + monitor.lag - monitor.uncertainty);
+    const nanoseconds until = monitor.replaced + monitor.lag - monitor.uncertainty;
+    window.until = std::min(window.until, until);
+    if (monitor.patch_delay > nanoseconds(0))
+      window.patch_until = std::min(window.patch_until, until + monitor.patch_delay);
   }
+  if (window.patch_until == nanoseconds::max()) window.patch_until = window.until;
   return window;
 }
 

@@ -20,6 +20,8 @@ struct StableWindow {
   int step = 0;
   nanoseconds from{};
   nanoseconds until{};  // already shrunk by the displays' uncertainty
+  // Until when the id patches, the last rows to be replaced, show the step as well; until, if there are none.
+  nanoseconds patch_until{};
 };
 
 // One step on one monitor, rig time.
@@ -30,6 +32,7 @@ struct MonitorWindow {
   nanoseconds lag{};
   nanoseconds settle{};
   nanoseconds uncertainty{};
+  nanoseconds patch_delay{};  // from the scan-out of the first row to that of the id patch; 0: it has none
 };
 
 // The intersection over all monitors; may be empty (until < from).

@@ -20,30 +20,34 @@
 namespace glasswing {
 namespace {
 
-std::vector<ScreenInfo> with_patch(std::vector<ScreenInfo> screens, int patch_rows) {
-  for (ScreenInfo& screen : screens) screen.patch_rows = patch_rows;
+std::vector<ScreenInfo> with_patch(std::vector<ScreenInfo> screens, const PatchRows& patch_rows) {
+  for (ScreenInfo& screen : screens) screen.patch_rows = patch_rows.of(screen.name);
   return screens;
 }
 
 }  // namespace
 
-absl::Status DisplayServiceImpl::check_patch(const Display& display, int patch_rows) {
-  if (patch_rows == 0) return absl::OkStatus();
+absl::Status DisplayServiceImpl::check_patch(const Display& display, const PatchRows& patch_rows) {
+  for (const auto& [monitor, rows] : patch_rows.of_one) {
+    if (std::ranges::find(display.screens(), monitor, &ScreenInfo::name) == display.screens().end())
+      return absl::InvalidArgumentError(
+          fmt::format("--patch-rows names monitor \"{}\", which this display does not have", monitor));
+  }
   for (const ScreenInfo& screen : display.screens()) {
-    const int max_rows = screen.height_px / 2;
-    if (screen.width_px < IdPatch::kMinWidth_px || patch_rows < IdPatch::kMinRows || patch_rows > max_rows) {
+    const int rows = patch_rows.of(screen.name), max_rows = screen.height_px / 2;
+    if (rows == 0) continue;
+    if (screen.width_px < IdPatch::kMinWidth_px || rows < IdPatch::kMinRows || rows > max_rows) {
       return absl::InvalidArgumentError(
           fmt::format("--patch-rows is {}, which does not fit monitor \"{}\", {} x {} px; it must be {} to "
-                      "{} (half of the "
-                      "monitor), or 0, and the monitor at least {} px wide",
-                      patch_rows, screen.name, screen.width_px, screen.height_px, IdPatch::kMinRows, max_rows,
+                      "{} (half of the monitor), or 0, and the monitor at least {} px wide",
+                      rows, screen.name, screen.width_px, screen.height_px, IdPatch::kMinRows, max_rows,
                       IdPatch::kMinWidth_px));
     }
   }
   return absl::OkStatus();
 }
 
-DisplayServiceImpl::DisplayServiceImpl(std::string name, Display& display, int patch_rows,
+DisplayServiceImpl::DisplayServiceImpl(std::string name, Display& display, const PatchRows& patch_rows,
                                        std::vector<MonitorRail> rails)
     : name_(std::move(name)),
       display_(display),

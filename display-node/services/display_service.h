@@ -17,11 +17,11 @@ namespace glasswing {
 
 class DisplayServiceImpl final : public v1::DisplayService::Service {
  public:
-  // The lowest `patch_rows` rows of every monitor show the id patch. INVALID_ARGUMENT: they leave too few
-  // rows for patterns, or are too few for the patch to be read.
-  static absl::Status check_patch(const Display& display, int patch_rows);
+  // INVALID_ARGUMENT: the rows of an id patch leave too few for patterns, or are too few to be read, or are
+  // those of a monitor that the display does not have.
+  static absl::Status check_patch(const Display& display, const PatchRows& patch_rows);
   // `rails`: of monitors of the display, at most one each.
-  DisplayServiceImpl(std::string name, Display& display, int patch_rows = 0,
+  DisplayServiceImpl(std::string name, Display& display, const PatchRows& patch_rows = 0,
                      std::vector<MonitorRail> rails = {});
   // Ends a playing program and a move, so that the daemon can stop.
   void stop() { stop_.request_stop(); }

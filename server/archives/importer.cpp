@@ -1,5 +1,7 @@
 #include "server/archives/importer.h"
 
+#include <fmt/format.h>
+
 #include "core/base/fault_point.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
@@ -74,8 +76,13 @@ absl::StatusOr<v1::Session> Importer::finish(const std::string& name) {
   if (session.state() == v1::SESSION_STATE_CAPTURED) return session;
   if (!is_being_imported(session)) return not_now(session, "imported");
   SessionArchive archive(session);
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive.manifest());
+  if (manifest.frames().empty()) {
+    return absl::FailedPreconditionError(
+        fmt::format("no frame of the import of session \"{}\" has arrived; send some, or delete it", name));
+  }
   GW_RETURN_IF_ERROR(archive.seal());
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, archive.manifest());
+  GW_ASSIGN_OR_RETURN(manifest, archive.manifest());
   session.set_method(usual_method(manifest));
   note_video(manifest, session);
   note_frames(manifest, session);

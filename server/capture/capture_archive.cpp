@@ -67,12 +67,13 @@ absl::StatusOr<v1::KeepFramesResponse> CaptureArchive::keep(const std::vector<v1
 }
 
 absl::StatusOr<v1::LearnPatchesResponse> CaptureArchive::learn_patches(
-    const std::vector<v1::Frame>& frames, const std::vector<std::string>& accept_unseen,
-    std::stop_token stop) {
+    const std::vector<v1::Frame>& frames, const std::vector<std::int64_t>& last_sequences,
+    const std::vector<std::string>& accept_unseen, std::stop_token stop) {
   v1::LearnPatchesRequest request;
   request.set_session(session_);
   request.set_request_id(random_token());
   request.mutable_frames()->Assign(frames.begin(), frames.end());
+  request.mutable_last_sequences()->Assign(last_sequences.begin(), last_sequences.end());
   request.mutable_accept_unseen_patches()->Assign(accept_unseen.begin(), accept_unseen.end());
   v1::LearnPatchesResponse response;
   const absl::Status learned = store("learn id patches", stop, [&](grpc::ClientContext& context) {
@@ -85,6 +86,17 @@ absl::StatusOr<v1::LearnPatchesResponse> CaptureArchive::learn_patches(
   }
   GW_RETURN_IF_ERROR(learned);
   return response;
+}
+
+absl::StatusOr<bool> CaptureArchive::sees_patch(const std::vector<v1::Frame>& frames, std::stop_token stop) {
+  v1::LookForPatchesRequest request;
+  request.mutable_frames()->Assign(frames.begin(), frames.end());
+  v1::LookForPatchesResponse response;
+  GW_RETURN_IF_ERROR(
+      links_.camera->call("look for id patches", std::move(stop), [&](grpc::ClientContext& context) {
+        return links_.camera_stub->LookForPatches(&context, request, &response);
+      }));
+  return response.unseen_patches().empty();
 }
 
 absl::Status CaptureArchive::seal(const v1::Plan& plan, std::stop_token stop) {

@@ -29,10 +29,15 @@ class CaptureArchive {
   // Returns when all frames that are proven are durable.
   absl::StatusOr<v1::KeepFramesResponse> keep(const std::vector<v1::Frame>& frames, std::stop_token stop);
   // The same for frames of patch learning steps. Frames of the monitors in `accept_unseen` are stored even if
-  // they do not show the id patch. UNIMPLEMENTED: the camera node is of an older build.
+  // they do not show the id patch. `last_sequences`: LearnPatchesRequest's. UNIMPLEMENTED: the camera node is
+  // of an older build.
   absl::StatusOr<v1::LearnPatchesResponse> learn_patches(const std::vector<v1::Frame>& frames,
+                                                         const std::vector<std::int64_t>& last_sequences,
                                                          const std::vector<std::string>& accept_unseen,
                                                          std::stop_token stop);
+  // Do the camera's newest frames of patch learning steps, all of one monitor, show its patch? Stores
+  // nothing.
+  absl::StatusOr<bool> sees_patch(const std::vector<v1::Frame>& frames, std::stop_token stop);
   // With the plan as it is now, of a session that adapts.
   absl::Status seal(const v1::Plan& plan, std::stop_token stop);
 

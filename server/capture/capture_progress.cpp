@@ -26,6 +26,7 @@ void CaptureProgress::note_waiting(const std::string& why) {
 
 void CaptureProgress::resume(const v1::CaptureManifest& manifest, int step_count) {
   session_.set_patch_proven_count(0);
+  session_.set_time_proven_count(0);
   session_.set_archive_bytes(0);
   session_.set_warning(uncalibrated_warning(manifest));
   for (const v1::Frame& frame : manifest.frames()) count_proven(frame);
@@ -121,6 +122,8 @@ void CaptureProgress::count_proven(const v1::Frame& frame) {
   session_.set_proven_count(static_cast<int>(proven_.size()));
   if (frame.proof() == v1::PROOF_TIME_AND_PATCH)
     session_.set_patch_proven_count(session_.patch_proven_count() + 1);
+  else
+    session_.set_time_proven_count(session_.time_proven_count() + 1);
 }
 
 }  // namespace glasswing

@@ -3,14 +3,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 
+#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/pattern/describe_step.h"
+#include "server/capture/lag_search.h"
 #include "server/rig/rig_findings.h"
 
 namespace glasswing {
 namespace {
+
+constexpr nanoseconds kMaxWait = std::chrono::milliseconds(1500);  // for frames after the last step
 
 std::string listed(const std::vector<Step>& steps) {
   std::string text;
@@ -45,9 +50,10 @@ absl::Status GroupCapture::show(const std::vector<Step>& steps, std::stop_token 
   judged_now_.clear();
   refused_now_.clear();
   unreadable_now_.clear();
-  const auto judging = [&](std::vector<v1::Frame> frames) { return judge(std::move(frames), stop); };
+  const auto judging = [&](std::vector<v1::Frame> frames) { return judge(std::move(frames), false, stop); };
   GW_RETURN_IF_ERROR(player_.play(learning_.begin_showing(steps), recording_, judging, stop));
-  return stop.stop_requested() ? absl::CancelledError("stopped") : absl::OkStatus();
+  if (stop.stop_requested()) return absl::CancelledError("stopped");
+  return judge({}, true, stop).status();
 }
 
 absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) {
@@ -57,9 +63,10 @@ absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) 
       progress_.note_unproven(steps);
       return unproven(
           fmt::format("{} steps had no proof after {} retries: {}", steps.size(), retries, listed(steps)),
-          steps);
+          steps, stop);
     }
     GW_RETURN_IF_ERROR(show(steps, stop));
+    if (const v1::UnseenPatch* const patch = learning_.hopeless()) return contradicted(*patch, steps, stop);
     std::erase_if(steps, [this](const Step& step) { return progress_.is_proven(step.number); });
     progress_.update_seconds();
     note_retaken(steps);
@@ -68,14 +75,24 @@ absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) 
   return absl::OkStatus();
 }
 
-absl::StatusOr<bool> GroupCapture::judge(std::vector<v1::Frame> frames, std::stop_token stop) {
-  const std::vector<v1::Frame> learning = learning_.take_learning_frames(std::move(frames));
-  if (!learning.empty()) {
-    GW_ASSIGN_OR_RETURN(const v1::LearnPatchesResponse learned,
-                        archive_.learn_patches(learning, learning_.accepted_unseen(), stop));
-    progress_.note_kept(learned.frames(), 0);
-    for (const std::string& warning : learning_.note_learned(learned)) progress_.warn(warning);
-  }
+absl::Status GroupCapture::learn(const std::vector<v1::Frame>& frames, std::stop_token stop) {
+  if (frames.empty()) return absl::OkStatus();
+  std::vector<std::int64_t> last;
+  for (const v1::Frame& frame : frames)
+    last.push_back(recording_.last_of_patch(frame.step(), frame.sequence()));
+  GW_ASSIGN_OR_RETURN(const v1::LearnPatchesResponse learned,
+                      archive_.learn_patches(frames, last, learning_.accepted_unseen(), stop));
+  progress_.note_kept(learned.frames(), 0);
+  for (const std::string& warning : learning_.note_learned(learned)) progress_.warn(warning);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<bool> GroupCapture::judge(std::vector<v1::Frame> frames, bool is_over, std::stop_token stop) {
+  const nanoseconds seen_until = recording_.frames_seen_until().value_or(nanoseconds::min());
+  const auto has_left = [&](int step) {
+    return is_over || seen_until >= recording_.window_of(step).patch_until;
+  };
+  GW_RETURN_IF_ERROR(learn(learning_.take_learning_frames(std::move(frames), has_left), stop));
   const std::optional<std::vector<v1::Frame>> ready = learning_.take_ready_frames();
   if (!ready) return false;
   if (ready->empty()) return true;
@@ -102,7 +119,8 @@ v1::RetakeCause GroupCapture::cause_of(const Step& step) const {
   return refused_now_.contains(step.number) ? v1::RETAKE_CAUSE_WRONG_ID : v1::RETAKE_CAUSE_TOO_LATE;
 }
 
-absl::Status GroupCapture::unproven(const std::string& what, const std::vector<Step>& steps) const {
+absl::Status GroupCapture::unproven(const std::string& what, const std::vector<Step>& steps,
+                                    std::stop_token stop) {
   std::map<v1::RetakeCause, int> counts;
   for (const Step& step : steps) ++counts[cause_of(step)];
   const v1::RetakeCause commonest =
@@ -110,11 +128,91 @@ absl::Status GroupCapture::unproven(const std::string& what, const std::vector<S
   std::string causes;
   for (const auto& [cause, count] : counts)
     causes += fmt::format("{}{}: {}", causes.empty() ? "" : ", ", describe(cause), count);
-  const std::string exposures =
-      fmt::format(" ({} ms at {} fps)", recording_.exposure_ms(), setup_.links.camera_info.frame_rate_hz());
-  return absl::FailedPreconditionError(fmt::format(
-      "{}; {}; {}", what, causes,
-      retake_advice(commonest) + (commonest == v1::RETAKE_CAUSE_OUTSIDE_WINDOW ? exposures : std::string())));
+  std::string advice = retake_advice(commonest);
+  if (commonest == v1::RETAKE_CAUSE_OUTSIDE_WINDOW) {
+    advice +=
+        fmt::format(" ({} ms at {} fps)", recording_.exposure_ms(), setup_.links.camera_info.frame_rate_hz());
+  } else if (commonest == v1::RETAKE_CAUSE_WRONG_ID || commonest == v1::RETAKE_CAUSE_ID_UNREADABLE) {
+    GW_ASSIGN_OR_RETURN(const std::string lag, lags(steps.front(), stop));
+    if (!lag.empty()) advice = lag;
+  }
+  return absl::FailedPreconditionError(fmt::format("{}; {}; {}", what, causes, advice));
+}
+
+absl::Status GroupCapture::contradicted(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
+                                        std::stop_token stop) {
+  if (patch.frozen()) {
+    return absl::FailedPreconditionError(fmt::format(
+        "monitor \"{}\": nothing that the camera sees changes while its pictures are shown; is it switched "
+        "on, and does the camera look at it? If the camera need not see it, start its display with "
+        "--patch-rows {}=0, and its steps are proven by time alone",
+        patch.monitor(), patch.monitor()));
+  }
+  GW_ASSIGN_OR_RETURN(std::string advice, lags(steps.front(), stop));
+  if (advice.empty()) advice = "no constant lag explains it";
+  return absl::FailedPreconditionError(
+      fmt::format("monitor \"{}\": {}; {}", patch.monitor(), patch.reason(), advice));
+}
+
+absl::StatusOr<std::string> GroupCapture::lags(const Step& of_group, std::stop_token stop) {
+  std::vector<Step> shown;
+  std::map<std::string, std::vector<Step>> learning;  // by monitor
+  for (const Step& step : setup_.steps) {
+    if (!is_patch_learning_step(step) || step.object != of_group.object ||
+        step.exposure_ms != of_group.exposure_ms)
+      continue;
+    learning[step.stimulus.panel()].push_back(step);
+    shown.push_back(step);
+  }
+  GW_RETURN_IF_ERROR(player_.play(
+      shown, recording_, [](auto) { return true; }, stop));
+  const nanoseconds patience = monotonic_now() + kMaxWait;
+  const nanoseconds needed = recording_.frames_seen_until().value_or(nanoseconds(0)) + kLatestLag;
+  while (recording_.frames_seen_until().value_or(nanoseconds(0)) < needed && monotonic_now() < patience) {
+    if (!pause(stop, std::chrono::milliseconds(10))) return absl::CancelledError("stopped");
+    recording_.take_frames();
+  }
+  recording_.stop_camera();
+  std::string text;
+  for (const auto& [monitor, steps] : learning) {
+    GW_ASSIGN_OR_RETURN(const std::optional<nanoseconds> lag, lag_of(steps, stop));
+    if (!lag) continue;
+    const auto display = std::ranges::find_if(
+        setup_.links.displays, [&](const auto& each) { return each->monitor(monitor) != nullptr; });
+    text += fmt::format(
+        "{}monitor \"{}\" shows each step {:.0f} ms {} than {} reports, or the clock of {} is off by that: "
+        "glasswing calibrate sync --monitor {}",
+        text.empty() ? "" : "; ", monitor, std::abs(1e-6 * static_cast<double>(lag->count())),
+        *lag > nanoseconds(0) ? "later" : "earlier", (*display)->info.name(),
+        setup_.links.camera_info.camera().name(), monitor);
+  }
+  return text;
+}
+
+absl::StatusOr<std::optional<nanoseconds>> GroupCapture::lag_of(const std::vector<Step>& learning,
+                                                                std::stop_token stop) {
+  std::vector<TimeOnScreen> ids;
+  for (const Step& step : learning) {
+    if (!recording_.was_shown_now(step.number)) return std::nullopt;
+    const StableWindow& window = recording_.window_of(step.number);
+    ids.push_back({.from = window.from, .until = window.patch_until});
+  }
+  // Each is shown twice, and reported the second time.
+  const nanoseconds showing =
+      (ids.back().from - ids.front().from) / (2 * (static_cast<std::int64_t>(ids.size()) - 1));
+  for (TimeOnScreen& id : ids) id.from -= showing;
+  const auto sees = [&](const std::vector<std::int64_t>& sequences) {
+    std::vector<v1::Frame> records(sequences.size());
+    for (size_t i = 0; i < records.size(); ++i) {
+      records[i].set_sequence(sequences[i]);
+      records[i].set_exposure_ms(recording_.exposure_ms());
+      *records[i].mutable_stimulus() = learning[i].stimulus;
+    }
+    return archive_.sees_patch(records, stop);
+  };
+  GW_ASSIGN_OR_RETURN(const std::optional<nanoseconds> lag, find_lag(ids, recording_.recent_frames(), sees));
+  const nanoseconds period(std::llround(1e9 / setup_.links.camera_info.frame_rate_hz()));
+  return lag && std::chrono::abs(*lag) > period / 2 ? lag : std::nullopt;
 }
 
 }  // namespace glasswing

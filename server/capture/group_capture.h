@@ -5,6 +5,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <optional>
 #include <set>
 #include <stop_token>
 #include <string>
@@ -27,19 +28,30 @@ class GroupCapture {
 
   // Returns when the camera runs and the clocks are measured.
   absl::Status start(std::stop_token stop);
-  // Shows steps again until each is proven. FAILED_PRECONDITION: some are not after the plan's retries.
-  // CANCELLED: stopped.
+  // Shows steps again until each is proven. FAILED_PRECONDITION: some are not after the plan's retries, or
+  // what the camera sees contradicts the reported times. CANCELLED: stopped.
   absl::Status prove(std::vector<Step> steps, std::stop_token stop);
   // Shows steps once and has the proven frames stored. CANCELLED: stopped.
   absl::Status show(const std::vector<Step>& steps, std::stop_token stop);
   bool was_shown(const Step& step) const { return recording_.was_shown(step.number); }
-  // The error for `what`: these steps have no proof. Advises by the commonest cause in the last showing.
-  absl::Status unproven(const std::string& what, const std::vector<Step>& steps) const;
+  // The error for `what`: these steps have no proof. Advises by the commonest cause in the last showing. If
+  // that is what pixels show, measures the lag that would explain it, and stops the camera.
+  absl::Status unproven(const std::string& what, const std::vector<Step>& steps, std::stop_token stop);
 
  private:
   // Has the camera node store the frames of one batch whose pixels agree. Returns false if a patch learning
   // step was missed, or taught nothing: frames of later steps cannot be judged, and the showing ends.
-  absl::StatusOr<bool> judge(std::vector<v1::Frame> frames, std::stop_token stop);
+  absl::StatusOr<bool> judge(std::vector<v1::Frame> frames, bool is_over, std::stop_token stop);
+  absl::Status learn(const std::vector<v1::Frame>& frames, std::stop_token stop);
+  // The error for a patch that contradicts the reported times, or for a frozen one, while `steps` are shown.
+  absl::Status contradicted(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
+                            std::stop_token stop);
+  // For people, what the monitors' patches say against the reported times; empty: no lag explains it. Shows
+  // the patch learning steps of the group that has this step again, and stops the camera.
+  absl::StatusOr<std::string> lags(const Step& of_group, std::stop_token stop);
+  // By how much the monitor of these patch learning steps, which were just shown, lags behind what is
+  // reported; none: unknown, or less than frames can tell.
+  absl::StatusOr<std::optional<nanoseconds>> lag_of(const std::vector<Step>& learning, std::stop_token stop);
   void note_retaken(const std::vector<Step>& steps);
   // Why the last showing did not prove the step.
   v1::RetakeCause cause_of(const Step& step) const;

@@ -9,6 +9,7 @@ namespace glasswing {
 
 std::vector<Step> PatchLearning::begin_showing(const std::vector<Step>& pending) {
   due_.clear();
+  learning_.clear();
   queue_.clear();
   std::vector<Step> to_show;
   for (const Step& step : pending) {
@@ -18,40 +19,55 @@ std::vector<Step> PatchLearning::begin_showing(const std::vector<Step>& pending)
   return to_show;
 }
 
-std::vector<v1::Frame> PatchLearning::take_learning_frames(std::vector<v1::Frame> frames) {
-  std::vector<v1::Frame> learning;
+std::vector<v1::Frame> PatchLearning::take_learning_frames(std::vector<v1::Frame> frames,
+                                                           const std::function<bool(int step)>& has_left) {
   for (v1::Frame& frame : frames) {
     if (kind_of(frame.stimulus()) != StimulusKind::kPatch) {
       queue_.push_back(std::move(frame));
     } else if (due_.contains(frame.step())) {
-      learning.push_back(std::move(frame));
+      learning_.push_back(std::move(frame));
     }
   }
-  return learning;
+  const auto stays = std::ranges::stable_partition(
+      learning_, [&](const v1::Frame& frame) { return !has_left(frame.step()); });
+  std::vector<v1::Frame> taken(std::make_move_iterator(stays.begin()), std::make_move_iterator(stays.end()));
+  learning_.erase(stays.begin(), stays.end());
+  return taken;
 }
 
 std::vector<std::string> PatchLearning::accepted_unseen() const {
-  std::vector<std::string> monitors(given_up_.begin(), given_up_.end());
+  std::set<std::string> monitors = given_up_;
   for (const auto& [monitor, unseen] : unseen_) {
-    if (unseen.count + 1 >= (unseen.dark ? kMaxDarkAttempts : kMaxAttempts)) monitors.push_back(monitor);
+    if (unseen.count + 1 >= (unseen.last.dark() ? kMaxDarkAttempts : kMaxAttempts)) monitors.insert(monitor);
   }
-  return monitors;
+  return {monitors.begin(), monitors.end()};
 }
 
 std::vector<std::string> PatchLearning::note_learned(const v1::LearnPatchesResponse& response) {
-  const std::vector<std::string> accepted = accepted_unseen();
   for (const int step : response.waiting_steps()) {
     if (const auto due = due_.find(step); due != due_.end()) held_.insert(*due);
   }
-  for (const v1::Frame& frame : response.frames()) due_.erase(frame.step());
+  std::set<std::string> stored;  // monitors
+  for (const v1::Frame& frame : response.frames()) {
+    due_.erase(frame.step());
+    stored.insert(frame.stimulus().panel());
+  }
   std::vector<std::string> warnings;
   if (!response.unseen_patches().empty()) ++unseen_showings_;
   for (const v1::UnseenPatch& unseen : response.unseen_patches()) {
     const std::string& monitor = unseen.monitor();
     std::erase_if(held_, [&](const auto& step) { return step.second == monitor; });
-    ++unseen_[monitor].count;
-    unseen_[monitor].dark = unseen.dark();
-    if (std::ranges::find(accepted, monitor) == accepted.end() || !given_up_.insert(monitor).second) continue;
+    Unseen& known = unseen_[monitor];
+    known.last = unseen;
+    if (unseen.contradicts()) {
+      known.count = 0;
+      ++known.contradictions;
+    } else if (unseen.frozen()) {
+      ++known.frozen;
+    } else {
+      ++known.count;
+    }
+    if (!stored.contains(monitor) || !given_up_.insert(monitor).second) continue;
     warnings.push_back(
         fmt::format("monitor \"{}\": {}; its steps are proven by time alone", monitor, unseen.reason()));
   }
@@ -60,8 +76,17 @@ std::vector<std::string> PatchLearning::note_learned(const v1::LearnPatchesRespo
 
 std::optional<std::vector<v1::Frame>> PatchLearning::take_ready_frames() {
   if (due_.empty()) return std::exchange(queue_, {});
-  if (queue_.empty()) return std::vector<v1::Frame>();
+  const bool dark =
+      std::ranges::any_of(unseen_, [](const auto& unseen) { return unseen.second.last.dark(); });
+  if (queue_.size() < (dark ? kOthers : 1) || !learning_.empty()) return std::vector<v1::Frame>();
   return std::nullopt;
+}
+
+const v1::UnseenPatch* PatchLearning::hopeless() const {
+  for (const auto& [monitor, unseen] : unseen_) {
+    if (unseen.contradictions >= kMaxAttempts || unseen.frozen >= kMaxDarkAttempts) return &unseen.last;
+  }
+  return nullptr;
 }
 
 }  // namespace glasswing

@@ -1,15 +1,17 @@
 // Decides how one group of steps (one stage, one exposure) learns where the camera sees each monitor's id
 // patch.
 //
-// A patch learning step shows a known id. Its frames go to the camera node (CameraService.LearnPatches),
-// which holds them until the set of a monitor is complete. Frames of other steps are queued here until every
-// learning step is proven, because their pixels cannot be judged earlier. A monitor whose patch stays unseen
-// is given up: its steps are then proven by time alone.
+// A patch learning step shows a known id. Its frame goes to the camera node (CameraService.LearnPatches) with
+// the last one that must show the id too. The node holds both until the set of a monitor is complete. Frames
+// of other steps are queued here until every learning step is proven, because their pixels cannot be judged
+// earlier. A monitor whose patch stays unseen is given up: its steps are then proven by time alone. Pixels
+// that contradict the reported times, or a camera in whose frames nothing changes at all, fail the capture.
 //
 // This class makes no calls. For each batch of frames that time alone has proven: take_learning_frames(),
 // send those, note_learned() with the answer, then take_ready_frames().
 #pragma once
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -35,6 +37,8 @@ class PatchLearning {
  public:
   static constexpr int kMaxAttempts = 8;      // at a patch that is there but cannot be read
   static constexpr int kMaxDarkAttempts = 2;  // at one that the camera does not seem to look at
+  // Frames of other steps that a showing collects after a dark patch, to see whether anything changes.
+  static constexpr size_t kOthers = 8;
 
   // `given_up`: monitors whose steps do without a patch. It is borrowed, because it outlives the group.
   explicit PatchLearning(std::set<std::string>& given_up) : given_up_(given_up) {}
@@ -43,8 +47,9 @@ class PatchLearning {
   // except those whose frames the camera node holds.
   std::vector<Step> begin_showing(const std::vector<Step>& pending);
 
-  // Removes and returns the frames of patch learning steps; queues the others.
-  std::vector<v1::Frame> take_learning_frames(std::vector<v1::Frame> frames);
+  // Queues the frames. Removes and returns those of patch learning steps whose patch has left the screen.
+  std::vector<v1::Frame> take_learning_frames(std::vector<v1::Frame> frames,
+                                              const std::function<bool(int step)>& has_left);
   // Monitors to name in LearnPatchesRequest.accept_unseen_patches: those given up, and those that will be if
   // the next set does not show their patch either.
   std::vector<std::string> accepted_unseen() const;
@@ -59,16 +64,21 @@ class PatchLearning {
   bool is_held(int step) const { return held_.contains(step); }
   // Showings with a patch that was not seen. They do not count as retries.
   int unseen_showings() const { return unseen_showings_; }
+  // A patch that contradicted the reported times, or stayed dark while nothing else changed, at so many
+  // attempts that the capture fails; null: none.
+  const v1::UnseenPatch* hopeless() const;
 
  private:
   struct Unseen {
-    int count = 0;
-    bool dark = false;
+    int count = 0;  // since a contradiction
+    int contradictions = 0, frozen = 0;
+    v1::UnseenPatch last;
   };
 
   std::set<std::string>& given_up_;
   std::map<int, std::string> due_;   // learning steps of this showing that are not proven, with their monitor
   std::map<int, std::string> held_;  // steps whose frames the camera node holds, with their monitor
+  std::vector<v1::Frame> learning_;  // of learning steps whose patch may still be on screen
   std::vector<v1::Frame> queue_;     // of other steps
   std::map<std::string, Unseen> unseen_;  // by monitor: how often a set did not show its patch
   int unseen_showings_ = 0;

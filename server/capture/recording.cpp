@@ -54,6 +54,21 @@ bool Recording::has_frame_of(int step) const {
   });
 }
 
+std::int64_t Recording::last_of_patch(int step, std::int64_t first) const {
+  const StableWindow& window = shown_now_.at(step);
+  for (auto recent = recent_.rbegin(); recent != recent_.rend() && recent->first > first; ++recent) {
+    const FrameTime frame = rig_time_of(recent->second, *links_.camera);
+    if (frame.end + frame.uncertainty <= window.patch_until) return frame.sequence;
+  }
+  return first;
+}
+
+std::vector<FrameTime> Recording::recent_frames() const {
+  std::vector<FrameTime> frames;
+  for (const auto& [sequence, taken] : recent_) frames.push_back(rig_time_of(taken, *links_.camera));
+  return frames;
+}
+
 const v1::FrameTaken* Recording::taken(const FrameMatcher::Match& match) const {
   const auto found = recent_.find(match.frame.sequence);
   return found == recent_.end() ? nullptr : &found->second;

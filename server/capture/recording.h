@@ -44,6 +44,15 @@ class Recording {
   // A frame's exposure overlapped the time in which the step, shown in this showing, surely was on screen.
   bool has_frame_of(int step) const;
   bool was_matched_now(int step) const { return matched_now_.contains(step); }
+  // When the step was on screen in this showing.
+  const StableWindow& window_of(int step) const { return shown_now_.at(step); }
+  // The last frame whose exposure lay in the time in which the step's id patch surely was on screen; `first`,
+  // one of them, if there is no other.
+  std::int64_t last_of_patch(int step, std::int64_t first) const;
+  // In rig time, rising.
+  std::vector<FrameTime> recent_frames() const;
+  // Stops the camera. The newest frames stay in its node's ring.
+  void stop_camera() { camera_.cancel(); }
 
  private:
   const RigLinks& links_;

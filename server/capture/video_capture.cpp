@@ -27,7 +27,8 @@ bool VideoCapture::has_run() const {
 absl::Status VideoCapture::take(const std::vector<Step>& frames, GroupCapture& group, std::stop_token stop) {
   GW_RETURN_IF_ERROR(group.show(frames, stop));
   if (has_run()) return absl::OkStatus();
-  return group.unproven(fmt::format("none of the video's {} frames has a proof", frames.size()), frames);
+  return group.unproven(fmt::format("none of the video's {} frames has a proof", frames.size()), frames,
+                        stop);
 }
 
 void VideoCapture::note_lost(bool broken_off) {

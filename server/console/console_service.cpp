@@ -129,7 +129,7 @@ grpc::Status ConsoleServiceImpl::LogIn(grpc::ServerContext*, const v1::LogInRequ
   GW_CHECK_LIMITS(*request);
   const absl::StatusOr<Login> login = tokens_.log_in(request->token(), AccessTokens::current_time());
   if (!login.ok()) {
-    spdlog::warn("audit console login refused from={}", request->from());
+    if (!request->locked_out()) spdlog::warn("audit console login refused from={}", request->from());
     return to_grpc(login.status());
   }
   spdlog::info("audit console login caller=\"{}\" from={}", login->principal.title(), request->from());

@@ -132,6 +132,8 @@ class JobStore {
   // Removes the job and its tiles; attempts at them become void. OK too where there is no such job.
   virtual absl::Status remove(std::int64_t job) = 0;
   virtual absl::StatusOr<std::vector<std::int64_t>> own_jobs() = 0;  // of this server; rising
+  // 128 random bits in hex, the same for all servers that share the store, with which they seal leases.
+  virtual absl::StatusOr<std::string> lease_key() = 0;
 
   // Leases a free tile of the oldest job that computes one of these and is not suspended; tiles that failed
   // come last. If no tile is free: one that only one other solver has leased, for longer than

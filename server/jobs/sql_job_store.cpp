@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "server/jobs/sql_leases.h"
 #include "server/jobs/sql_reports.h"
@@ -158,6 +159,24 @@ absl::Status SqlJobStore::remove(std::int64_t job) {
   return statements([&](SqlConnection& connection) {
     return connection.run("DELETE FROM jobs WHERE id = ?1", {job}).status();
   });
+}
+
+absl::StatusOr<std::string> SqlJobStore::lease_key() {
+  std::string key;
+  const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
+    GW_RETURN_IF_ERROR(
+        connection
+            .run("CREATE TABLE IF NOT EXISTS lease_key (one INTEGER PRIMARY KEY, secret TEXT NOT NULL)", {})
+            .status());
+    GW_RETURN_IF_ERROR(
+        connection.run("INSERT INTO lease_key VALUES (1, ?1) ON CONFLICT DO NOTHING", {random_token()})
+            .status());
+    GW_ASSIGN_OR_RETURN(const SqlRows found, connection.run("SELECT secret FROM lease_key", {}));
+    key = found.text(0, 0);
+    return absl::OkStatus();
+  });
+  GW_RETURN_IF_ERROR(status);
+  return key;
 }
 
 absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solver,

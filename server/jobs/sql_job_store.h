@@ -28,6 +28,7 @@ class SqlJobStore : public JobStore, protected SqlReader {
   absl::Status requeue(std::int64_t job, int tile) override;
   absl::Status remove(std::int64_t job) override;
   absl::StatusOr<std::vector<std::int64_t>> own_jobs() override;
+  absl::StatusOr<std::string> lease_key() override;
 
   absl::StatusOr<std::optional<Lease>> claim(const std::string& solver, std::span<const std::string> computes,
                                              bool ahead) override;

@@ -96,6 +96,9 @@ class TimedJobStore final : public JobStore {
   absl::StatusOr<std::vector<std::int64_t>> own_jobs() override {
     return timed(kRead, [&] { return store_->own_jobs(); });
   }
+  absl::StatusOr<std::string> lease_key() override {
+    return timed(kRead, [&] { return store_->lease_key(); });
+  }
   absl::StatusOr<std::optional<Lease>> claim(const std::string& solver, std::span<const std::string> computes,
                                              bool ahead) override {
     return timed(kClaim, [&] { return store_->claim(solver, computes, ahead); });

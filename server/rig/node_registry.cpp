@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <memory>
 
+#include "core/base/address.h"
 #include "core/base/descriptor.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
@@ -41,15 +42,13 @@ Role role_of(v1::NodeKind kind) {
 }
 
 bool takes_connections(const std::string& address) {
-  const size_t colon = address.rfind(':');
-  if (colon == std::string::npos) return false;
-  std::string host = address.substr(0, colon);
-  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  const absl::StatusOr<Address> at = parse_address(address);
+  if (!at.ok()) return false;
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
   hints.ai_flags = AI_NUMERICSERV;
   addrinfo* found = nullptr;
-  if (::getaddrinfo(host.c_str(), address.c_str() + colon + 1, &hints, &found) != 0) return false;
+  if (::getaddrinfo(at->host.c_str(), std::to_string(at->port).c_str(), &hints, &found) != 0) return false;
   const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> owned(found, &::freeaddrinfo);
   const Descriptor socket(::socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (::connect(socket.get(), found->ai_addr, found->ai_addrlen) == 0) return true;
@@ -66,6 +65,8 @@ absl::Status NodeRegistry::add(const v1::RegisterRequest& request,
   if (request.kind() == v1::NODE_KIND_UNSPECIFIED || !v1::NodeKind_IsValid(request.kind())) {
     return absl::InvalidArgumentError("kind is not given; it must be display, camera or solver");
   }
+  // A solver may have none. gRPC would call others too, such as "unix:/…".
+  if (!request.address().empty()) GW_RETURN_IF_ERROR(parse_address(request.address()).status());
   if (const double done = request.preparation().done(); !(done >= 0.0 && done <= 1.0))
     return absl::InvalidArgumentError(fmt::format("preparation.done is {}; it must be 0 to 1", done));
   absl::Status taken = take(request, caller);

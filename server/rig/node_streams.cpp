@@ -116,6 +116,12 @@ MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& disp
       .lag = nanoseconds(monitor == nullptr ? 0 : monitor->optical_lag_ns()),
       .settle = nanoseconds(monitor == nullptr ? 0 : monitor->settle_ns()),
       .uncertainty = nanoseconds(shown.uncertainty_ns()) + std::max(scanout_end.error, replaced.error)};
+  if (monitor != nullptr && monitor->patch_rows() > 0) {
+    const double above = static_cast<double>(monitor->height_px()) /
+                         static_cast<double>(monitor->height_px() + monitor->patch_rows());
+    window.patch_delay = nanoseconds(
+        std::llround(above * static_cast<double>(shown.scanout_end_ns() - shown.scanout_start_ns())));
+  }
   if (const auto measured = display.sync.find(shown.monitor()); measured != display.sync.end()) {
     window.lag = nanoseconds(measured->second.lag_ns());
     window.settle = nanoseconds(measured->second.settle_ns());

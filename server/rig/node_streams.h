@@ -58,6 +58,7 @@ class CaptureStream {
   // CANCELLED: stopped.
   absl::Status wait_running(std::stop_token stop, nanoseconds within = nanoseconds::max());
   double exposure_ms() const { return exposure_ms_; }
+  void cancel() { context_.TryCancel(); }
 
   Inbox<v1::FrameTaken> inbox;  // times are the node's
 

@@ -278,7 +278,7 @@ class RigCheck {
           std::find_if(found.unseen_patches().begin(), found.unseen_patches().end(),
                        [&](const v1::UnseenPatch& patch) { return patch.monitor() == monitor.name(); });
       report_(judge_patch(monitor, learned[monitor.name()],
-                          unseen == found.unseen_patches().end() ? "" : unseen->reason()));
+                          unseen == found.unseen_patches().end() ? v1::UnseenPatch() : *unseen));
     }
     return absl::OkStatus();
   }

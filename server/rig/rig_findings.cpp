@@ -172,7 +172,8 @@ v1::Finding judge_proof(const TestCaptureTimes& times) {
   return make_finding(v1::FINDING_LEVEL_PROBLEM, "proof", text, advice);
 }
 
-v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps, const std::string& unseen) {
+v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps,
+                        const v1::UnseenPatch& unseen) {
   const std::string& name = monitor.name();
   if (monitor.patch_rows() == 0) {
     return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
@@ -186,15 +187,21 @@ v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps, c
                                     learning_steps, wanted),
                         "see the other findings; a capture shows them again");
   }
-  if (!unseen.empty()) {
+  if (unseen.contradicts()) {
+    return make_finding(v1::FINDING_LEVEL_PROBLEM, "id patch",
+                        fmt::format("{}: {}; a capture would fail", name, unseen.reason()),
+                        fmt::format("measure glasswing calibrate sync --monitor {}", name));
+  }
+  if (!unseen.reason().empty()) {
     return make_finding(
         v1::FINDING_LEVEL_WARNING, "id patch",
-        fmt::format("{}: {}; its frames are proven by time alone", name, unseen),
-        fmt::format("have the camera see all of its last {} rows sharply, with nothing before them",
-                    monitor.patch_rows()));
+        fmt::format("{}: {}; its frames are proven by time alone", name, unseen.reason()),
+        fmt::format("have the camera see all of its last {} rows sharply, with nothing before them; if it "
+                    "cannot, start the display node with --patch-rows {}=0",
+                    monitor.patch_rows(), name));
   }
   return make_finding(v1::FINDING_LEVEL_OK, "id patch",
-                      fmt::format("{}: every bit is read in its last {} rows", name, monitor.patch_rows()));
+                      fmt::format("{}: its id is read in its last {} rows", name, monitor.patch_rows()));
 }
 
 v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1::CameraCalibration>& measured,

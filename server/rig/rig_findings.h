@@ -8,6 +8,7 @@
 
 #include "core/timing/proof.h"
 #include "glasswing/v1/archive.pb.h"
+#include "glasswing/v1/camera_service.pb.h"
 #include "glasswing/v1/display_service.pb.h"
 #include "glasswing/v1/rig_service.pb.h"
 #include "glasswing/v1/session.pb.h"
@@ -40,9 +41,9 @@ v1::Finding judge_frames(const TestCaptureTimes& times);
 v1::Finding judge_window(const TestCaptureTimes& times, nanoseconds exposure, nanoseconds shortest);
 v1::Finding judge_proof(const TestCaptureTimes& times);
 v1::Finding judge_clocks(const std::vector<std::pair<std::string, nanoseconds>>& errors);
-// `learning_steps`: how many ids were shown and proven by time. `unseen`: why the camera node cannot read the
-// patch; empty: it can.
-v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps, const std::string& unseen);
+// `learning_steps`: how many ids were shown and proven by time. `unseen`: what the camera node says of the
+// patch if it cannot read it; without a reason: it can.
+v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps, const v1::UnseenPatch& unseen);
 // Is the light of the camera's codes known? `longest`: exposure that a capture would make.
 v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1::CameraCalibration>& measured,
                                nanoseconds longest);

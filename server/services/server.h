@@ -62,6 +62,7 @@ class Server {
   SolveRunner& solves() { return solves_; }
   Drafts& drafts() { return drafts_; }
   TileDispatcher& tiles() { return tiles_; }
+  JobStore& jobs() { return *stores_.jobs; }
   SessionControl& control() { return control_; }
   Importer& importer() { return importer_; }
   Replicator& replicator() { return replicator_; }

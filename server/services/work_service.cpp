@@ -49,6 +49,12 @@ absl::Status WorkServiceImpl::check_solver(const grpc::ServerContext& context,
   return server_.rig().check_owner(name, peer_of(*context.auth_context()));
 }
 
+absl::Status WorkServiceImpl::check_lease(const grpc::ServerContext& context, const std::string& name,
+                                          const v1::TileLease& lease) {
+  GW_RETURN_IF_ERROR(check_solver(context, name));
+  return seal_.check(name_of(*context.auth_context()), lease);
+}
+
 grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::ClaimTileRequest* request,
                                         v1::ClaimTileResponse* response) {
   GW_CHECK_LIMITS(*request);
@@ -76,6 +82,8 @@ absl::StatusOr<v1::ClaimTileResponse> WorkServiceImpl::claim(const grpc::ServerC
       monotonic_now() + std::chrono::milliseconds(std::clamp(request.wait_ms(), 0, 10000));
   while (true) {
     absl::StatusOr<v1::ClaimTileResponse> claimed = server_.tiles().claim(request);
+    if (claimed.ok() && claimed->has_lease())
+      GW_RETURN_IF_ERROR(seal_.seal(name_of(*context.auth_context()), *claimed->mutable_lease()));
     if (!claimed.ok() || claimed->has_lease() || monotonic_now() >= until || context.IsCancelled())
       return claimed;
     // An expiring lease gives no hint, so ask again every half second.
@@ -83,9 +91,11 @@ absl::StatusOr<v1::ClaimTileResponse> WorkServiceImpl::claim(const grpc::ServerC
   }
 }
 
-grpc::Status WorkServiceImpl::KeepTile(grpc::ServerContext*, const v1::KeepTileRequest* request,
+grpc::Status WorkServiceImpl::KeepTile(grpc::ServerContext* context, const v1::KeepTileRequest* request,
                                        v1::KeepTileResponse*) {
   GW_CHECK_LIMITS(*request);
+  if (const absl::Status own = seal_.check(name_of(*context->auth_context()), request->lease()); !own.ok())
+    return to_grpc(own);
   return to_grpc(server_.tiles().renew(request->lease()));
 }
 
@@ -97,7 +107,8 @@ grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext* context,
     return to_grpc(absl::InvalidArgumentError("the first message must name the tile"));
   }
   GW_CHECK_LIMITS(header);
-  if (const absl::Status owned = check_solver(*context, header.solver()); !owned.ok()) return to_grpc(owned);
+  if (const absl::Status own = check_lease(*context, header.solver(), header.lease()); !own.ok())
+    return to_grpc(own);
   const auto complete = [&]() -> absl::StatusOr<v1::CompleteTileResponse> {
     GW_ASSIGN_OR_RETURN(std::optional<FrameMattes> mattes, server_.tiles().frames_of(header.lease()));
     GW_RETURN_IF_ERROR(mattes ? complete_frames(server_, header, *std::move(mattes), *reader)
@@ -111,6 +122,8 @@ grpc::Status WorkServiceImpl::CompleteSurvey(grpc::ServerContext* context,
                                              const v1::CompleteSurveyRequest* request,
                                              v1::CompleteSurveyResponse* response) {
   GW_CHECK_LIMITS(*request);
+  if (const absl::Status own = check_lease(*context, request->solver(), request->lease()); !own.ok())
+    return to_grpc(own);
   const auto complete = [&]() -> absl::StatusOr<v1::CompleteSurveyResponse> {
     GW_RETURN_IF_ERROR(server_.solves().complete_survey(*request));
     return v1::CompleteSurveyResponse();
@@ -121,8 +134,8 @@ grpc::Status WorkServiceImpl::CompleteSurvey(grpc::ServerContext* context,
 grpc::Status WorkServiceImpl::FailTile(grpc::ServerContext* context, const v1::FailTileRequest* request,
                                        v1::FailTileResponse*) {
   GW_CHECK_LIMITS(*request);
-  if (const absl::Status owned = check_solver(*context, request->solver()); !owned.ok())
-    return to_grpc(owned);
+  if (const absl::Status own = check_lease(*context, request->solver(), request->lease()); !own.ok())
+    return to_grpc(own);
   return to_grpc(server_.tiles().fail(*request));
 }
 

@@ -4,12 +4,13 @@
 #include "core/service/joined_calls.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "server/services/server.h"
+#include "server/solve/lease_seal.h"
 
 namespace glasswing {
 
 class WorkServiceImpl final : public v1::WorkService::Service {
  public:
-  explicit WorkServiceImpl(Server& server) : server_(server) {}
+  explicit WorkServiceImpl(Server& server) : server_(server), seal_(server.jobs()) {}
   grpc::Status ClaimTile(grpc::ServerContext*, const v1::ClaimTileRequest*, v1::ClaimTileResponse*) override;
   grpc::Status KeepTile(grpc::ServerContext*, const v1::KeepTileRequest*, v1::KeepTileResponse*) override;
   grpc::Status CompleteTile(grpc::ServerContext*, grpc::ServerReader<v1::CompleteTileRequest>*,
@@ -21,11 +22,15 @@ class WorkServiceImpl final : public v1::WorkService::Service {
  private:
   // PERMISSION_DENIED: the solver of this name has another certificate.
   absl::Status check_solver(const grpc::ServerContext& context, const std::string& name) const;
+  // The same, and ABORTED: the lease is not the caller's.
+  absl::Status check_lease(const grpc::ServerContext& context, const std::string& name,
+                           const v1::TileLease& lease);
   // Waits for a tile, as long as the request says.
   absl::StatusOr<v1::ClaimTileResponse> claim(const grpc::ServerContext& context,
                                               const v1::ClaimTileRequest& request);
 
   Server& server_;
+  LeaseSeal seal_;
   JoinedCalls<v1::ClaimTileResponse> claims_{NodeRegistry::kMaxNodes};
   JoinedCalls<v1::CompleteTileResponse> results_{0};    // by attempt
   JoinedCalls<v1::CompleteSurveyResponse> surveys_{0};  // by attempt

@@ -42,14 +42,16 @@ void note_video(const v1::CaptureManifest& manifest, v1::Session& session) {
 
 void note_frames(const v1::CaptureManifest& manifest, v1::Session& session) {
   std::int64_t bytes = 0;
-  int by_patch = 0;
+  int by_patch = 0, by_time = 0;
   for (const v1::Frame& frame : manifest.frames()) {
     bytes += frame.size_bytes();
     if (frame.proof() == v1::PROOF_TIME_AND_PATCH) ++by_patch;
+    if (frame.proof() == v1::PROOF_TIME) ++by_time;
   }
   session.set_step_count(manifest.frames_size());
   session.set_proven_count(manifest.frames_size());
   session.set_patch_proven_count(by_patch);
+  session.set_time_proven_count(by_time);
   session.set_archive_bytes(bytes);
 }
 

@@ -71,6 +71,16 @@ void Fleet::completed(const std::string& solver, double seconds) {
   });
 }
 
+void Fleet::spoiled(const std::string& solver) {
+  note(solver, [](Solver& known) { ++known.spoiled; });
+}
+
+int Fleet::spoiled_by(const std::string& solver) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = solvers_.find(solver);
+  return found == solvers_.end() ? 0 : found->second.spoiled;
+}
+
 void Fleet::failed(const std::string& solver, const std::string& session, int tile,
                    const std::string& error) {
   server_metrics().tiles_failed.Increment();

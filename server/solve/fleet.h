@@ -25,6 +25,8 @@ class Fleet {
   void refused(const std::string& solver, const std::string& why);  // until its next claim
   void claimed(const std::string& solver);                          // even if there was no tile
   void completed(const std::string& solver, double seconds);
+  void spoiled(const std::string& solver);  // it handed in a matte that cannot be read
+  int spoiled_by(const std::string& solver) const;
   void failed(const std::string& solver, const std::string& session, int tile, const std::string& error);
 
   // `solvers` have registered with this server. A solver that has not, as of another server that shares the
@@ -40,6 +42,7 @@ class Fleet {
     MinuteRate rate;  // of tiles done
     std::string refused, last_error;
     std::int64_t done = 0, failed = 0;
+    int spoiled = 0;
   };
   // Applies `change` to the solver's entry, which was heard now.
   void note(const std::string& name, const std::function<void(Solver&)>& change);

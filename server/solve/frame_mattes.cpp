@@ -5,7 +5,9 @@
 #include <atomic>
 #include <utility>
 
+#include "core/base/mapped_file.h"
 #include "core/base/status.h"
+#include "core/matte/matte_file.h"
 
 namespace glasswing {
 namespace {
@@ -51,6 +53,16 @@ absl::Status FrameMattes::finish() {
   GW_RETURN_IF_ERROR(writer_->flush());
   files_.emplace(frame_, writer_->path());
   writer_ = nullptr;
+  return absl::OkStatus();
+}
+
+absl::Status FrameMattes::verify() const {
+  for (const auto& [frame, path] : files_) {
+    GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(path));
+    const absl::Status whole = verify_matte(file->bytes());
+    if (!whole.ok())
+      return absl::DataLossError(fmt::format("frame {}: {}", frame, std::string(whole.message())));
+  }
   return absl::OkStatus();
 }
 

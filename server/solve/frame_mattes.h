@@ -32,6 +32,9 @@ class FrameMattes {
   // DATA_LOSS: the last file has another checksum than was announced, as when a call broke off.
   absl::Status finish();
 
+  // Reads the files as they will be read. DATA_LOSS: one is no matte; names the frame.
+  absl::Status verify() const;
+
   bool has(int frame) const { return files_.contains(frame); }
   // Gives each file its final name, replacing files of that name; durable when it returns.
   absl::Status place(const std::function<std::filesystem::path(int frame)>& name);

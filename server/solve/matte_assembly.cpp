@@ -10,6 +10,7 @@
 #include "core/base/status.h"
 #include "server/sessions/session_state.h"
 #include "server/solve/join_tiles.h"
+#include "server/solve/verified_mattes.h"
 
 namespace glasswing {
 namespace {
@@ -112,6 +113,8 @@ absl::Status MatteAssembly::assemble(const v1::Session& session) {
       const absl::Status joined = [&]() -> absl::Status {
         GW_ASSIGN_OR_RETURN(PositionedFile file, PositionedFile::create(unfinished));
         GW_RETURN_IF_ERROR(join_tiles(tiles, directory, file));
+        // As it will be read. A matte that was fetched so far is not replaced by one that cannot be.
+        GW_RETURN_IF_ERROR(VerifiedMattes().open(unfinished).status());
         return place_file_durably(unfinished, stores_.mattes.next(session.name()));
       }();
       std::error_code ignored;

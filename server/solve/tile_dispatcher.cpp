@@ -22,6 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr int kMaxSpoiled = 2;  // mattes, until a solver gets no more work
+
 void note_refused_frames(const v1::CompleteTileRequest& header, v1::Session& session) {
   for (const v1::RefusedFrame& refused : header.refused()) {
     if (has_number(session.refused_frames(), refused.frame())) continue;
@@ -100,6 +102,15 @@ absl::StatusOr<v1::ClaimTileResponse> TileDispatcher::claim(const v1::ClaimTileR
     fleet_.refused(request.solver(), std::string(same.message()));
     return same;
   }
+  if (const int count = fleet_.spoiled_by(request.solver()); count >= kMaxSpoiled) {
+    const std::string why = fmt::format(
+        "solver \"{}\" handed in {} spoiled mattes and gets no more work: test its machine's memory and "
+        "disk; "
+        "it is forgotten once it has been stopped for ten minutes",
+        request.solver(), count);
+    fleet_.refused(request.solver(), why);
+    return absl::FailedPreconditionError(why);
+  }
   static const std::vector<std::string> computed = all_that_is_computed();
   GW_ASSIGN_OR_RETURN(const std::optional<Lease> lease,
                       stores_.jobs.claim(request.solver(), computed, request.ahead()));
@@ -146,6 +157,10 @@ absl::StatusOr<std::optional<FrameMattes>> TileDispatcher::frames_of(const v1::T
 
 absl::Status TileDispatcher::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
   fault_point("tile received");
+  const std::string checksum = checksum_of(matte);
+  // As whoever reads the matte will find it: the checksums of its rows, and values that can be.
+  if (const absl::Status whole = verify_matte(matte); !whole.ok() && header.checksum() == checksum)
+    return spoiled(header, whole);
   if (Drafts::is_draft(header.lease())) return drafts_.complete(header, matte);
   const v1::TileLease& lease = header.lease();
   const TileAttempt attempt = attempt_of(lease);
@@ -155,7 +170,6 @@ absl::Status TileDispatcher::complete(const v1::CompleteTileRequest& header, con
     GW_ASSIGN_OR_RETURN(session, session_of(edit, lease));
   }
   GW_ASSIGN_OR_RETURN(const TileState tile, stores_.jobs.tile(attempt));
-  const std::string checksum = checksum_of(matte);
   const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), checksum);
   if (!tile.is_done()) {
     if (header.checksum() != checksum) {
@@ -179,8 +193,20 @@ absl::Status TileDispatcher::complete(const v1::CompleteTileRequest& header, con
 absl::Status TileDispatcher::complete(const v1::CompleteTileRequest& header, FrameMattes mattes) {
   fault_point("tile received");
   GW_RETURN_IF_ERROR(mattes.finish());
+  if (const absl::Status whole = mattes.verify(); !whole.ok()) return spoiled(header, whole);
   GW_RETURN_IF_ERROR(place_frames(header, mattes));
   return done(header, attempt_of(header.lease()), fmt::format("attempt {}", header.lease().attempt()));
+}
+
+absl::Status TileDispatcher::spoiled(const v1::CompleteTileRequest& header, const absl::Status& why) {
+  fleet_.spoiled(header.solver());
+  v1::FailTileRequest request;
+  *request.mutable_lease() = header.lease();
+  request.set_solver(header.solver());
+  request.set_error(fmt::format("solver \"{}\" handed in a spoiled matte: {}", header.solver(),
+                                std::string(why.message())));
+  GW_RETURN_IF_ERROR(fail(request));
+  return absl::AbortedError(request.error());
 }
 
 absl::Status TileDispatcher::place_frames(const v1::CompleteTileRequest& header, FrameMattes& mattes) {

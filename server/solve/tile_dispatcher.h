@@ -42,6 +42,8 @@ class TileDispatcher {
   absl::StatusOr<v1::GetFleetResponse> fleet();
 
  private:
+  // The attempt failed, as its result is no matte. ABORTED, so that the solver gives the tile up.
+  absl::Status spoiled(const v1::CompleteTileRequest& header, const absl::Status& why);
   absl::Status place_frames(const v1::CompleteTileRequest& header, FrameMattes& mattes);
   absl::Status done(const v1::CompleteTileRequest& header, const TileAttempt& attempt,
                     const std::string& result);

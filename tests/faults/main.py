@@ -25,7 +25,8 @@ import crashes  # noqa: E402
 import damage  # noqa: E402
 import disk  # noqa: E402
 import hostile  # noqa: E402
-import hostile_wire  # noqa: E402, F401  adds its cases to those of hostile
+import hostile_bodies  # noqa: E402, F401  adds its cases to those of hostile
+import hostile_wire  # noqa: E402, F401  the same
 import network  # noqa: E402
 import power_cut  # noqa: E402
 from case import Cases, Tally, run  # noqa: E402

@@ -16,6 +16,7 @@ import time
 
 import main  # noqa: F401  puts tests/processes on the path
 import hostile
+import hostile_bodies  # noqa: F401
 import hostile_wire  # noqa: F401
 from daemon import BIN, ROOT, Daemon, free_port
 from lab import until

@@ -55,7 +55,7 @@ echo "== a good rig has no problem; doctor reports a wrongly declared lag"
 glasswing doctor >"$work/good.out" || fail "doctor found a problem"
 cat "$work/good.out"
 grep -q "declares 3.00 ms lag" "$work/good.out" || fail "doctor believes the declared lag"
-grep -q "back: every bit is read" "$work/good.out" || fail "doctor does not see the id patch"
+grep -q "back: its id is read" "$work/good.out" || fail "doctor does not see the id patch"
 
 problem() { # SUBJECT [OPTION...]: doctor fails and names SUBJECT
   if glasswing doctor "${@:2}" >"$work/doctor.out" 2>&1; then

@@ -118,6 +118,8 @@ class SessionInfo:
     steps_proven: int
     steps_proven_by_patch: int
     """Those of them proven by the id patch, too."""
+    steps_proven_by_time: int
+    """Those of them proven by time alone: false time stamps of a display or the camera went undetected."""
     steps_retaken: int
     """Steps shown again."""
     frames_refused: int
@@ -166,6 +168,7 @@ class SessionInfo:
             steps=message.step_count,
             steps_proven=message.proven_count,
             steps_proven_by_patch=message.patch_proven_count,
+            steps_proven_by_time=message.time_proven_count,
             steps_retaken=message.retaken_count,
             frames_refused=message.refused_count,
             unproven=tuple(UnprovenStep(each.step, each.what) for each in message.unproven),

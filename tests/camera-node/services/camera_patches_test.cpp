@@ -71,10 +71,18 @@ TEST_F(CameraNode, StoresASetThatShowsNoPatchOnlyIfThatIsAccepted) {
   const auto reader = capture(context);
   const std::vector<v1::Frame> set = show_learning_ids(*reader, true);
   for (const bool accepted : {false, true}) {
-    const v1::LearnPatchesResponse learned = learn(set, accepted);
+    v1::LearnPatchesResponse learned = learn(set, accepted);
     ASSERT_EQ(learned.unseen_patches_size(), 1);
     EXPECT_EQ(learned.unseen_patches(0).monitor(), "back");
     EXPECT_TRUE(learned.unseen_patches(0).dark());
+    if (accepted) {
+      EXPECT_TRUE(learned.unseen_patches(0).frozen()) << "no frame differs";
+      EXPECT_EQ(learned.frames_size(), 0);
+      (void)show(*reader, 0x1234, false);
+      learned = learn(set, true);
+      ASSERT_EQ(learned.unseen_patches_size(), 1);
+      EXPECT_FALSE(learned.unseen_patches(0).frozen());
+    }
     ASSERT_EQ(learned.frames_size(), accepted ? static_cast<int>(set.size()) : 0);
     for (const v1::Frame& frame : learned.frames()) EXPECT_EQ(frame.proof(), v1::PROOF_TIME);
   }

@@ -66,6 +66,7 @@ class SessionTest(unittest.TestCase):
         last = self.capture_events[-1]
         self.assertIs(last.state, glasswing.State.CAPTURED)
         self.assertEqual((last.steps_proven, last.steps_proven_by_patch), (last.steps, last.steps))
+        self.assertEqual(last.steps_proven_by_time, 0)
         self.assertEqual(last.plan.square_waves, PLAN.square_waves)
 
     def test_events_tell_the_solve(self):

@@ -122,6 +122,38 @@ TEST_F(ArchiveService, FramesOfACallAreStoredInTheirOrderOrNotAtAll) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(frames), {}), 4) << "no file is left over";
 }
 
+// Acknowledged, the sender would take it for stored.
+TEST_F(ArchiveService, AnotherPictureOfAStoredStepIsRefused) {
+  v1::CaptureManifest header = MadeArchive::header();
+  header.set_session("new");
+  ASSERT_TRUE(node_->store.create(header).ok());
+  const auto put = [&](int picture, const std::string& file) {
+    const std::string bytes = bytes_of(node_->archive() / MadeArchive::file(picture));
+    grpc::ClientContext context;
+    v1::PutFrameResponse stored;
+    const auto writer = stub_->PutFrame(&context, &stored);
+    v1::PutFrameRequest message;
+    message.set_session("new");
+    message.mutable_frame()->set_file(file);
+    message.mutable_frame()->set_step(7);
+    message.mutable_frame()->set_checksum(checksum_of(bytes));
+    message.set_chunk(bytes);
+    writer->Write(message);
+    writer->WritesDone();
+    return writer->Finish().error_code();
+  };
+  ASSERT_EQ(put(0, "frames/7.tif"), grpc::StatusCode::OK);
+  EXPECT_EQ(put(0, "frames/7.tif"), grpc::StatusCode::OK) << "the same again";
+  for (const bool sealed : {false, true}) {
+    if (sealed) {
+      ASSERT_TRUE(node_->store.find("new").value()->seal().ok());
+    }
+    EXPECT_EQ(put(1, "frames/7.tif"), grpc::StatusCode::ALREADY_EXISTS) << sealed;
+    EXPECT_EQ(put(1, "frames/8.tif"), grpc::StatusCode::ALREADY_EXISTS) << sealed;
+  }
+  EXPECT_EQ(Archive::open(node_->directory / "new").value()->manifest().frames_size(), 1);
+}
+
 TEST_F(ArchiveService, AnImportsTokenOpensItsOwnArchiveUntilTheImportEnds) {
   const std::string bytes = bytes_of(node_->archive() / MadeArchive::file(0));
   const auto create = [&](const std::string& session, const std::string& token) {

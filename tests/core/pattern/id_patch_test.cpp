@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
 #include <random>
 
@@ -120,12 +121,88 @@ TEST(IdPatch, AFrameOfTwoPicturesIsNotRead) {
   }
 }
 
-TEST(IdPatch, SaysWhichBitIsHidden) {
+// The object hides a disc before the middle of the patch.
+TEST(IdPatch, APartlyHiddenPatchIsReadByTheBitsThatAreSeen) {
   std::mt19937 random(7);
+  const auto learned_before = [](double hidden_px) {
+    SimulatedView view(0.005, hidden_px);
+    std::vector<Image16> frames;
+    for (const std::uint16_t id : patch_learning_ids()) {
+      RadianceImage picture(kMonitorWidth, kMonitorHeight);
+      kPatch.draw(id, picture);
+      frames.push_back(view.frame(picture));
+    }
+    return PatchReader::learn(frames);
+  };
   SimulatedView view(0.005, 9.0);
-  const absl::Status status = learned(view, random).status();
-  EXPECT_TRUE(absl::IsFailedPrecondition(status));
-  EXPECT_NE(std::string(status.message()).find("of bit 7"), std::string::npos) << status;
+  const absl::StatusOr<PatchReader> reader = learned_before(9.0);
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  EXPECT_NE(reader->bits(), 0xffff);
+  EXPECT_GE(std::popcount(reader->bits()), IdPatch::kMinBits);
+  for (int i = 0; i < 30; ++i) {
+    const auto id = static_cast<std::uint16_t>(random());
+    const std::optional<std::uint16_t> found = reader->read(view.frame(picture_of(id, random)));
+    ASSERT_TRUE(found);
+    EXPECT_EQ(*found, id & reader->bits());
+  }
+  const absl::Status status = learned_before(40.0).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("of the 16 bits"), std::string::npos) << status;
+}
+
+// Of eight showings in a row, whose ids are multiples of kSpread (server/capture/step_player), no two have
+// kMinBits bits in common: counted over all ids.
+TEST(IdPatch, NoPictureHasTheVisibleBitsOfOneShortlyBefore) {
+  constexpr std::uint32_t kSpread = 40503;
+  for (std::uint32_t id = 0; id < 0x10000; ++id) {
+    for (std::uint32_t later = 1; later < 8; ++later) {
+      const std::uint32_t differing = (id ^ (id + later * kSpread)) & 0xffff;
+      ASSERT_LT(IdPatch::kBits - std::popcount(differing), IdPatch::kMinBits) << id << " " << later;
+    }
+  }
+}
+
+// Frames of ids in another order, or of two ids each: hidden cells make no such thing.
+TEST(IdPatch, PixelsThatChangeAtOtherTimesContradict) {
+  const std::span<const std::uint16_t> ids = patch_learning_ids();
+  for (const double hidden_px : {0.0, 9.0, 40.0}) {
+    SimulatedView view(0.005, hidden_px);
+    const auto frame_of = [&](std::uint16_t id, std::uint16_t other, float part) {
+      RadianceImage picture(kMonitorWidth, kMonitorHeight), second = picture;
+      kPatch.draw(id, picture);
+      kPatch.draw(other, second);
+      for (size_t i = 0; i < picture.samples.size(); ++i)
+        picture.samples[i] = part * picture.samples[i] + (1.0f - part) * second.samples[i];
+      return view.frame(picture);
+    };
+    for (const size_t late : {1u, 2u, 3u}) {
+      for (const float part : {0.0f, 0.5f}) {
+        std::vector<Image16> frames;
+        for (size_t i = 0; i < ids.size(); ++i)
+          frames.push_back(frame_of(ids[i], i < late ? ids[0] : ids[i - late], part));
+        EXPECT_TRUE(absl::IsOutOfRange(PatchReader::learn(frames).status())) << late << " " << part;
+      }
+    }
+    std::vector<Image16> right;
+    for (const std::uint16_t id : ids) right.push_back(frame_of(id, id, 1.0f));
+    EXPECT_FALSE(absl::IsOutOfRange(PatchReader::learn(right).status())) << hidden_px;
+  }
+}
+
+// A short exposure, in which noise is half the contrast, is not taken for one.
+TEST(IdPatch, NoiseDoesNotContradict) {
+  for (const double noise_sd : {0.03, 0.1, 0.3}) {
+    SimulatedView view(noise_sd);
+    for (int i = 0; i < 20; ++i) {
+      std::vector<Image16> frames;
+      for (const std::uint16_t id : patch_learning_ids()) {
+        RadianceImage picture(kMonitorWidth, kMonitorHeight);
+        kPatch.draw(id, picture);
+        frames.push_back(view.frame(picture));
+      }
+      EXPECT_FALSE(absl::IsOutOfRange(PatchReader::learn(frames).status())) << noise_sd;
+    }
+  }
 }
 
 }  // namespace

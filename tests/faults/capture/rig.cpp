@@ -71,7 +71,7 @@ struct FaultyRig::DisplayNode {
         tap(sim),
         display(tap, faults.repeat, seed),
         service("display-1", display, patch_rows),
-        emission(tap),
+        emission(tap, {.lag = monitor().lag + faults.light_shift}),
         host(ServiceHost::start({.address = address}, {&service, &emission}).value()) {}
   ~DisplayNode() {
     service.stop();

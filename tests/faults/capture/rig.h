@@ -16,7 +16,8 @@ namespace glasswing {
 struct RigFaults {
   std::string name;
   SimDisplay::Faults display = {};
-  double repeat = 0.0;  // RepeatingDisplay
+  double repeat = 0.0;        // RepeatingDisplay
+  nanoseconds light_shift{};  // of the monitor's lag, not declared
   double drop = 0.0, duplicate = 0.0;
   nanoseconds late{}, stamp_jitter{}, stamp_shift{};  // SimCameraOptions
   nanoseconds clock_offset{};                         // of the camera node

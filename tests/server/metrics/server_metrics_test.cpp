@@ -98,6 +98,7 @@ class FakeStore final : public JobStore {
   absl::Status requeue(std::int64_t, int) override { return absl::UnavailableError("requeue"); }
   absl::Status remove(std::int64_t) override { return absl::UnavailableError("remove"); }
   absl::StatusOr<std::vector<std::int64_t>> own_jobs() override { return std::vector<std::int64_t>{4, 5}; }
+  absl::StatusOr<std::string> lease_key() override { return "key"; }
   absl::StatusOr<std::optional<Lease>> claim(const std::string& solver, std::span<const std::string>,
                                              bool ahead) override {
     if (ahead) return absl::UnavailableError("claim");

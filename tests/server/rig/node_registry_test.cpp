@@ -50,6 +50,17 @@ TEST_F(RigTest, ASilentNodeIsAway) {
   EXPECT_FALSE(rig_.nodes().front().up());
 }
 
+// gRPC takes others too.
+TEST_F(RigTest, AnAddressIsHostAndPort) {
+  for (const char* address : {"unix:/run/other.sock", "127.0.0.1:80x", "127.0.0.1", "::1:80"}) {
+    const absl::Status status = camera("camera-1", address, "");
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+    EXPECT_NE(status.message().find(address), std::string::npos) << status;
+  }
+  EXPECT_TRUE(rig_.nodes().empty());
+  EXPECT_TRUE(camera("camera-1", "[::1]:80", "").ok());
+}
+
 TEST_F(RigTest, WhatANodePreparesIsListedUntilItIsReadyOrAway) {
   v1::RegisterRequest camera = request(v1::NODE_KIND_CAMERA, "camera-1");
   camera.mutable_preparation()->set_what("simulating the scene");

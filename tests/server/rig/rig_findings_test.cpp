@@ -119,12 +119,18 @@ TEST(RigFindings, PoorClocksAreNamed) {
 TEST(RigFindings, ThePatchIsReadOrElseWhy) {
   v1::DisplayMonitor monitor;
   monitor.set_name("back");
-  EXPECT_NE(judge_patch(monitor, 0, "").advice().find("--patch-rows"), std::string::npos);
+  EXPECT_NE(judge_patch(monitor, 0, {}).advice().find("--patch-rows"), std::string::npos);
   monitor.set_patch_rows(8);
-  EXPECT_EQ(judge_patch(monitor, 10, "").level(), v1::FINDING_LEVEL_OK);
-  EXPECT_EQ(judge_patch(monitor, 9, "").level(), v1::FINDING_LEVEL_WARNING);
-  EXPECT_NE(judge_patch(monitor, 9, "").text().find("9 of the 10"), std::string::npos);
-  EXPECT_EQ(judge_patch(monitor, 10, "the camera does not see it").level(), v1::FINDING_LEVEL_WARNING);
+  EXPECT_EQ(judge_patch(monitor, 10, {}).level(), v1::FINDING_LEVEL_OK);
+  EXPECT_EQ(judge_patch(monitor, 9, {}).level(), v1::FINDING_LEVEL_WARNING);
+  EXPECT_NE(judge_patch(monitor, 9, {}).text().find("9 of the 10"), std::string::npos);
+  v1::UnseenPatch patch;
+  patch.set_reason("the camera does not see it");
+  const v1::Finding unseen = judge_patch(monitor, 10, patch);
+  EXPECT_EQ(unseen.level(), v1::FINDING_LEVEL_WARNING);
+  EXPECT_NE(unseen.advice().find("--patch-rows back=0"), std::string::npos) << unseen.advice();
+  patch.set_contradicts(true);
+  EXPECT_EQ(judge_patch(monitor, 10, patch).level(), v1::FINDING_LEVEL_PROBLEM);
 }
 
 TEST(RigFindings, LightIsMeasuredOrTakenForLinear) {

@@ -40,6 +40,7 @@ TEST(ArchiveFacts, ProofsOfAnArchiveAreThoseOfItsFrames) {
   note_frames(manifest, session);
   EXPECT_EQ(session.proven_count(), 3);
   EXPECT_EQ(session.patch_proven_count(), 2);
+  EXPECT_EQ(session.time_proven_count(), 1);
   EXPECT_EQ(session.archive_bytes(), 300);
 }
 

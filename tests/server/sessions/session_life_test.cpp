@@ -406,6 +406,59 @@ TEST_F(SessionLife, ASolveThatFollowsTheCaptureNeedsNoOtherCall) {
   EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
 }
 
+TEST_F(SessionLife, ALeaseIsOfNoUseToThoseWhoDoNotKnowItsSecret) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  solve_in_tiles("alpha");
+  const v1::ClaimTileResponse own = solver_->claim();
+  ASSERT_TRUE(own.has_lease());
+  EXPECT_EQ(own.lease().secret().size(), 64u) << "256 bits in hex";
+  for (const std::string& secret : {std::string(), std::string(64, '0'), own.lease().secret().substr(1)}) {
+    v1::ClaimTileResponse guessed = own;
+    guessed.mutable_lease()->set_secret(secret);
+    EXPECT_EQ(solver_->keep(guessed).error_code(), grpc::StatusCode::ABORTED);
+    EXPECT_EQ(solver_->fail(guessed, "Press the button").error_code(), grpc::StatusCode::ABORTED);
+    EXPECT_EQ(solver_->complete_rows(guessed, kWidth, kHeight, 9.0f).error_code(), grpc::StatusCode::ABORTED);
+  }
+  v1::ClaimTileResponse other = own;  // its secret is of no use for another tile
+  other.mutable_lease()->set_tile(own.lease().tile() + 1);
+  EXPECT_EQ(solver_->fail(other, "no").error_code(), grpc::StatusCode::ABORTED);
+  EXPECT_EQ(server().sessions().find("s")->state(), v1::SESSION_STATE_SOLVING);
+  EXPECT_TRUE(solver_->keep(own).ok());
+  EXPECT_TRUE(solver_->complete_rows(own, kWidth, kHeight, 1.0f).ok());
+}
+
+// Bytes that were lost before the file's checksum was made.
+TEST_F(SessionLife, ASpoiledTileIsSolvedAgainAndASolverThatSpoilsTwiceGetsNoMore) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  const int tiles = solve_in_tiles("alpha");
+  for (int spoiled = 0; spoiled < 2; ++spoiled) {
+    const v1::ClaimTileResponse tile = solver_->claim();
+    ASSERT_TRUE(tile.has_lease()) << spoiled;
+    std::string matte = IdleSolver::rows(tile, kWidth, kHeight, 1.0f);
+    std::fill(matte.end() - 64, matte.end(), '\xff');
+    const grpc::Status sent = solver_->complete_rows(tile, matte);
+    EXPECT_EQ(sent.error_code(), grpc::StatusCode::ABORTED) << sent.error_message();
+    EXPECT_NE(sent.error_message().find("spoiled"), std::string::npos) << sent.error_message();
+  }
+  v1::ClaimTileResponse none;
+  const grpc::Status refused = solver_->try_to_claim(IdleSolver::request(), none);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(refused.error_message().find("solver \"idle\" handed in 2 spoiled mattes"), std::string::npos)
+      << refused.error_message();
+  EXPECT_EQ(server().fleet()->solvers(0).refused(), refused.error_message());
+  // Another solver gets all of them.
+  v1::ClaimTileRequest request = IdleSolver::request();
+  request.set_solver("other");
+  int done = 0;
+  for (v1::ClaimTileResponse tile; solver_->try_to_claim(request, tile).ok() && tile.has_lease();
+       tile.Clear())
+    done += solver_->complete_rows(tile, kWidth, kHeight, 2.0f).ok() ? 1 : 0;
+  EXPECT_EQ(done, tiles);
+  EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
+}
+
 // Its answer was late: the solver does not know that it has a tile.
 TEST_F(SessionLife, ARepeatedClaimGetsTheTileThatTheFirstLeased) {
   start();

@@ -53,6 +53,23 @@ TEST_F(FrameMattesTest, FilesComeInPiecesAndGetTheirNamesTogether) {
   EXPECT_TRUE(fs::is_empty(directory_ / "tiles"));
 }
 
+// Bits that flipped before the file's checksum was made.
+TEST_F(FrameMattesTest, AFileThatIsNoMatteIsFoundBeforeItGetsItsName) {
+  FrameMattes mattes = this->mattes();
+  std::string bytes = matte_file(1.0f);
+  ASSERT_TRUE(mattes.begin(16, checksum_of(bytes)).ok());
+  ASSERT_TRUE(mattes.add(bytes).ok());
+  ASSERT_TRUE(mattes.finish().ok());
+  EXPECT_TRUE(mattes.verify().ok());
+  bytes[bytes.size() - 20] = static_cast<char>(bytes[bytes.size() - 20] ^ 0x10);
+  ASSERT_TRUE(mattes.begin(17, checksum_of(bytes)).ok());
+  ASSERT_TRUE(mattes.add(bytes).ok());
+  ASSERT_TRUE(mattes.finish().ok());
+  const absl::Status found = mattes.verify();
+  EXPECT_TRUE(absl::IsDataLoss(found)) << found;
+  EXPECT_NE(found.message().find("frame 17"), std::string::npos) << found;
+}
+
 TEST_F(FrameMattesTest, WhatIsDamagedOrNotOfTheTileIsRefusedAndLeavesNothing) {
   const std::string good = matte_file(1.0f), checksum = checksum_of(good);
   {

@@ -92,24 +92,39 @@ class IdleSolver {
     writer->WritesDone();
     return writer->Finish();
   }
-  // Sends a matte of the tile's rows.
-  grpc::Status complete_rows(const v1::ClaimTileResponse& tile, int width_px, int height_px, float mark) {
+  // A matte of the tile's rows.
+  static std::string rows(const v1::ClaimTileResponse& tile, int width_px, int height_px, float mark) {
     Matte matte(0, tile.first_row(), width_px, tile.row_count(), 1);
     matte.metadata.set_format_version(1);
     matte.metadata.add_monitors()->set_name("back");
     matte.metadata.set_width_px(width_px);
     matte.metadata.set_height_px(height_px);
     for (int y = 0; y < tile.row_count(); ++y) matte.foreground(0, y) = {mark, mark, mark};
+    return encode_matte(matte).value();
+  }
+  // Sends it.
+  grpc::Status complete_rows(const v1::ClaimTileResponse& tile, int width_px, int height_px, float mark) {
+    return complete_rows(tile, rows(tile, width_px, height_px, mark));
+  }
+  grpc::Status complete_rows(const v1::ClaimTileResponse& tile, const std::string& matte) {
     v1::CompleteTileResponse response;
     grpc::ClientContext context;
     const auto writer = stub_->CompleteTile(&context, &response);
     v1::CompleteTileRequest request;
     *request.mutable_lease() = tile.lease();
-    request.set_chunk(encode_matte(matte).value());
+    request.set_solver("idle");
+    request.set_chunk(matte);
     request.set_checksum(checksum_of(request.chunk()));
     writer->Write(request);
     writer->WritesDone();
     return writer->Finish();
+  }
+  grpc::Status keep(const v1::ClaimTileResponse& tile) {
+    v1::KeepTileRequest request;
+    *request.mutable_lease() = tile.lease();
+    v1::KeepTileResponse response;
+    grpc::ClientContext context;
+    return stub_->KeepTile(&context, request, &response);
   }
   grpc::Status fail(const v1::ClaimTileResponse& tile, const std::string& why, bool permanent = true) {
     v1::FailTileRequest request;

@@ -54,6 +54,7 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
     provenCount = 0,
     stepCount = 0,
     patchProvenCount = 0,
+    timeProvenCount = 0,
     retakenCount = 0,
     refusedCount = 0,
   } = session;
@@ -68,7 +69,10 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
     {
       name: "Proven",
       text: `${provenCount.toLocaleString("en")} of ${stepCount.toLocaleString("en")}`,
-      more: `${patchProvenCount.toLocaleString("en")} also by the id patch`,
+      more:
+        timeProvenCount > 0
+          ? `${timeProvenCount.toLocaleString("en")} by time alone`
+          : `${patchProvenCount.toLocaleString("en")} also by the id patch`,
     },
     {
       name: "Repeated",

@@ -42,7 +42,7 @@ export function shownWords({ stimulus, alsoLit = [] }: FrameJson): string {
 
 export function proofWords(proof: FrameJson["proof"]): string {
   if (proof === "PROOF_TIME_AND_PATCH") return "proven by time and by its id patch";
-  if (proof === "PROOF_TIME") return "proven by time";
+  if (proof === "PROOF_TIME") return "proven by time alone";
   if (proof === "PROOF_IMPORTED") return "imported, not proven here";
   return "not proven";
 }

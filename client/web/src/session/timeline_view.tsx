@@ -16,7 +16,7 @@ const kWords: Record<StepState, string> = {
   planned: "planned",
   shown: "shown, not proven yet",
   imported: "imported",
-  time: "proven by time",
+  time: "proven by time alone",
   patch: "proven by time and id patch",
 };
 const kStrip = 22,

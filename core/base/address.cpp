@@ -1,0 +1,48 @@
+#include "core/base/address.h"
+
+#include <absl/strings/ascii.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+
+namespace glasswing {
+namespace {
+
+std::optional<int> port_in(std::string_view text) {
+  int port = -1;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), port);
+  if (error != std::errc() || end != text.data() + text.size() || port < 0 || port > 65535)
+    return std::nullopt;
+  return port;
+}
+
+bool is_host(std::string_view host, bool bracketed) {
+  return !host.empty() && std::ranges::all_of(host, [bracketed](char c) {
+    return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' || c == '_' ||
+           (bracketed && (c == ':' || c == '%'));
+  });
+}
+
+}  // namespace
+
+absl::StatusOr<Address> parse_address(std::string_view text) {
+  const size_t colon = text.rfind(':');
+  if (colon != std::string_view::npos) {
+    std::string_view host = text.substr(0, colon);
+    const bool bracketed = host.starts_with('[') && host.ends_with(']');
+    if (bracketed) host = host.substr(1, host.size() - 2);
+    const std::optional<int> port = port_in(text.substr(colon + 1));
+    if (port && is_host(host, bracketed)) return Address{.host = std::string(host), .port = *port};
+  }
+  return absl::InvalidArgumentError(
+      fmt::format("the address is \"{}\"; it must be HOST:PORT, such as 127.0.0.1:7440 or [::1]:7440", text));
+}
+
+std::string text_of(const Address& address) {
+  return address.host.find(':') == std::string::npos ? fmt::format("{}:{}", address.host, address.port)
+                                                     : fmt::format("[{}]:{}", address.host, address.port);
+}
+
+}  // namespace glasswing
