@@ -38,12 +38,17 @@ absl::Status check_writable(const fs::path& file) {
       fmt::format("the output {} cannot be written: {}", file.string(), std::strerror(errno)));
 }
 
+absl::Status check_output_file(const fs::path& file, const std::vector<std::string>& endings) {
+  if (std::ranges::find(endings, file.extension().string()) == endings.end()) {
+    return absl::InvalidArgumentError(
+        fmt::format("the output is {}; its name must end in {}", file.string(), listed(endings)));
+  }
+  return check_writable(file);
+}
+
 CLI::Validator output_file(std::vector<std::string> endings) {
-  const auto check = [endings = std::move(endings)](const std::string& name) -> std::string {
-    const fs::path file = name;
-    if (std::ranges::find(endings, file.extension().string()) == endings.end())
-      return fmt::format("the output is {}; its name must end in {}", name, listed(endings));
-    return std::string(check_writable(file).message());
+  const auto check = [endings = std::move(endings)](const std::string& name) {
+    return std::string(check_output_file(name, endings).message());
   };
   return CLI::Validator(check, "");
 }

@@ -14,7 +14,9 @@ namespace glasswing {
 // the user may write it where it is to lie.
 CLI::Validator output_file(std::vector<std::string> endings);
 
-// OK if a file may be written there; else INVALID_ARGUMENT.
+// The same: OK, or INVALID_ARGUMENT.
+absl::Status check_output_file(const std::filesystem::path& file, const std::vector<std::string>& endings);
+// Without the ending.
 absl::Status check_writable(const std::filesystem::path& file);
 
 }  // namespace glasswing

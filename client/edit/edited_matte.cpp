@@ -6,6 +6,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/output_file.h"
 #include "client/pictures/picture.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
@@ -25,9 +26,7 @@ CLI::App& add_edit_command(CLI::App& matte, const std::string& name, const std::
 }
 
 absl::Status check_edit_output(const std::string& output) {
-  if (std::filesystem::path(output).extension() != ".exr")
-    return absl::InvalidArgumentError(fmt::format("the output is {}; its name must end in .exr", output));
-  return check_output(output);
+  return check_output_file(output, {".exr"});
 }
 
 absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments) {

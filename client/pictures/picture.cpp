@@ -29,13 +29,8 @@ void print_written(const Client& client, const std::string& file, int width_px, 
 }
 
 absl::Status check_output(const std::filesystem::path& output, int bits) {
-  static constexpr std::array<std::string_view, 4> kSuffixes = {".exr", ".png", ".tif", ".tiff"};
-  if (std::find(kSuffixes.begin(), kSuffixes.end(), output.extension().string()) == kSuffixes.end()) {
-    return absl::InvalidArgumentError(
-        fmt::format("the output is {}; its name must end in .exr, .png, .tif or .tiff", output.string()));
-  }
-  GW_RETURN_IF_ERROR(check_picture_file(output, bits));
-  return check_writable(output);
+  GW_RETURN_IF_ERROR(check_output_file(output, {".exr", ".png", ".tif", ".tiff"}));
+  return check_picture_file(output, bits);
 }
 
 absl::Status in_file(const std::string& file, const absl::Status& status) {

@@ -128,11 +128,7 @@ nlohmann::ordered_json json_of(const v1::Draft& draft) {
 }
 
 absl::Status fetch_file(const Client& client, const Sessions& server, const FetchArguments& arguments) {
-  if (fs::path(arguments.output).extension() != ".exr") {
-    return absl::InvalidArgumentError(
-        fmt::format("the output is {}; its name must end in .exr", arguments.output));
-  }
-  GW_RETURN_IF_ERROR(check_writable(arguments.output));
+  GW_RETURN_IF_ERROR(check_output_file(arguments.output, {".exr"}));
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const MatteOutline& matte = whole.outline;
   const auto& warnings = matte.metadata.warnings();

@@ -104,17 +104,16 @@ absl::StatusOr<FrameSamples> MappedArchive::read(int frame, int first_row, int r
   if (first_row / strip_rows == (end_row - 1) / strip_rows) return read_in_strip(frame, first_row, row_count);
   const size_t row = shape_of(manifest_.camera()).row_samples();
   const auto samples = std::make_shared_for_overwrite<std::uint16_t[]>(row * static_cast<size_t>(row_count));
-  const int whole_begin = (first_row + strip_rows - 1) / strip_rows * strip_rows,
-            whole_end =
-                end_row == manifest_.camera().height_px() ? end_row : end_row / strip_rows * strip_rows;
-  for (const auto& [begin, end] : {std::pair(first_row, whole_begin), std::pair(whole_end, end_row)}) {
-    if (begin >= end) continue;
-    GW_ASSIGN_OR_RETURN(const FrameSamples part, read_in_strip(frame, begin, end - begin));
-    std::ranges::copy(part.samples, samples.get() + row * static_cast<size_t>(begin - first_row));
-  }
-  if (whole_begin < whole_end) {
-    GW_RETURN_IF_ERROR(decompress(frame, whole_begin, whole_end - whole_begin,
-                                  samples.get() + row * static_cast<size_t>(whole_begin - first_row)));
+  for (int begin = first_row, end = 0; begin < end_row; begin = end) {
+    const int strip_end = std::min((begin / strip_rows + 1) * strip_rows, manifest_.camera().height_px());
+    end = std::min(strip_end, end_row);
+    std::uint16_t* const to = samples.get() + row * static_cast<size_t>(begin - first_row);
+    if (begin % strip_rows == 0 && end == strip_end) {
+      GW_RETURN_IF_ERROR(decompress(frame, begin, end - begin, to));
+    } else {
+      GW_ASSIGN_OR_RETURN(const FrameSamples part, read_in_strip(frame, begin, end - begin));
+      std::ranges::copy(part.samples, to);
+    }
   }
   return FrameSamples{{samples.get(), row * static_cast<size_t>(row_count)}, samples};
 }

@@ -7,6 +7,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "core/base/median.h"
+
 namespace glasswing {
 namespace {
 
@@ -59,19 +61,14 @@ bool pairs_differ(const Light& light, float contrast) {
 // the median of what they change by from frame to frame is 0.95 sd of Gaussian noise.
 float sure_contrast(std::span<const Image16> frames) {
   const auto channels = static_cast<size_t>(frames.front().channels);
-  const auto median = [](auto& values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-  };
   std::vector<float> changes;
   for (size_t at = 0; at < frames.front().samples.size(); at += channels) {
     const Light light = light_at(frames, at);
     std::array<float, kLearningIds.size() - 1> steps;
     for (size_t i = 0; i < steps.size(); ++i) steps[i] = std::abs(light[i + 1] - light[i]);
-    changes.push_back(median(steps));
+    changes.push_back(median_in_place(std::span<float>(steps)));
   }
-  return changes.empty() ? 0.0f : kSureContrast * median(changes);
+  return kSureContrast * median_in_place(std::span<float>(changes));
 }
 
 // Enough pixels change otherwise than the ids do.

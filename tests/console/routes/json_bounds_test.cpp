@@ -14,22 +14,22 @@ std::string repeated(const std::string& part, int count) {
 }
 
 TEST(JsonBounds, DepthObjectsAndValuesHaveALimit) {
-  EXPECT_TRUE(check_json_bounds(repeated("[", kMaxJsonDepth)).ok());
+  EXPECT_EQ(check_json_bounds(repeated("[", kMaxJsonDepth)), absl::OkStatus());
   EXPECT_TRUE(absl::IsInvalidArgument(check_json_bounds(repeated("[", kMaxJsonDepth + 1))));
-  EXPECT_TRUE(check_json_bounds("[" + repeated("{},", kMaxJsonObjects - 1)).ok());
+  EXPECT_EQ(check_json_bounds("[" + repeated("{},", kMaxJsonObjects - 1)), absl::OkStatus());
   EXPECT_TRUE(absl::IsInvalidArgument(check_json_bounds("[" + repeated("{},", kMaxJsonObjects))));
-  EXPECT_TRUE(check_json_bounds(repeated("1,", kMaxJsonValues)).ok());
+  EXPECT_EQ(check_json_bounds(repeated("1,", kMaxJsonValues)), absl::OkStatus());
   EXPECT_TRUE(absl::IsInvalidArgument(check_json_bounds(repeated("1,", kMaxJsonValues + 1))));
 }
 
 TEST(JsonBounds, WhatStringsHoldIsNotCounted) {
   const std::string brackets = repeated("[", kMaxJsonDepth + 1);
-  EXPECT_TRUE(check_json_bounds("{\"a\": \"" + brackets + "\"}").ok());
-  EXPECT_TRUE(check_json_bounds("{\"a\": \"\\\"" + brackets + "\"}").ok())
+  EXPECT_EQ(check_json_bounds("{\"a\": \"" + brackets + "\"}"), absl::OkStatus());
+  EXPECT_EQ(check_json_bounds("{\"a\": \"\\\"" + brackets + "\"}"), absl::OkStatus())
       << "an escaped quote ends no string";
   EXPECT_FALSE(check_json_bounds("{\"a\": \"\\\\\"" + brackets).ok())
       << "an escaped backslash does not escape it";
-  EXPECT_TRUE(check_json_bounds("{\"a").ok()) << "no JSON, which the parser says";
+  EXPECT_EQ(check_json_bounds("{\"a"), absl::OkStatus()) << "no JSON, which the parser says";
 }
 
 }  // namespace

@@ -126,7 +126,7 @@ TEST_F(ArchiveService, FramesOfACallAreStoredInTheirOrderOrNotAtAll) {
 TEST_F(ArchiveService, AnotherPictureOfAStoredStepIsRefused) {
   v1::CaptureManifest header = MadeArchive::header();
   header.set_session("new");
-  ASSERT_TRUE(node_->store.create(header).ok());
+  ASSERT_EQ(node_->store.create(header).status(), absl::OkStatus());
   const auto put = [&](int picture, const std::string& file) {
     const std::string bytes = bytes_of(node_->archive() / MadeArchive::file(picture));
     grpc::ClientContext context;
