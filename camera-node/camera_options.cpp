@@ -1,8 +1,8 @@
 #include "camera-node/camera_options.h"
 
 #include <cmath>
-#include <cstdio>
 
+#include "core/base/scanner.h"
 #include "core/base/status.h"
 #include "core/cli/daemon_options.h"
 
@@ -20,9 +20,7 @@ absl::StatusOr<SensorCurve> parse_response(const std::string& text) {
   if (text == "linear") return SensorCurve();
   if (text == "s-curve") return kSCurve;
   double gamma = 0.0;
-  int read = 0;
-  if (std::sscanf(text.c_str(), "gamma:%lf%n", &gamma, &read) != 1 ||
-      static_cast<size_t>(read) != text.size() || !(gamma >= 0.2 && gamma <= 5.0)) {
+  if (!Scanner(text).then("gamma:").number(gamma).done() || !(gamma >= 0.2 && gamma <= 5.0)) {
     return absl::InvalidArgumentError("--response is " + text +
                                       "; it must be linear, s-curve, or gamma:G with G 0.2 to 5");
   }
@@ -31,10 +29,8 @@ absl::StatusOr<SensorCurve> parse_response(const std::string& text) {
 
 absl::StatusOr<PictureSize> parse_size(const std::string& text) {
   PictureSize size{};
-  int read = 0;
-  if (std::sscanf(text.c_str(), "%dx%d%n", &size.width_px, &size.height_px, &read) != 2 ||
-      static_cast<size_t>(read) != text.size() || size.width_px < 1 || size.height_px < 1 ||
-      size.width_px > 16384 || size.height_px > 16384)
+  if (!Scanner(text).number(size.width_px).then("x").number(size.height_px).done() || size.width_px < 1 ||
+      size.height_px < 1 || size.width_px > 16384 || size.height_px > 16384)
     return absl::InvalidArgumentError("--size is " + text + "; it must be WIDTHxHEIGHT, each 1 to 16384");
   return size;
 }
@@ -133,12 +129,49 @@ void add_fault_options(CLI::App& app, CameraOptions& camera) {
       ->check(CLI::Range(-1000.0, 1000.0));
 }
 
+// What happens to the camera and its room; seconds count from its first start.
+void add_disturbance_options(CLI::App& app, CameraOptions& camera) {
+  Disturbances& d = camera.sim.disturbances;
+  const CLI::Range seconds(0.0, 1e6);
+  app.add_option("--true-knock", d.knock_dx_px, "sim: a knock moves its picture by this to the right, px")
+      ->check(CLI::Range(-50.0, 50.0));
+  app.add_option("--true-knock-down", d.knock_dy_px, "sim: and by this down, px")
+      ->check(CLI::Range(-50.0, 50.0));
+  app.add_option("--true-knock-at", d.knock_s, "sim: so many seconds after it was first started")
+      ->check(seconds);
+  app.add_option("--true-knock-lasts", d.knock_lasts_s, "sim: for so many seconds; 0: for good")
+      ->check(seconds);
+  app.add_option("--true-creep", d.creep_px_per_minute, "sim: it sinks by so many px a minute")
+      ->check(CLI::Range(-1000.0, 1000.0));
+  app.add_option("--true-vibration", d.vibration_px, "sim: it trembles by so many px, with 11 and 7 Hz")
+      ->check(CLI::Range(0.0, 50.0));
+  app.add_option("--true-lamp", d.lamp, "sim: a lamp adds this part of white everywhere")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--true-lamp-at", d.lamp_s, "sim: so many seconds after its first start")->check(seconds);
+  app.add_option("--true-lamp-lasts", d.lamp_lasts_s, "sim: for so many seconds; 0: for good")
+      ->check(seconds);
+  app.add_option("--true-gain", d.gain, "sim: its gain, undeclared")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  app.add_option("--true-gain-at", d.gain_s, "sim: from so many seconds after its first start on")
+      ->check(seconds);
+  app.add_option("--true-warm-up", d.warm_up,
+                 "sim: part of the light that is lost as the monitors warm up, with a time constant of 2 min")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--true-flare", d.flare, "sim: part of each picture's light that its lens spreads evenly")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--true-bad-pixels", d.bad_pixels,
+                 "sim: part of its samples that are dead or stuck, by --seed")
+      ->check(CLI::Range(0.0, 1.0));
+}
+
 void add_real_camera_options(CLI::App& app, CameraOptions& camera) {
   app.add_option("--archive", camera.archive, "replay: directory of the session archive to show again");
   app.add_option("--camera", camera.real.camera, "libcamera: the camera's id or model, or a part of it");
   app.add_option("--format", camera.real.format,
                  "libcamera: pixel format, such as SRGGB10 or YUYV; the best there is if left out");
-  app.add_option("--gain", camera.real.gain, "libcamera: analogue gain")
+  app.add_option("--gain", camera.real.gain,
+                 "libcamera: gain that frames must report: analogue, times digital in processed formats")
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();
   app.add_option("--fixed-exposure-ms", camera.fixed_exposure_ms,
@@ -169,6 +202,7 @@ absl::Status CameraOptions::resolve(const CLI::App& app) {
   sim.width_px = picture.width_px;
   sim.height_px = picture.height_px;
   GW_ASSIGN_OR_RETURN(sim.sensor.curve, parse_response(response));
+  sim.disturbances.seed = sim.sensor.seed;
   sim.late = of_ms(late_ms);
   sim.stamp_jitter = of_ms(stamp_jitter_ms);
   sim.stamp_shift = of_ms(stamp_shift_ms);
@@ -191,6 +225,7 @@ void add_camera_options(CLI::App& app, DaemonOptions& daemon, CameraOptions& cam
   add_camera_choice(app, camera);
   add_sensor_options(app, camera);
   add_fault_options(app, camera);
+  add_disturbance_options(app, camera);
   add_real_camera_options(app, camera);
   app.add_option("--stage", camera.stage, "who moves the object; manual without --backend sim")
       ->check(CLI::IsMember({"sim", "manual"}))

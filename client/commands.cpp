@@ -31,6 +31,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_steps_command(app, client);
   add_control_commands(app, client);
   add_retry_command(app, client);
+  add_retake_command(app, client);
   add_delete_command(app, client);
   add_annotate_commands(app, client);
   CLI::App& plan = *app.add_subcommand("plan", "Make a plan, check one, or estimate its cost.");

@@ -1,8 +1,8 @@
 #include "display-node/display_options.h"
 
 #include <charconv>
-#include <cstdio>
 
+#include "core/base/scanner.h"
 #include "core/base/time.h"
 #include "core/cli/daemon_options.h"
 
@@ -134,19 +134,17 @@ absl::StatusOr<PatchRows> DisplayOptions::patches() const {
 
 absl::StatusOr<TrueOptics> DisplayOptions::true_optics() const {
   TrueOptics optics{.panel = panel, .pitch_mm = pitch_mm};
-  int read = 0;
   if (true_response != "linear" &&
-      (std::sscanf(true_response.c_str(), "gamma:%lf%n", &optics.panel.gamma, &read) != 1 ||
-       static_cast<size_t>(read) != true_response.size() ||
+      (!Scanner(true_response).then("gamma:").number(optics.panel.gamma).done() ||
        !(optics.panel.gamma >= 0.2 && optics.panel.gamma <= 5.0))) {
     return absl::InvalidArgumentError("--true-response is " + true_response +
                                       "; it must be linear, or gamma:G with G 0.2 to 5");
   }
-  if (!true_flicker.empty() && (std::sscanf(true_flicker.c_str(), "%lf@%lf%n", &optics.flicker.amplitude,
-                                            &optics.flicker.hz, &read) != 2 ||
-                                static_cast<size_t>(read) != true_flicker.size() ||
-                                !(optics.flicker.amplitude >= 0.0 && optics.flicker.amplitude <= 1.0) ||
-                                !(optics.flicker.hz >= 0.1 && optics.flicker.hz <= 1e5))) {
+  Scanner flicker(true_flicker);
+  if (!true_flicker.empty() &&
+      (!flicker.number(optics.flicker.amplitude).then("@").number(optics.flicker.hz).done() ||
+       !(optics.flicker.amplitude >= 0.0 && optics.flicker.amplitude <= 1.0) ||
+       !(optics.flicker.hz >= 0.1 && optics.flicker.hz <= 1e5))) {
     return absl::InvalidArgumentError("--true-flicker is " + true_flicker +
                                       "; it must be AMPLITUDE@HZ, such as 0.1@100, with AMPLITUDE 0 to 1 "
                                       "and HZ 0.1 to 100000");

@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <set>
 
 #include "core/base/name.h"
+#include "core/base/scanner.h"
 #include "core/base/status.h"
 #include "display-node/backends/kms_display.h"
 #include "display-node/backends/sim_display.h"
@@ -20,19 +20,16 @@ constexpr size_t kMaxMonitors = 16;
 // "back=128x96@60"
 absl::StatusOr<ScreenInfo> parse_simulated(const std::string& text, const DisplayOptions& options) {
   ScreenInfo screen;
-  char name[65] = "";
-  int read = 0;
-  const int fields = std::sscanf(text.c_str(), "%64[^=]=%dx%d@%lf%n", name, &screen.width_px,
-                                 &screen.height_px, &screen.refresh_hz, &read);
-  const bool good = fields == 4 && static_cast<size_t>(read) == text.size() &&
-                    check_name("monitor", name).ok() && screen.width_px >= 1 && screen.width_px <= 16384 &&
-                    screen.height_px >= 1 && screen.height_px <= 16384 && screen.refresh_hz >= 1.0 &&
-                    screen.refresh_hz <= 1000.0;
+  Scanner scan(text);
+  scan.name(screen.name, '=').number(screen.width_px).then("x").number(screen.height_px);
+  const bool good = scan.then("@").number(screen.refresh_hz).done() &&
+                    check_name("monitor", screen.name).ok() && screen.width_px >= 1 &&
+                    screen.width_px <= 16384 && screen.height_px >= 1 && screen.height_px <= 16384 &&
+                    screen.refresh_hz >= 1.0 && screen.refresh_hz <= 1000.0;
   if (!good) {
     return absl::InvalidArgumentError("--monitor is " + text +
                                       "; it must be NAME=WIDTHxHEIGHT@HZ, such as back=1920x1080@60");
   }
-  screen.name = name;
   screen.bits = options.bits.value_or(16);
   screen.scanout = nanoseconds(static_cast<std::int64_t>(1e9 / screen.refresh_hz));
   screen.lag = options.lag();
@@ -81,23 +78,24 @@ absl::StatusOr<std::unique_ptr<Display>> open_x11(const DisplayOptions& options)
 // "back=HDMI-A-1", "back=card0:HDMI-A-1@1920x1080@60"
 absl::StatusOr<KmsDisplay::Monitor> parse_connected(const std::string& text) {
   KmsDisplay::Monitor monitor;
-  char name[65] = "", connector[129] = "";
-  int named = 0, sized = 0, timed = 0;
-  std::sscanf(text.c_str(), "%64[^=]=%128[^@]%n@%dx%d%n@%lf%n", name, connector, &named, &monitor.width_px,
-              &monitor.height_px, &sized, &monitor.refresh_hz, &timed);
-  const int read = std::max({named, sized, timed});
-  const bool good = named > 0 && static_cast<size_t>(read) == text.size() &&
-                    check_name("monitor", name).ok() &&
-                    (sized == 0 || (monitor.width_px >= 1 && monitor.height_px >= 1)) &&
-                    (timed == 0 || monitor.refresh_hz >= 1.0);
+  Scanner scan(text);
+  scan.name(monitor.name, '=');
+  const size_t at = scan.rest().find('@');
+  monitor.connector = scan.rest().substr(0, at);
+  const bool sized = at != std::string_view::npos;
+  scan.then(monitor.connector);
+  if (sized) scan.then("@").number(monitor.width_px).then("x").number(monitor.height_px);
+  const bool timed = scan.more();
+  if (timed) scan.then("@").number(monitor.refresh_hz);
+  const bool good = scan.done() && !monitor.connector.empty() && check_name("monitor", monitor.name).ok() &&
+                    (!sized || (monitor.width_px >= 1 && monitor.height_px >= 1)) &&
+                    (!timed || monitor.refresh_hz >= 1.0);
   if (!good) {
     return absl::InvalidArgumentError(
         "--monitor is " + text +
         "; with --backend kms it must be NAME=[CARD:]CONNECTOR[@WIDTHxHEIGHT[@HZ]], "
         "such as back=HDMI-A-1 or back=card0:HDMI-A-1@1920x1080@60");
   }
-  monitor.name = name;
-  monitor.connector = connector;
   return monitor;
 }
 

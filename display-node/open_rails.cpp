@@ -3,8 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdio>
+#include <cmath>
 
+#include "core/base/scanner.h"
 #include "core/base/status.h"
 #include "display-node/backends/command_rail.h"
 #include "display-node/backends/sim_rail.h"
@@ -27,33 +28,26 @@ absl::StatusOr<size_t> monitor_called(const char* option, const std::string& nam
 // "back=200:400@200"
 absl::StatusOr<MonitorRail> parse_rail(const std::string& text) {
   MonitorRail rail;
-  char name[65] = "";
-  double start_mm = 0.0;
-  int ranged = 0, started = 0;
-  std::sscanf(text.c_str(), "%64[^=]=%lf:%lf%n@%lf%n", name, &rail.min_mm, &rail.max_mm, &ranged, &start_mm,
-              &started);
-  const bool read = ranged > 0 && static_cast<size_t>(std::max(ranged, started)) == text.size();
-  const bool in_range = started == 0 || (start_mm >= rail.min_mm && start_mm <= rail.max_mm);
-  if (!read || !(rail.max_mm > rail.min_mm) || !in_range) {
+  Scanner scan(text);
+  scan.name(rail.monitor, '=').number(rail.min_mm).then(":").number(rail.max_mm);
+  if (scan.more()) scan.then("@").number(rail.position_mm.emplace());
+  const bool in_range =
+      !rail.position_mm || (*rail.position_mm >= rail.min_mm && *rail.position_mm <= rail.max_mm);
+  if (!scan.done() || !(rail.max_mm > rail.min_mm) || !in_range) {
     return absl::InvalidArgumentError("--rail is " + text +
                                       "; it must be NAME=MIN:MAX or NAME=MIN:MAX@START, such as "
                                       "back=200:400@200, with MIN below MAX and START between them");
   }
-  rail.monitor = name;
-  if (started > 0) rail.position_mm = start_mm;
   return rail;
 }
 
 // "back=20,-15"
 absl::Status parse_tilt(const std::string& text, const Display& display, std::vector<PanelPose>& poses) {
-  char name[65] = "";
+  std::string name;
   PanelPose pose;
-  int read = 0;
-  const bool good =
-      std::sscanf(text.c_str(), "%64[^=]=%lf,%lf%n", name, &pose.tilt_deg, &pose.turn_deg, &read) == 3 &&
-      static_cast<size_t>(read) == text.size() && std::abs(pose.tilt_deg) <= kMaxTilt_deg &&
-      std::abs(pose.turn_deg) <= kMaxTilt_deg;
-  if (!good) {
+  const bool read =
+      Scanner(text).name(name, '=').number(pose.tilt_deg).then(",").number(pose.turn_deg).done();
+  if (!read || std::abs(pose.tilt_deg) > kMaxTilt_deg || std::abs(pose.turn_deg) > kMaxTilt_deg) {
     return absl::InvalidArgumentError(fmt::format(
         "--true-tilt is {}; it must be NAME=TILT,TURN, such as back=20,-15, each {} to {} degrees", text,
         -kMaxTilt_deg, kMaxTilt_deg));

@@ -28,6 +28,7 @@ struct Solve {
   std::string archive, matte, method = "gaussian";
   std::vector<std::string> settings;
   int threads = 0;
+  bool as_recorded = false;
 };
 
 // Writes a matte per frame: 0000.exr and so on. Goes on past frames that cannot be solved, and returns the
@@ -77,10 +78,14 @@ absl::Status solve(const Solve& solve) {
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(solve.method, options));
   GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
   const bool watched = ::isatty(STDERR_FILENO) != 0;
-  GW_ASSIGN_OR_RETURN(const Matte matte, solve_archive(*method, *archive, solve.threads, [&](double part) {
-                        if (watched) std::cerr << fmt::format("\rsolved {:3.0f} %", 100.0 * part);
-                      }));
+  const auto progress = [&](double part) {
+    if (watched) std::cerr << fmt::format("\rsolved {:3.0f} %", 100.0 * part);
+  };
+  GW_ASSIGN_OR_RETURN(const Matte matte,
+                      solve_archive(*method, *archive, solve.threads, progress, !solve.as_recorded));
   if (watched) std::cerr << "\n";
+  for (const std::string& warning : matte.metadata.warnings())
+    std::cerr << fmt::format("warning: {}\n", warning);
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
   return write_file_durably(solve.matte, bytes);
 }
@@ -109,6 +114,8 @@ void add_solve_command(CLI::App& app, DaemonOptions& daemon) {
       ->required();
   command.add_option("--method", arguments->method, "how (docs/methods.md)")->capture_default_str();
   command.add_option("--set", arguments->settings, "NAME=VALUE, an option of the method");
+  command.add_flag("--as-recorded", arguments->as_recorded,
+                   "leave what the rig did to the frames uncorrected and unsaid (docs/frames.md)");
   command.add_option("--threads", arguments->threads, "0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

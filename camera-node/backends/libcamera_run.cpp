@@ -150,6 +150,13 @@ void LibcameraRun::disconnected() {
   arrived_.notify_all();
 }
 
+std::optional<double> gain_in(const libcamera::ControlList& metadata, PixelFormat::Kind kind) {
+  const bool is_raw = kind == PixelFormat::Kind::kBayer || kind == PixelFormat::Kind::kGray;
+  const auto analogue = metadata.get(controls::AnalogueGain), digital = metadata.get(controls::DigitalGain);
+  if (is_raw || !digital) return analogue;
+  return double{*digital} * analogue.value_or(1.0f);
+}
+
 LibcameraRun::Frame LibcameraRun::copied(const libcamera::Request& request,
                                          const libcamera::FrameBuffer& buffer) const {
   // libcamera 0.0.3 offers metadata() only on a non-const request.
@@ -160,7 +167,7 @@ LibcameraRun::Frame LibcameraRun::copied(const libcamera::Request& request,
   frame.stamp = nanoseconds(metadata.get(controls::SensorTimestamp)
                                 .value_or(static_cast<std::int64_t>(buffer.metadata().timestamp)));
   if (const auto exposure_us = metadata.get(controls::ExposureTime)) frame.exposure_ms = *exposure_us / 1e3;
-  if (const auto gain = metadata.get(controls::AnalogueGain)) frame.gain = *gain;
+  frame.gain = gain_in(metadata, blank_.format->kind);
   if (const auto skew_ns = metadata.get(controls::draft::SensorRollingShutterSkew))
     frame.readout = nanoseconds(*skew_ns);
   RawPicture picture = blank_;

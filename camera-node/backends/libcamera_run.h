@@ -21,6 +21,10 @@
 
 namespace glasswing {
 
+// The gain of a frame's samples, as its metadata have it: AnalogueGain, times DigitalGain in formats that a
+// processor made of the sensor's samples. None: neither is reported.
+std::optional<double> gain_in(const libcamera::ControlList& metadata, PixelFormat::Kind kind);
+
 class LibcameraRun {
  public:
   struct Frame {

@@ -9,8 +9,8 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/base/status.h"
-#include "core/frame/jpeg_header.h"
 #include "core/frame/picture_codecs.h"
+#include "core/frame/picture_header.h"
 
 namespace glasswing {
 namespace {
@@ -202,9 +202,10 @@ absl::StatusOr<Image16> image_of_jpeg(const RawPicture& picture) {
   const std::vector<std::uint8_t> none, &file = picture.planes.empty() ? none : picture.planes[0];
   const std::string_view bytes(reinterpret_cast<const char*>(file.data()), file.size());
   // The codecs also decode other formats. Check format and size first.
-  if (!is_jpeg(bytes)) return bad("damaged");
-  if (const PictureSize size = jpeg_size(bytes); size != PictureSize{picture.width_px, picture.height_px})
-    return bad(size.width_px == 0 ? "damaged" : fmt::format("{} x {}", size.width_px, size.height_px));
+  const absl::StatusOr<PictureSize> size = picture_size(bytes);
+  if (!is_jpeg(bytes) || !size.ok()) return bad("damaged");
+  if (*size != PictureSize{picture.width_px, picture.height_px})
+    return bad(fmt::format("{} x {}", size->width_px, size->height_px));
   absl::StatusOr<cv::Mat> decoded = decode_picture(bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
   if (absl::IsDataLoss(decoded.status())) return bad("damaged");
   GW_ASSIGN_OR_RETURN(const cv::Mat bgr, std::move(decoded));

@@ -105,6 +105,7 @@ absl::Status SimCamera::start(double exposure_ms) {
   running_ = true;
   exposure_ms_ = exposure_ms;
   next_start_ = monotonic_now();
+  if (first_start_ == nanoseconds(0)) first_start_ = next_start_;
   return absl::OkStatus();
 }
 
@@ -147,7 +148,10 @@ std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
     const bool duplicate = std::bernoulli_distribution(options_.duplicate)(random_);
     if (!duplicate || newest_.sequence == 0) {
       const nanoseconds exposure(std::llround(exposure_ms * 1e6));
-      newest_ = {.sequence = sequence_, .window = {.start = start, .exposure = exposure}, .object = object_};
+      newest_ = {.sequence = sequence_,
+                 .window = {.start = start, .exposure = exposure},
+                 .object = object_,
+                 .at_s = std::chrono::duration<double>(start - first_start_).count()};
     }
     exposed = newest_;
     late = up_to(options_.late);
@@ -178,6 +182,7 @@ absl::StatusOr<Image16> SimCamera::expose_frame(const Exposed& exposed, double e
   if (automatics.gain || automatics.white_balance)
     GW_RETURN_IF_ERROR(apply_automatics(exposed, exposure_ms, radiance));
   Image16 image = expose(radiance, exposure_ms, options_.sensor, exposed.sequence);
+  spoil_pixels(options_.disturbances, image);
   if (options_.mosaic.empty()) return image;
   GW_ASSIGN_OR_RETURN(const Mosaic mosaic, Mosaic::parse(options_.mosaic));
   return sampled(image, mosaic);
@@ -204,7 +209,9 @@ absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
   const auto phase = static_cast<size_t>(motion_.phase_at(middle));
   RadianceImage radiance = integrate(exposed.object ? *through.phases[phase] : *through.empty, emission,
                                      window, options_.sensor.readout);
-  return blurs() ? through_lens(radiance, options_.blur_sigma_px) : radiance;
+  if (blurs()) radiance = through_lens(radiance, options_.blur_sigma_px);
+  disturb(options_.disturbances, exposed.at_s, radiance);
+  return radiance;
 }
 
 // Recomputes the frames before, so that a frame's gains depend on the light alone and not on which frames
@@ -217,6 +224,7 @@ absl::Status SimCamera::apply_automatics(const Exposed& exposed, double exposure
   Exposed before = exposed;
   for (int k = 1; k <= kFramesRemembered; ++k) {
     before.window.start -= period;
+    before.at_s = exposed.at_s - k * std::chrono::duration<double>(period).count();
     GW_ASSIGN_OR_RETURN(const RadianceImage seen, radiance_on(before));
     std::array<double, 3> sums{};
     for (size_t i = 0; i < seen.samples.size(); ++i) sums[i % 3] += static_cast<double>(seen.samples[i]);

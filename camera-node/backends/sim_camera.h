@@ -18,6 +18,7 @@
 #include "camera-node/camera.h"
 #include "core/base/node_clock.h"
 #include "core/sim/automatics.h"
+#include "core/sim/disturbances.h"
 #include "core/sim/emission_timeline.h"
 #include "core/sim/scene.h"
 #include "core/sim/sensor.h"
@@ -37,6 +38,7 @@ struct SimCameraOptions {
   bool awaits_light = false;  // it prepares until a monitor is known; else it is dark until then
   std::string mosaic;         // as v1::Camera.mosaic; empty: pixels have all colours
   SensorModel sensor;
+  Disturbances disturbances = {};
   Automatics automatics = {};  // not reported: exposure and gain are reported as requested
   NodeClock clock = {};        // of the time stamps
   double drop = 0.0;           // probability that a frame is lost; its sequence number is skipped
@@ -66,6 +68,7 @@ class SimCamera final : public Camera, public Stage {
     std::int64_t sequence = 0;
     ExposureWindow window;
     bool object = false;
+    double at_s = 0.0;  // since the camera's first start
   };
   bool blurs() const { return options_.blur_sigma_px > 0.0; }
   nanoseconds end_of(const ExposureWindow& window) const;
@@ -97,6 +100,7 @@ class SimCamera final : public Camera, public Stage {
   double exposure_ms_ = 0.0;         // guarded by mutex_
   std::int64_t sequence_ = 0;        // guarded by mutex_
   nanoseconds next_start_{};         // guarded by mutex_
+  nanoseconds first_start_{};        // 0: never started; guarded by mutex_
   Exposed newest_;                   // that is not a duplicate; guarded by mutex_
   std::mt19937_64 random_;           // guarded by mutex_
   nanoseconds delivered_{};          // when the newest frame was; used by next() only, which has one caller

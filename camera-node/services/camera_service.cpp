@@ -206,6 +206,11 @@ grpc::Status CameraServiceImpl::MeasureLight(grpc::ServerContext*, const v1::Mea
   return grpc::Status::OK;
 }
 
+grpc::Status CameraServiceImpl::CompareFrames(grpc::ServerContext*, const v1::CompareFramesRequest* request,
+                                              v1::CompareFramesResponse* response) {
+  return answer(comparison_.compare(*request), *response);
+}
+
 grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::PreviewRequest* request,
                                         grpc::ServerWriter<v1::PreviewResponse>* writer) {
   if (const absl::Status status = check_preview(*request); !status.ok()) return to_grpc(status);

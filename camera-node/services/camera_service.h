@@ -8,6 +8,7 @@
 
 #include "camera-node/camera.h"
 #include "camera-node/services/camera_turns.h"
+#include "camera-node/services/frame_comparison.h"
 #include "camera-node/services/frame_keeper.h"
 #include "camera-node/services/frame_ring.h"
 #include "core/archive/archive_store.h"
@@ -18,7 +19,8 @@ namespace glasswing {
 
 class CameraServiceImpl final : public v1::CameraService::Service {
  public:
-  CameraServiceImpl(Camera& camera, ArchiveStore& store) : camera_(camera), keeper_(store, ring_) {}
+  CameraServiceImpl(Camera& camera, ArchiveStore& store)
+      : camera_(camera), keeper_(store, ring_), comparison_(store, ring_) {}
   // Ends running calls, so that the daemon can stop.
   void stop() { stopping_ = true; }
 
@@ -33,6 +35,8 @@ class CameraServiceImpl final : public v1::CameraService::Service {
                               v1::LookForPatchesResponse*) override;
   grpc::Status MeasureLight(grpc::ServerContext*, const v1::MeasureLightRequest*,
                             v1::MeasureLightResponse*) override;
+  grpc::Status CompareFrames(grpc::ServerContext*, const v1::CompareFramesRequest*,
+                             v1::CompareFramesResponse*) override;
   grpc::Status Preview(grpc::ServerContext*, const v1::PreviewRequest*,
                        grpc::ServerWriter<v1::PreviewResponse>*) override;
   grpc::Status StreamFrames(grpc::ServerContext*, const v1::StreamFramesRequest*,
@@ -52,6 +56,7 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   Camera& camera_;
   FrameRing ring_;
   FrameKeeper keeper_;
+  FrameComparison comparison_;
   std::atomic<bool> stopping_ = false;
   // Of Capture and StreamFrames calls, and of a Preview while none of these wants the camera.
   CameraTurns turns_;

@@ -13,7 +13,10 @@
 #include "client/cli/colour.h"
 #include "client/cli/config.h"
 #include "client/cli/interrupt.h"
+#include "client/cli/output_file.h"
 #include "client/cli/suggestion.h"
+#include "core/base/address.h"
+#include "core/base/utf8.h"
 #include "core/base/version.h"
 #include "core/cli/help.h"
 #include "core/security/tls.h"
@@ -23,8 +26,9 @@ namespace glasswing {
 namespace {
 
 int fail(std::string message, bool coloured, int status = kFailure) {
-  std::replace(message.begin(), message.end(), '\n', ' ');
-  std::cerr << painted("glasswing:", coloured ? Paint::kBad : Paint::kNone) << " " << message << "\n";
+  std::ranges::replace(message, '\n', ' ');
+  std::cerr << painted("glasswing:", coloured ? Paint::kBad : Paint::kNone) << " " << printable(message)
+            << "\n";
   return status;
 }
 
@@ -88,16 +92,37 @@ std::string unknown_word(const CLI::App& app) {
   return what + (meant.empty() ? "" : fmt::format("; did you mean {}?", meant));
 }
 
-// `help X` as `X --help`.
+// `help X` as `X --help`, and nothing as --help.
 std::vector<std::string> words_of(int argc, const char* const* argv) {
   std::vector<std::string> words(argv + 1, argv + argc);
-  if (!words.empty() && words.front() == "help") {
-    words.erase(words.begin());
+  if (words.empty() || words.front() == "help") {
+    words.erase(words.begin(), words.begin() + (words.empty() ? 0 : 1));
     words.emplace_back("--help");
   }
   std::ranges::reverse(words);  // as CLI::App wants them
   return words;
 }
+
+// What a command says goes to standard error while its file goes to standard output.
+class Answers {
+ public:
+  explicit Answers(const CLI::App& command) {
+    const CLI::Option* const output = command.get_option_no_throw("--output");
+    if (output != nullptr && !output->empty() && output->as<std::string>() == kStandardOutput)
+      usual_ = std::cout.rdbuf(std::cerr.rdbuf());
+  }
+  Answers(const Answers&) = delete;
+  Answers& operator=(const Answers&) = delete;
+  ~Answers() {
+    if (usual_ != nullptr) std::cout.rdbuf(usual_);
+  }
+  int fd() const { return usual_ == nullptr ? STDOUT_FILENO : STDERR_FILENO; }
+
+ private:
+  std::streambuf* usual_ = nullptr;
+};
+
+constexpr const char* kNotTaken = "the answer could not be written to standard output";
 
 }  // namespace
 
@@ -133,19 +158,30 @@ int run_client(int argc, const char* const* argv, const AddCommands& add_command
     if (!configured.ok())
       return fail(std::string(configured.message()), coloured(STDERR_FILENO), kUsageError);
     client.server = config["server"];
-    client.coloured = coloured(STDOUT_FILENO);
+    if (const absl::Status parsed = parse_address(client.server).status(); !parsed.ok()) {
+      return fail(fmt::format("--server: {}", std::string(parsed.message())), coloured(STDERR_FILENO),
+                  kUsageError);
+    }
+    const Answers answers(deepest(app));
+    client.coloured = coloured(answers.fd());
     // The first call reports what is wrong with the files; commands that make no calls do not need them.
     (void)use_tls({config["ca"], config["certificate"], config["key"]});
     const absl::Status status = client.run();
     if (status.ok()) {
       if (std::cout.flush()) return client.exit_status;
-      return fail("the answer could not be written to standard output", coloured(STDERR_FILENO));
+      return fail(kNotTaken, coloured(STDERR_FILENO));
     }
     const bool broken_off = absl::IsCancelled(status) && interrupted();
-    return fail(std::string(status.message()), coloured(STDERR_FILENO), broken_off ? kInterrupted : kFailure);
+    std::string message(status.message());
+    if (message == client.server_title() + " does not answer")
+      message += "; start glasswing-server there, or name another with --server";
+    return fail(std::move(message), coloured(STDERR_FILENO), broken_off ? kInterrupted : kFailure);
   } catch (const CLI::ParseError& error) {
     const std::string unknown = unknown_word(app);
-    if (error.get_exit_code() == 0 && unknown.empty()) return app.exit(error);
+    if (error.get_exit_code() == 0 && unknown.empty()) {
+      const int status = app.exit(error);
+      return std::cout.flush() ? status : fail(kNotTaken, coloured(STDERR_FILENO));
+    }
     return fail(fmt::format("{} ({} --help lists what there is)", unknown.empty() ? error.what() : unknown,
                             path_of(deepest(app))),
                 coloured(STDERR_FILENO), kUsageError);

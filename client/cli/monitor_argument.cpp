@@ -2,9 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
-
 #include "core/base/name.h"
+#include "core/base/scanner.h"
 #include "core/frame/archive.h"
 
 namespace glasswing {
@@ -13,11 +12,10 @@ absl::StatusOr<v1::Monitor> parse_monitor_argument(const std::string& text) {
   const size_t colon = text.find(':');
   const std::string name = colon == std::string::npos ? "monitor" : text.substr(0, colon);
   const std::string size = colon == std::string::npos ? text : text.substr(colon + 1);
-  int width_px = 0, height_px = 0, read = 0;
+  int width_px = 0, height_px = 0;
   const auto good = [](int side_px) { return side_px >= 1 && side_px <= kMaxSide_px; };
-  if (std::sscanf(size.c_str(), "%dx%d%n", &width_px, &height_px, &read) != 2 ||
-      static_cast<size_t>(read) != size.size() || !good(width_px) || !good(height_px) ||
-      !check_name("monitor", name).ok()) {
+  if (!Scanner(size).number(width_px).then("x").number(height_px).done() || !good(width_px) ||
+      !good(height_px) || !check_name("monitor", name).ok()) {
     return absl::InvalidArgumentError(
         fmt::format("monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, or WIDTHxHEIGHT, "
                     "each side 1 to {} px",

@@ -194,7 +194,7 @@ void print_session(const v1::Session& session, bool json) {
   if (json) {
     print_json(session);
   } else {
-    std::cout << summary_of(session) << "\n";
+    std::cout << printable(summary_of(session)) << "\n";
   }
 }
 
@@ -206,16 +206,35 @@ int frames_to_solve(const v1::Session& session) {
   return session.frame_count() - session.lost_frames_size();
 }
 
+namespace {
+
+void add_range(int first, int last, std::string& text) {
+  text +=
+      fmt::format("{}{}{}", text.empty() ? "" : ", ", first, last > first ? fmt::format(" to {}", last) : "");
+}
+
+}  // namespace
+
 std::string ranges_text(const google::protobuf::RepeatedField<std::int32_t>& numbers) {
   std::string text;
   for (int i = 0; i < numbers.size();) {
     int last = i;
     while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
-    text += fmt::format("{}{}{}", text.empty() ? "" : ", ", numbers[i],
-                        last > i ? fmt::format(" to {}", numbers[last]) : "");
+    add_range(numbers[i], numbers[last], text);
     i = last + 1;
   }
   return text;
+}
+
+std::string ranges_text(const google::protobuf::RepeatedPtrField<v1::StepRange>& steps) {
+  std::string text;
+  for (const v1::StepRange& range : steps) add_range(range.first(), range.last(), text);
+  return text;
+}
+
+std::string describe(const v1::RigChange& change) {
+  return fmt::format("after {} of capture, {}; {}", seconds_text(change.seconds()), change.what(),
+                     change.advice());
 }
 
 std::string seconds_text(double seconds) {

@@ -55,6 +55,9 @@ int frames_to_solve(const v1::Session& session);  // of a video: the captured on
 
 // Formats ascending numbers: "3, 17 to 20".
 std::string ranges_text(const google::protobuf::RepeatedField<std::int32_t>& numbers);
+std::string ranges_text(const google::protobuf::RepeatedPtrField<v1::StepRange>& steps);
+// What happened to the rig, when, and what to do.
+std::string describe(const v1::RigChange& change);
 
 // UNAVAILABLE. `output` is a path, or "-" for standard output.
 absl::Status cannot_write(const std::string& output);

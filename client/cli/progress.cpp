@@ -9,6 +9,7 @@
 #include <cstdio>
 
 #include "client/cli/output.h"
+#include "core/base/utf8.h"
 
 namespace glasswing {
 namespace {
@@ -89,10 +90,10 @@ bool Progress::is_due() {
 void Progress::write(const std::string& plain, const std::string& bar) {
   if (terminal_) {
     // A full last column would wrap on some terminals.
-    fmt::print(stderr, "\r{}\x1b[K", bar);
+    fmt::print(stderr, "\r{}\x1b[K", printable(bar));
     drawn_ = true;
   } else {
-    fmt::print(stderr, "{}\n", plain);
+    fmt::print(stderr, "{}\n", printable(plain));
   }
   std::fflush(stderr);
 }
@@ -139,7 +140,8 @@ void Progress::done(const std::string& detail) {
   clear();
   const Clock::duration taken = now_() - begun_;
   if (taken >= kWorthTelling)
-    fmt::print(stderr, "{}: {} in {}\n", label_, detail, seconds_text(seconds_of(taken)));
+    fmt::print(stderr, "{}\n",
+               printable(fmt::format("{}: {} in {}", label_, detail, seconds_text(seconds_of(taken)))));
 }
 
 Waiting::Waiting(std::string label) : progress_(std::move(label)) {

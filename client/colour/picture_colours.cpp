@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "core/base/file.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -42,12 +43,19 @@ absl::StatusOr<RadianceImage> PictureColours::read(const std::filesystem::path& 
   return picture;
 }
 
+absl::StatusOr<std::string> PictureColours::encode(const std::filesystem::path& name, RadianceImage image,
+                                                   Encoding encoding, int bits,
+                                                   const PictureColour& colour) const {
+  if (out_ == nullptr) return encode_radiance(name, image, encoding, bits, colour);
+  out_->from_linear(image);
+  const bool codes = name.extension() != ".exr";
+  return encode_radiance(name, image, Encoding::kLinear, codes && bits == 0 ? 8 : bits, out_->colour());
+}
+
 absl::Status PictureColours::write(const std::filesystem::path& path, RadianceImage image, Encoding encoding,
                                    int bits, const PictureColour& colour) const {
-  if (out_ == nullptr) return write_radiance(path, image, encoding, bits, colour);
-  out_->from_linear(image);
-  const bool codes = path.extension() != ".exr";
-  return write_radiance(path, image, Encoding::kLinear, codes && bits == 0 ? 8 : bits, out_->colour());
+  GW_ASSIGN_OR_RETURN(const std::string bytes, encode(path, std::move(image), encoding, bits, colour));
+  return write_file_durably(path, bytes);
 }
 
 }  // namespace glasswing

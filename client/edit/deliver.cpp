@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "client/cli/output_file.h"
 #include "client/cli/progress.h"
 #include "client/edit/commands.h"
 #include "client/edit/edited_matte.h"
@@ -25,13 +26,15 @@ std::string text_of(const ExrWindow& window) {
 absl::Status deliver(const Client& client, const DeliverArguments& arguments) {
   GW_RETURN_IF_ERROR(check_edit_output(arguments.output));
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(arguments.matte));
+  UnfinishedFile written(arguments.output);
   absl::StatusOr<Delivery> delivery;
   {
     Progress progress("writing");
-    delivery = write_delivery(file->bytes(), arguments.options, arguments.output, 0,
+    delivery = write_delivery(file->bytes(), arguments.options, written.path(), 0,
                               [&progress](double fraction) { progress.update(fraction); });
   }
   if (!delivery.ok()) return in_file(arguments.matte, delivery.status());
+  GW_RETURN_IF_ERROR(written.finish());
   const ExrWindow& window = delivery->window;
   print_edited(
       client, arguments.output, window.picture_width_px, window.picture_height_px,

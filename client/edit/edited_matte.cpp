@@ -8,7 +8,6 @@
 
 #include "client/cli/output_file.h"
 #include "client/pictures/picture.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/matte_rounding.h"
@@ -21,12 +20,13 @@ CLI::App& add_edit_command(CLI::App& matte, const std::string& name, const std::
   command.footer(footer);
   command.add_option("matte", arguments.matte, "a matte from glasswing fetch, or of an earlier edit")
       ->required();
-  command.add_option("-o,--output", arguments.output, "the matte to write (.exr)")->required();
+  command.add_option("-o,--output", arguments.output, "the matte to write (.exr), or - for standard output")
+      ->required();
   return command;
 }
 
 absl::Status check_edit_output(const std::string& output) {
-  return check_output_file(output, {".exr"});
+  return check_output_file(output, {".exr", kStandardOutput});
 }
 
 absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments) {
@@ -51,7 +51,7 @@ absl::Status write_edited(const Client& client, const std::string& output, Matte
   if (digits == Digits::kNew) round_to_errors(matte);
   matte.metadata.add_edits(edit);
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
-  GW_RETURN_IF_ERROR(write_file_durably(output, bytes));
+  GW_RETURN_IF_ERROR(write_output(output, bytes));
   print_edited(client, output, matte.width_px(), matte.height_px(), words, figures);
   return absl::OkStatus();
 }

@@ -7,6 +7,7 @@
 #include <set>
 #include <span>
 
+#include "client/cli/output_file.h"
 #include "client/edit/commands.h"
 #include "client/edit/edited_matte.h"
 #include "client/pictures/picture.h"
@@ -49,7 +50,7 @@ void tell_apart(const std::vector<std::string>& files, std::vector<ObjectShares>
 
 absl::Status merge(const Client& client, const MergeArguments& arguments) {
   GW_RETURN_IF_ERROR(check_edit_output(arguments.output));
-  if (!arguments.ids.empty()) GW_RETURN_IF_ERROR(check_edit_output(arguments.ids));
+  if (!arguments.ids.empty()) GW_RETURN_IF_ERROR(check_output_file(arguments.ids, {".exr"}));
   std::vector<ObjectShares> objects;  // as the mattes
   GW_ASSIGN_OR_RETURN(Matte all, read_matte(arguments.mattes.back()));
   if (!arguments.ids.empty()) add_in_front(arguments.mattes.back(), all, objects);
@@ -85,7 +86,8 @@ void add_matte_merge_command(CLI::App& matte, Client& client) {
   command.add_option("mattes", arguments->mattes, "two or more mattes, the first in front")
       ->required()
       ->expected(2, 100);
-  command.add_option("-o,--output", arguments->output, "the matte to write (.exr)")->required();
+  command.add_option("-o,--output", arguments->output, "the matte to write (.exr), or - for standard output")
+      ->required();
   command.add_option("--ids", arguments->ids, "also write a Cryptomatte of the objects (.exr)");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return merge(client, *arguments); }; });

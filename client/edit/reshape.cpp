@@ -2,12 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
-
 #include "client/edit/commands.h"
 #include "client/edit/edited_matte.h"
 #include "client/pictures/picture.h"
 #include "core/base/mapped_file.h"
+#include "core/base/scanner.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -32,12 +31,7 @@ struct Size {
 };
 absl::StatusOr<Size> parse_size(const std::string& text) {
   Size size;
-  const char* const end = text.data() + text.size();
-  const auto [x, bad_width] = std::from_chars(text.data(), end, size.width_px);
-  if (bad_width == std::errc() && x != end && *x == 'x') {
-    const auto [last, bad_height] = std::from_chars(x + 1, end, size.height_px);
-    if (bad_height == std::errc() && last == end) return size;
-  }
+  if (Scanner(text).number(size.width_px).then("x").number(size.height_px).done()) return size;
   return absl::InvalidArgumentError(
       fmt::format("the size is \"{}\"; it must be WIDTHxHEIGHT, such as 1920x1080", text));
 }

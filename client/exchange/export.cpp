@@ -11,6 +11,7 @@
 #include "client/cli/rpc.h"
 #include "client/exchange/commands.h"
 #include "client/exchange/partial_directory.h"
+#include "core/archive/disk_room.h"
 #include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
@@ -119,6 +120,7 @@ absl::Status export_archive(const Client& client, const std::string& name, const
   GW_ASSIGN_OR_RETURN(const v1::GetManifestResponse answer,
                       call(archive, &v1::ArchiveService::Stub::GetManifest, request, kLongCallTimeout));
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<PartialDirectory> partial, PartialDirectory::create(directory));
+  GW_RETURN_IF_ERROR(DiskRoom(partial->path()).check(session.archive_bytes()));
   GW_RETURN_IF_ERROR(write_frames(archive, answer.manifest(), partial->path()));
   GW_RETURN_IF_ERROR(partial->keep(answer.manifest()));
   if (client.json) {

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
 
 #include "core/base/checksum.h"
@@ -49,7 +48,7 @@ absl::StatusOr<Image16> read_verified(const fs::path& directory, const v1::Camer
 absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const PhotographList& list,
                                             int frame) {
   absl::StatusOr<CodedPhotograph> photograph =
-      read_photograph(directory / list.manifest.frames(frame).file());
+      read_photograph(directory / list.manifest.frames(frame).file(), list.white);
   if (photograph.ok()) return photograph;
   const absl::Status& status = photograph.status();
   return absl::Status(status.code(), fmt::format("{}: {}", list.place(frame), std::string(status.message())));
@@ -67,7 +66,7 @@ absl::Status settle_response(const fs::path& directory, double black, std::optio
   if (!samples) {
     std::vector<std::string> files;
     for (const v1::Frame& frame : list.manifest.frames()) files.push_back(frame.file());
-    GW_ASSIGN_OR_RETURN(samples, sample_stack(directory, files));
+    GW_ASSIGN_OR_RETURN(samples, sample_stack(directory, files, list.white));
   }
   std::vector<std::vector<float>> codes = std::move(samples->rows.codes);
   for (size_t i = 0; i < codes.size(); ++i)
@@ -161,8 +160,13 @@ absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, Photogr
   camera.set_height_px(first.codes.height_px);
   camera.set_bits(first.bits);
   camera.set_response("linear");
-  const double black = list.black / (std::exp2(first.bits) - 1.0);
   std::vector<std::string> warnings;
+  if (first.turned) {
+    warnings.push_back(fmt::format(
+        "EXIF says that the camera was turned ({}); pictures of a set are taken as the sensor has them",
+        list.manifest.frames(0).file()));
+  }
+  const double black = list.black / list.white.value_or(highest_code(first.bits));
   GW_RETURN_IF_ERROR(settle_response(directory, black, std::move(samples), list, warnings));
   absl::StatusOr<PhotographResponse> response = PhotographResponse::create(list.response, black);
   absl::Status status = response.status();
@@ -171,9 +175,11 @@ absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, Photogr
     return absl::InvalidArgumentError(
         fmt::format("{}: {}", list.path.string(), std::string(status.message())));
   const auto shared = std::make_shared<const PhotographList>(list);
+  const auto largest = std::make_shared<int>(0);
   return FrameSource{
       .manifest = std::move(list.manifest),
-      .read = [shared, directory, light = *std::move(response)](int frame) -> absl::StatusOr<Image16> {
+      .read = [shared, largest, directory,
+               light = *std::move(response)](int frame) -> absl::StatusOr<Image16> {
         GW_ASSIGN_OR_RETURN(CodedPhotograph photograph, read_listed(directory, *shared, frame));
         Image16& image = photograph.codes;
         const v1::Camera& all = shared->manifest.camera();
@@ -185,8 +191,12 @@ absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, Photogr
               photograph.bits, shared->manifest.frames(0).file(), all.width_px(), all.height_px(),
               all.bits()));
         }
+        *largest = std::max<int>(*largest, *std::ranges::max_element(image.samples));
         light.linearise(image);
         return std::move(image);
+      },
+      .check = [shared, largest, bits = first.bits]() -> absl::Status {
+        return shared->white ? absl::OkStatus() : check_white(shared->path, *largest, bits);
       },
       .warnings = std::move(warnings)};
 }

@@ -29,6 +29,8 @@ struct FrameSource {
   // Set where every frame's file has the format and name of our own archives: hands the file over as it is,
   // in pieces. DATA_LOSS, after the last piece: its checksum is not the manifest's.
   std::function<absl::Status(int, const TakeBytes&)> pass_on = nullptr;
+  // Of all frames, once each was read; null: nothing is to be checked.
+  std::function<absl::Status()> check = nullptr;
   bool was_read = false;                   // every frame was read and checked when the source was made
   std::vector<std::string> warnings = {};  // for people
 };

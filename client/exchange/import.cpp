@@ -6,6 +6,7 @@
 
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
+#include "client/cli/output_file.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/exchange/commands.h"
@@ -17,6 +18,7 @@
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/frame/archive.h"
 #include "core/import/sequences.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
@@ -37,7 +39,7 @@ absl::Status verify(const FrameSource& source) {
     GW_RETURN_IF_ERROR(source.read(i).status());
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
-  return absl::OkStatus();
+  return source.check ? source.check() : absl::OkStatus();
 }
 
 // Hands over the bytes of a frame's file.
@@ -175,12 +177,13 @@ absl::StatusOr<FrameSource> source_of(const ImportArguments& arguments) {
   }
   if (is_video_file(path) || (arguments.sequence.empty() && is_video_folder(path)))
     return video_source(path, arguments.video);
-  if (!photographs.monitors.empty() || photographs.response || photographs.black ||
+  if (!photographs.monitors.empty() || photographs.response || photographs.black || photographs.white ||
       arguments.video.empty_frames != 0 || !arguments.video.empty_directory.empty()) {
-    return absl::InvalidArgumentError(fmt::format(
-        "{} is an archive; --monitor, --response, --black, --empty-frames and --empty are for photographs "
-        "and videos",
-        path.string()));
+    return absl::InvalidArgumentError(
+        fmt::format("{} is an archive; --monitor, --response, --black, --white, --empty-frames and --empty "
+                    "are for photographs "
+                    "and videos",
+                    path.string()));
   }
   return arguments.sequence.empty() ? archive_source(path) : sequence_source(path, arguments.sequence);
 }
@@ -248,7 +251,8 @@ absl::Status import(const Client& client, const ImportArguments& arguments) {
   GW_RETURN_IF_ERROR(check_name("session", source.manifest.session()));
   GW_RETURN_IF_ERROR(arguments.archive.empty() ? send(client, source, arguments.camera)
                                                : write(client, source, arguments.archive));
-  for (const std::string& warning : source.warnings) std::cerr << fmt::format("warning: {}\n", warning);
+  for (const std::string& warning : source.warnings)
+    std::cerr << fmt::format("warning: {}\n", printable(warning));
   return absl::OkStatus();
 }
 
@@ -274,15 +278,17 @@ void add_layout_options(CLI::App& command, const std::shared_ptr<ImportArguments
       "pictures in the directory itself");
   add("--order", options.order,
       "the order of a layout's parts; default: columns,rows,white,black, or columns,rows for phase-shift. "
-      "Columns are vertical bars");
+      "Columns are vertical bars; fringes beside a code are fringe-columns and fringe-rows");
   add("--inverse", options.inverse,
       "where the complement of each pattern is: after it, before it, or none; default: after for "
       "opencv-graycode, none for binary");
-  add("--steps", options.steps, "photographs of one period of phase-shift, 3 to 64");
+  add("--cell", options.cell_px, "the width of the cells that a code numbers, px; default: 1");
+  add("--steps", options.steps, "photographs of one period of fringes, 3 to 64");
   add("--periods", options.periods,
-      "fringes of phase-shift along a side of the monitor, as 1,8,64; or their lengths, as 1920px,120px");
+      "fringes along a side of the monitor, as 1,8,64; or their lengths, as 1920px,120px");
   add("--shift", options.shift,
       "forward if fringes move towards larger x and y from step to step, else backward; default: forward");
+  add("--phase", options.phase_deg, "the phase of the first step of fringes, degrees; default: 0");
 }
 
 void add_import_command(CLI::App& app, Client& client) {
@@ -329,8 +335,10 @@ void add_import_command(CLI::App& app, Client& client) {
       .add_option("--camera", arguments->camera,
                   "the camera node that keeps the frames; needed if several are up")
       ->type_name("NODE");
-  command.add_option("--archive", arguments->archive,
-                     "write an archive to this new or empty directory instead of calling a server");
+  command
+      .add_option("--archive", arguments->archive,
+                  "write an archive to this new or empty directory instead of calling a server")
+      ->check(output_directory());
   CLI::Option* list = command.add_option("--list", arguments->list, "the photographs' list");
   command
       .add_option("--sequence", arguments->sequence,
@@ -355,6 +363,11 @@ void add_import_command(CLI::App& app, Client& client) {
                      "unknown; default: estimated for photographs, srgb for videos");
   command.add_option("--black", arguments->video.photographs.black,
                      "the pictures' code for no light; default: 0");
+  command
+      .add_option("--white", arguments->video.photographs.white,
+                  "the highest code that the camera writes, as 1023 for codes of 10 bits in files of 16; "
+                  "default: the files' own, 255 or 65535")
+      ->check(CLI::Range(1, 65535));
   add_layout_options(command, arguments);
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return import(client, *arguments); }; });

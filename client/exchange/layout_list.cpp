@@ -7,6 +7,7 @@
 
 #include "client/cli/monitor_argument.h"
 #include "client/layouts/layout_guess.h"
+#include "client/layouts/photograph_files.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -22,13 +23,14 @@ absl::StatusOr<v1::Monitor> only_monitor(const PhotographOptions& options) {
       options.monitors.size()));
 }
 
-absl::StatusOr<FringeFacts> facts_of(const LayoutOptions& options) {
-  if (options.order || options.inverse || options.steps) {
+absl::StatusOr<LayoutFacts> facts_of(const LayoutOptions& options) {
+  if (options.order || options.inverse || options.steps || options.phase_deg) {
     return absl::InvalidArgumentError(
-        "--order, --inverse and --steps go with a named layout; --layout auto takes only --periods and "
-        "--shift");
+        "--order, --inverse, --steps and --phase go with a named layout; --layout auto takes only --periods, "
+        "--shift and --cell");
   }
-  FringeFacts facts;
+  LayoutFacts facts;
+  facts.cell_px = options.cell_px;
   if (options.periods) {
     GW_ASSIGN_OR_RETURN(facts.periods, periods_of(*options.periods));
   }
@@ -40,12 +42,19 @@ absl::StatusOr<FringeFacts> facts_of(const LayoutOptions& options) {
 
 absl::StatusOr<PhotographLayout> guess(const std::filesystem::path& directory,
                                        const std::vector<std::string>& files, const v1::Monitor& monitor,
-                                       const LayoutOptions& options, std::optional<StackSamples>& samples) {
-  GW_ASSIGN_OR_RETURN(const FringeFacts facts, facts_of(options));
-  GW_ASSIGN_OR_RETURN(samples, sample_stack(directory, files));
+                                       const LayoutOptions& options, std::optional<int> white,
+                                       std::optional<StackSamples>& samples) {
+  GW_ASSIGN_OR_RETURN(const LayoutFacts facts, facts_of(options));
+  GW_ASSIGN_OR_RETURN(samples, sample_stack(directory, files, white));
+  if (!white) GW_RETURN_IF_ERROR(check_white(directory, samples->largest_code, samples->bits));
   LayoutGuess guessed = guess_layout(*samples, files, monitor, facts);
   for (const std::string& reason : guessed.reasons) std::cerr << fmt::format("auto: {}\n", reason);
-  return std::move(guessed.layout);
+  constexpr int kFewBits = 16383;  // those of 14
+  if (guessed.layout.ok() || samples->largest_code > kFewBits) return std::move(guessed.layout);
+  return absl::Status(
+      guessed.layout.status().code(),
+      fmt::format("{}. No code is above {} of 65535; if the camera has fewer bits, pass --white 1023 or such",
+                  std::string(guessed.layout.status().message()), samples->largest_code));
 }
 
 }  // namespace
@@ -56,8 +65,9 @@ absl::StatusOr<LaidOutList> list_by_layout(const std::filesystem::path& director
   GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, only_monitor(options));
   GW_ASSIGN_OR_RETURN(const std::vector<std::string> photographs, photographs_in(directory, files));
   GW_ASSIGN_OR_RETURN(const PhotographLayout order,
-                      layout.layout == kAuto ? guess(directory, photographs, monitor, layout, result.samples)
-                                             : layout_of(layout));
+                      layout.layout == kAuto
+                          ? guess(directory, photographs, monitor, layout, options.white, result.samples)
+                          : layout_of(layout));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> frames, frames_of(order, monitor, photographs));
   PhotographList& list = result.list;
   list.path = directory;
@@ -66,6 +76,7 @@ absl::StatusOr<LaidOutList> list_by_layout(const std::filesystem::path& director
   for (const v1::Frame& frame : frames) *list.manifest.add_frames() = frame;
   list.response = options.response.value_or("");
   list.black = options.black.value_or(0.0);
+  list.white = options.white;
   return result;
 }
 

@@ -154,13 +154,17 @@ class Reader {
     } else if (key == "black") {
       GW_ASSIGN_OR_RETURN(const double black, number_of(key, value, 0.0, 65535.0, "0 or more codes"));
       if (!options_.black) list_.black = black;
+    } else if (key == "white") {
+      const std::optional<int> white = parsed<int>(value);
+      if (!white) return bad(fmt::format("white is \"{}\"; it must be a code", value));
+      if (!options_.white) list_.white = white;
     } else if (key == "scene") {
       list_.manifest.set_scene(value);
     } else {
-      return bad(
-          fmt::format("there is no \"#{}\"; it must be #monitor, #response, #black or #scene, or a remark "
-                      "that starts with \"# \"",
-                      key));
+      return bad(fmt::format(
+          "there is no \"#{}\"; it must be #monitor, #response, #black, #white or #scene, or a remark "
+          "that starts with \"# \"",
+          key));
     }
     return absl::OkStatus();
   }
@@ -265,6 +269,20 @@ std::string PhotographList::place(int frame) const {
   return fmt::format("{}:{}", path.string(), lines[static_cast<size_t>(frame)]);
 }
 
+absl::Status check_white(const std::filesystem::path& path, int largest, int bits) {
+  constexpr int kBits = 16;
+  for (const int fewer : {10, 12, 14}) {
+    const int highest = (1 << fewer) - 1;
+    if (bits == kBits && (largest == highest || largest == highest << (kBits - fewer))) {
+      return bad(fmt::format(
+          "{}: the largest code of all photographs is {}: {} bits in {}? If so, pass --white {}; if not, "
+          "--white 65535",
+          path.string(), largest, fewer, kBits, largest));
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<PhotographList> read_photograph_list(const std::filesystem::path& path,
                                                     const PhotographOptions& options) {
   GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
@@ -273,6 +291,7 @@ absl::StatusOr<PhotographList> read_photograph_list(const std::filesystem::path&
   list.manifest.set_format_version(1);
   if (options.response) list.response = *options.response;
   if (options.black) list.black = *options.black;
+  list.white = options.white;
   GW_RETURN_IF_ERROR(Reader(list, options).read(text));
   return list;
 }

@@ -16,7 +16,8 @@ namespace glasswing {
 struct PhotographOptions {
   std::vector<std::string> monitors;    // NAME:WIDTHxHEIGHT
   std::optional<std::string> response;  // of PhotographResponse
-  std::optional<double> black;          // codes of the photographs
+  std::optional<double> black = {};     // codes of the photographs
+  std::optional<int> white = {};        // the highest of these codes, where it is not the files' own
 };
 
 struct PhotographList {
@@ -25,12 +26,18 @@ struct PhotographList {
   v1::CaptureManifest manifest;
   std::string response;        // of PhotographResponse; empty: not declared
   double black = 0.0;          // codes of the photographs
+  std::optional<int> white;    // as in PhotographOptions
   std::vector<int> lines;      // the frames' line numbers in the list; empty: a layout's
   std::filesystem::path path;  // of the list; of the photographs' directory for a layout
 
   // "photos.tsv:17", for errors about a frame.
   std::string place(int frame) const;
 };
+
+// Asks where white is if the largest code of all photographs, which have `bits`, is the highest of fewer
+// bits: codes of 10, 12 or 14 bits, which stand at either end of 16, are then too dark, or not seen to be
+// saturated. INVALID_ARGUMENT: it is.
+absl::Status check_white(const std::filesystem::path& path, int largest, int bits);
 
 // INVALID_ARGUMENT names the file, the line, the wrong value and what would be accepted. NOT_FOUND: no such
 // file.

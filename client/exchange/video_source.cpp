@@ -34,7 +34,7 @@ absl::StatusOr<v1::CaptureManifest> header_of(const VideoOptions& options) {
 
 absl::StatusOr<PhotographResponse> response_of(const PhotographOptions& options, int bits) {
   return PhotographResponse::create(options.response.value_or(kUsualResponse),
-                                    options.black.value_or(0.0) / (std::exp2(bits) - 1.0));
+                                    options.black.value_or(0.0) / options.white.value_or(highest_code(bits)));
 }
 
 void set_camera(int width_px, int height_px, int bits, v1::CaptureManifest& manifest) {
@@ -80,10 +80,11 @@ absl::Status check_empty_frames(const fs::path& path, int count, const VideoOpti
 struct Pictures {
   std::vector<fs::path> files;
   v1::Camera camera;
+  std::optional<int> white;
   PhotographResponse response;
 
   absl::StatusOr<Image16> read(size_t place) const {
-    GW_ASSIGN_OR_RETURN(CodedPhotograph photograph, read_photograph(files[place]));
+    GW_ASSIGN_OR_RETURN(CodedPhotograph photograph, read_photograph(files[place], white));
     GW_RETURN_IF_ERROR(check_likeness(files[place].string(), photograph.codes, photograph.bits, camera));
     response.linearise(photograph.codes);
     return std::move(photograph.codes);
@@ -116,8 +117,10 @@ absl::StatusOr<FrameSource> picture_source(const fs::path& directory, const Vide
   for (size_t i = 0; i < files.size(); ++i) add_frame(fmt::format("{:06d}", i), i >= empty, manifest);
   GW_ASSIGN_OR_RETURN(PhotographResponse response, response_of(options.photographs, first.bits));
   GW_RETURN_IF_ERROR(check_manifest(manifest));
-  const auto pictures = std::make_shared<const Pictures>(
-      Pictures{.files = std::move(files), .camera = manifest.camera(), .response = std::move(response)});
+  const auto pictures = std::make_shared<const Pictures>(Pictures{.files = std::move(files),
+                                                                  .camera = manifest.camera(),
+                                                                  .white = options.photographs.white,
+                                                                  .response = std::move(response)});
   return FrameSource{.manifest = std::move(manifest),
                      .read = [pictures](int frame) { return pictures->read(static_cast<size_t>(frame)); },
                      .warnings = std::move(warnings)};
@@ -155,6 +158,10 @@ class Decoded {
 
 absl::StatusOr<FrameSource> file_source(const fs::path& path, const VideoOptions& options) {
   constexpr int kBits = 8;
+  if (options.photographs.white) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}: --white is for photographs and directories of pictures", path.string()));
+  }
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, header_of(options));
   GW_ASSIGN_OR_RETURN(std::vector<fs::path> empty, empty_pictures(options));
   GW_ASSIGN_OR_RETURN(VideoReader reader, VideoReader::open(path));
@@ -180,8 +187,8 @@ absl::StatusOr<FrameSource> file_source(const fs::path& path, const VideoOptions
           std::llround((i + 1) * 1e9 / reader.frame_rate_hz()));
   }
   GW_RETURN_IF_ERROR(check_manifest(manifest));
-  const auto pictures = std::make_shared<const Pictures>(
-      Pictures{.files = std::move(empty), .camera = manifest.camera(), .response = response});
+  const auto pictures = std::make_shared<const Pictures>(Pictures{
+      .files = std::move(empty), .camera = manifest.camera(), .white = std::nullopt, .response = response});
   const auto decoded = std::make_shared<Decoded>(path, manifest.camera(), std::move(response));
   FrameSource source{.manifest = std::move(manifest), .read = [pictures, decoded](int frame) {
                        const int before = static_cast<int>(pictures->files.size());

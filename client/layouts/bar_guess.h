@@ -1,8 +1,9 @@
-// What speaks for and against bars, of a Gray code or a binary one (layout_guess.h).
+// What bars say of their code (layout_guess.h).
 #pragma once
 
-#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -11,13 +12,15 @@
 
 namespace glasswing {
 
-// What speaks against bars in these photographs; empty: nothing.
-std::string against_bars(const PatternView& view, const PhotographLayout& layout, const LayoutSpan& span,
-                         const std::vector<std::string>& files);
+struct BarsSeen {
+  // By axis; 1: positions on the monitor rise along the pictures' axis; -1: they fall; 0: not seen.
+  std::array<int, 2> direction{};
+  std::array<std::vector<BarShots>, 2> waves;  // by axis, coarse to fine
+};
 
 // Gray code or binary, and whether complements come before or after their pattern. Adds the reasons.
 // INVALID_ARGUMENT: the pictures do not tell, and which options do.
-absl::Status settle_bars(const PatternView& view, const std::vector<LayoutSpan>& spans,
-                         PhotographLayout& layout, std::vector<std::string>& reasons);
+absl::StatusOr<BarsSeen> settle_bars(const PatternView& view, const std::vector<LayoutSpan>& spans,
+                                     PhotographLayout& layout, std::vector<std::string>& reasons);
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// What speaks for and against the steps of fringes (layout_guess.h).
+// What fringes say of their steps, periods and place (layout_guess.h).
 #pragma once
 
 #include <absl/status/status.h>
@@ -6,20 +6,26 @@
 #include <string>
 #include <vector>
 
+#include "client/layouts/bar_guess.h"
+#include "client/layouts/layout_costs.h"
 #include "client/layouts/layout_guess.h"
 #include "client/layouts/layout_span.h"
 #include "client/layouts/pattern_view.h"
 
 namespace glasswing {
 
-// What speaks against fringes in these photographs; empty: nothing.
-std::string against_fringes(const PatternView& view, const PhotographLayout& layout, const LayoutSpan& span,
-                            const std::vector<std::string>& files);
+struct FringeEvidence {
+  const std::vector<LayoutSpan>& spans;
+  const BarsSeen& bars;  // without waves: there are fringes alone
+  const v1::Monitor& monitor;
+  const LayoutFacts& facts;
+  const LayoutCosts& costs;  // know which photographs are bad
+};
 
-// Holds the periods that were given to the pictures, and settles the direction of the steps. Adds the
-// reasons. INVALID_ARGUMENT: the pictures contradict or do not tell, and which options settle it.
-absl::Status settle_fringes(const PatternView& view, const std::vector<LayoutSpan>& spans,
-                            const v1::Monitor& monitor, const FringeFacts& facts, PhotographLayout& layout,
+// Holds the periods that were given to the pictures, and settles the direction of the steps; beside bars also
+// the first step's phase and the code's cells. Adds the reasons. INVALID_ARGUMENT: the pictures contradict or
+// do not tell, and which options settle it.
+absl::Status settle_fringes(const PatternView& view, const FringeEvidence& evidence, PhotographLayout& layout,
                             std::vector<std::string>& reasons);
 
 }  // namespace glasswing

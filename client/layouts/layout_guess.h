@@ -1,13 +1,13 @@
-// --layout auto: which layout a stack of photographs follows, by what its pictures show. Every layout with as
-// many patterns as there are photographs is tried; it fits if
-//
-//   - white and black are about as light and as dark as any photograph, all over;
-//   - columns change along the pictures' x, rows along y;
-//   - complements sum to a constant, and other neighbours do not;
-//   - bars double their number from one to the next, or the steps of fringes lie on a sinusoid.
+// --layout auto: which layout a stack of photographs follows, by what its pictures show. Whole layouts
+// compete: a Gray code or a binary one with or without complements, phase-shifted fringes of one period or
+// more, and fringes beside a code, each by columns or rows first, with white and black at any place or not at
+// all. The one whose photographs fit best (layout_costs.h) wins, if it fits well and no other one fits nearly
+// as well. The number of bits is free: a code of another size than the monitor's is recognised, and asked
+// about.
 //
 // Gray codes and binary ones differ where the coarser bars have an edge: there the next finer ones of a Gray
-// code are lit on both sides, and those of a binary code have an edge too.
+// code are lit on both sides, and those of a binary code have an edge too. Edges also lie at the same phase
+// of fringes that accompany a code, which tells their direction and their first phase.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -20,10 +20,11 @@
 
 namespace glasswing {
 
-// What pictures of fringes cannot show.
-struct FringeFacts {
+// What pictures cannot show.
+struct LayoutFacts {
   std::vector<FringePeriod> periods{};  // empty: not given
   std::optional<bool> backward{};
+  std::optional<double> cell_px{};
 };
 
 struct LayoutGuess {
@@ -34,6 +35,6 @@ struct LayoutGuess {
 
 // `files` name the photographs of the samples.
 LayoutGuess guess_layout(const StackSamples& samples, const std::vector<std::string>& files,
-                         const v1::Monitor& monitor, const FringeFacts& facts);
+                         const v1::Monitor& monitor, const LayoutFacts& facts);
 
 }  // namespace glasswing

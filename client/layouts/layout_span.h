@@ -12,7 +12,7 @@ struct LayoutSpan {
   LayoutBlock block = LayoutBlock::kColumns;
   int first = 0, count = 0;
 
-  size_t axis() const { return block == LayoutBlock::kRows ? 1 : 0; }
+  size_t axis() const { return axis_of(block); }
   // "00.png to 19.png"
   std::string range(const std::vector<std::string>& files) const {
     const std::string& one = files[static_cast<size_t>(first)];

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <fnmatch.h>
 
 #include <algorithm>
 #include <array>
@@ -17,9 +16,8 @@
 namespace glasswing {
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr int kMinSteps = 3, kMaxSteps = 64;
+constexpr double kMinCell_px = 1.0, kMaxCell_px = 8192.0;
 
 template <typename Value>
 using Named = std::pair<std::string_view, Value>;
@@ -27,10 +25,12 @@ using Named = std::pair<std::string_view, Value>;
 constexpr std::array<Named<PatternCode>, 3> kCodes{{{"opencv-graycode", PatternCode::kGray},
                                                     {"binary", PatternCode::kBinary},
                                                     {"phase-shift", PatternCode::kPhaseShift}}};
-constexpr std::array<Named<LayoutBlock>, 4> kBlocks{{{"columns", LayoutBlock::kColumns},
+constexpr std::array<Named<LayoutBlock>, 6> kBlocks{{{"columns", LayoutBlock::kColumns},
                                                      {"rows", LayoutBlock::kRows},
                                                      {"white", LayoutBlock::kWhite},
-                                                     {"black", LayoutBlock::kBlack}}};
+                                                     {"black", LayoutBlock::kBlack},
+                                                     {"fringe-columns", LayoutBlock::kFringeColumns},
+                                                     {"fringe-rows", LayoutBlock::kFringeRows}}};
 constexpr std::array<Named<Complements>, 3> kComplements{
     {{"none", Complements::kNone}, {"after", Complements::kAfter}, {"before", Complements::kBefore}}};
 constexpr std::array<Named<bool>, 2> kShifts{{{"forward", false}, {"backward", true}}};
@@ -67,7 +67,8 @@ absl::StatusOr<std::vector<LayoutBlock>> order_of(const std::string& text) {
   const auto refused = [&] {
     return bad(
         fmt::format("--order is \"{}\"; it must be some of columns, rows, white and black, each once, with "
-                    "columns or rows among them: columns,rows,white,black",
+                    "columns or rows among them, and fringe-columns or fringe-rows if fringes accompany a "
+                    "code of bars: columns,rows,white,black",
                     text));
   };
   std::vector<LayoutBlock> order;
@@ -82,16 +83,16 @@ absl::StatusOr<std::vector<LayoutBlock>> order_of(const std::string& text) {
 }
 
 absl::Status set_fringes(const LayoutOptions& options, PhotographLayout& layout) {
-  if (options.inverse)
-    return bad("--inverse is for opencv-graycode and binary; the steps of phase-shift have no inverse");
   if (!options.steps || *options.steps < kMinSteps || *options.steps > kMaxSteps) {
-    return bad(
-        fmt::format("--steps is {}; --layout phase-shift needs the number of steps in a period, {} to {}",
-                    options.steps ? std::to_string(*options.steps) : "not given", kMinSteps, kMaxSteps));
+    return bad(fmt::format("--steps is {}; fringes need the number of steps in a period, {} to {}",
+                           options.steps ? std::to_string(*options.steps) : "not given", kMinSteps,
+                           kMaxSteps));
   }
-  if (!options.periods)
-    return bad("--layout phase-shift needs --periods, the number of fringes along a side, as 1,8,64");
+  if (!options.periods) return bad("fringes need --periods, the number of fringes along a side, as 1,8,64");
   layout.steps = *options.steps;
+  layout.phase_deg = options.phase_deg.value_or(0.0);
+  if (!(std::abs(layout.phase_deg) <= 360.0))
+    return bad(fmt::format("--phase is {}; it must be -360 to 360 degrees", layout.phase_deg));
   GW_ASSIGN_OR_RETURN(layout.periods, periods_of(*options.periods));
   if (options.shift) {
     GW_ASSIGN_OR_RETURN(layout.backward, is_backward(*options.shift));
@@ -99,12 +100,18 @@ absl::Status set_fringes(const LayoutOptions& options, PhotographLayout& layout)
   return absl::OkStatus();
 }
 
-int side_of(LayoutBlock block, const v1::Monitor& monitor) {
-  return block == LayoutBlock::kColumns ? monitor.width_px() : monitor.height_px();
+absl::Status set_bars(const LayoutOptions& options, PhotographLayout& layout) {
+  const std::string inverse = options.inverse.value_or(layout.code == PatternCode::kGray ? "after" : "none");
+  const std::optional<Complements> complements = value_of(kComplements, inverse);
+  if (!complements) return bad(fmt::format("--inverse is \"{}\"; it must be after, before or none", inverse));
+  layout.complements = *complements;
+  layout.cell_px = options.cell_px.value_or(1.0);
+  if (layout.cell_px >= kMinCell_px && layout.cell_px <= kMaxCell_px) return absl::OkStatus();
+  return bad(fmt::format("--cell is {}; it must be {} to {} px", layout.cell_px, kMinCell_px, kMaxCell_px));
 }
 
-int bits_of(int side_px) {
-  return std::bit_width(static_cast<unsigned>(side_px - 1));
+int side_of(LayoutBlock block, const v1::Monitor& monitor) {
+  return axis_of(block) == 0 ? monitor.width_px() : monitor.height_px();
 }
 
 v1::Stimulus solid(double light) {
@@ -114,12 +121,12 @@ v1::Stimulus solid(double light) {
   return stimulus;
 }
 
-v1::Stimulus bars(PatternCode code, LayoutBlock block, int bit, bool inverse) {
+v1::Stimulus bars(const PhotographLayout& layout, LayoutBlock block, int bit, bool inverse) {
   v1::Stimulus stimulus;
   stimulus.set_kind("square");
   stimulus.set_orient(block == LayoutBlock::kColumns ? "vertical_bars" : "horizontal_bars");
-  const double first_px = std::exp2(bit);
-  stimulus.set_bar_width_px(code == PatternCode::kGray ? 2.0 * first_px : first_px);
+  const double first_px = layout.cell_px * std::exp2(bit);
+  stimulus.set_bar_width_px(layout.code == PatternCode::kGray ? 2.0 * first_px : first_px);
   stimulus.set_offset_px(first_px);
   stimulus.set_inverse(inverse);
   return stimulus;
@@ -127,8 +134,8 @@ v1::Stimulus bars(PatternCode code, LayoutBlock block, int bit, bool inverse) {
 
 void add_bars(const PhotographLayout& layout, LayoutBlock block, int side_px,
               std::vector<v1::Stimulus>& shown) {
-  for (int bit = bits_of(side_px) - 1; bit >= 0; --bit) {
-    const auto add = [&](bool inverse) { shown.push_back(bars(layout.code, block, bit, inverse)); };
+  for (int bit = bits_of(side_px / layout.cell_px) - 1; bit >= 0; --bit) {
+    const auto add = [&](bool inverse) { shown.push_back(bars(layout, block, bit, inverse)); };
     if (layout.complements == Complements::kBefore) add(true);
     add(false);
     if (layout.complements == Complements::kAfter) add(true);
@@ -141,10 +148,10 @@ void add_fringes(const PhotographLayout& layout, LayoutBlock block, int side_px,
     for (int step = 0; step < layout.steps; ++step) {
       v1::Stimulus stimulus;
       stimulus.set_kind("sinusoid");
-      stimulus.set_phi_deg(block == LayoutBlock::kColumns ? 0.0 : 90.0);
+      stimulus.set_phi_deg(axis_of(block) == 0 ? 0.0 : 90.0);
       stimulus.set_period_px(period.px(side_px));
       const int turned = layout.backward ? (layout.steps - step) % layout.steps : step;
-      stimulus.set_phase_deg(360.0 * turned / layout.steps);
+      stimulus.set_phase_deg(std::fmod(360.0 * turned / layout.steps + layout.phase_deg + 360.0, 360.0));
       stimulus.set_peak(1.0);
       shown.push_back(std::move(stimulus));
     }
@@ -154,9 +161,9 @@ void add_fringes(const PhotographLayout& layout, LayoutBlock block, int side_px,
 std::vector<v1::Stimulus> shown_in(const PhotographLayout& layout, const v1::Monitor& monitor) {
   std::vector<v1::Stimulus> shown;
   for (const LayoutBlock block : layout.order) {
-    if (block == LayoutBlock::kWhite || block == LayoutBlock::kBlack) {
+    if (is_solid(block)) {
       shown.push_back(solid(block == LayoutBlock::kWhite ? 1.0 : 0.0));
-    } else if (layout.code == PatternCode::kPhaseShift) {
+    } else if (has_fringes(layout, block)) {
       add_fringes(layout, block, side_of(block, monitor), shown);
     } else {
       add_bars(layout, block, side_of(block, monitor), shown);
@@ -165,46 +172,52 @@ std::vector<v1::Stimulus> shown_in(const PhotographLayout& layout, const v1::Mon
   return shown;
 }
 
-bool is_digit(char c) {
-  return c >= '0' && c <= '9';
-}
-
-// The digits from `at` on, without leading zeros; moves `at` behind them.
-std::string_view number_at(const std::string& text, size_t& at) {
-  while (at < text.size() && text[at] == '0') ++at;
-  const size_t start = at;
-  while (at < text.size() && is_digit(text[at])) ++at;
-  return std::string_view(text).substr(start, at - start);
-}
-
-bool is_picture(const fs::path& file) {
-  constexpr std::array<std::string_view, 5> kSuffixes{".png", ".jpg", ".jpeg", ".tif", ".tiff"};
-  std::string suffix = file.extension().string();
-  for (char& c : suffix) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return std::ranges::find(kSuffixes, suffix) != kSuffixes.end();
-}
-
 }  // namespace
+
+bool is_fringe(LayoutBlock block) {
+  return block == LayoutBlock::kFringeColumns || block == LayoutBlock::kFringeRows;
+}
+
+bool is_solid(LayoutBlock block) {
+  return block == LayoutBlock::kWhite || block == LayoutBlock::kBlack;
+}
+
+bool has_fringes(const PhotographLayout& layout, LayoutBlock block) {
+  if (is_fringe(block)) return true;
+  return layout.code == PatternCode::kPhaseShift && !is_solid(block);
+}
+
+size_t axis_of(LayoutBlock block) {
+  return block == LayoutBlock::kRows || block == LayoutBlock::kFringeRows ? 1 : 0;
+}
+
+int bits_of(double cells) {
+  return std::bit_width(static_cast<unsigned>(std::ceil(cells)) - 1u);
+}
 
 absl::StatusOr<PhotographLayout> layout_of(const LayoutOptions& options) {
   const std::optional<PatternCode> code = value_of(kCodes, options.layout);
   if (!code) return bad(fmt::format("--layout is \"{}\"; it must be {}", options.layout, kLayoutNames));
   PhotographLayout layout;
   layout.code = *code;
-  const bool fringes = *code == PatternCode::kPhaseShift;
+  const bool only_fringes = *code == PatternCode::kPhaseShift;
   GW_ASSIGN_OR_RETURN(
-      layout.order, order_of(options.order.value_or(fringes ? "columns,rows" : "columns,rows,white,black")));
-  if (fringes) {
-    GW_RETURN_IF_ERROR(set_fringes(options, layout));
-    return layout;
-  }
-  if (options.steps || options.periods || options.shift)
+      layout.order,
+      order_of(options.order.value_or(only_fringes ? "columns,rows" : "columns,rows,white,black")));
+  if (only_fringes && (options.inverse || options.cell_px))
+    return bad("--inverse and --cell are for opencv-graycode and binary; phase-shift has neither");
+  if (only_fringes && std::ranges::any_of(layout.order, is_fringe))
+    return bad("the columns and rows of phase-shift are fringes; pass --order columns,rows");
+  if (!only_fringes) GW_RETURN_IF_ERROR(set_bars(options, layout));
+  const bool fringes =
+      std::ranges::any_of(layout.order, [&](LayoutBlock block) { return has_fringes(layout, block); });
+  if (fringes) GW_RETURN_IF_ERROR(set_fringes(options, layout));
+  if (!fringes && (options.steps || options.periods || options.shift || options.phase_deg)) {
     return bad(
-        fmt::format("--steps, --periods and --shift are for phase-shift; --layout is {}", options.layout));
-  const std::string inverse = options.inverse.value_or(*code == PatternCode::kGray ? "after" : "none");
-  const std::optional<Complements> complements = value_of(kComplements, inverse);
-  if (!complements) return bad(fmt::format("--inverse is \"{}\"; it must be after, before or none", inverse));
-  layout.complements = *complements;
+        fmt::format("--steps, --periods, --shift and --phase are for fringes: phase-shift, or "
+                    "fringe-columns or fringe-rows in --order; --layout is {}",
+                    options.layout));
+  }
   return layout;
 }
 
@@ -238,18 +251,22 @@ std::string options_of(const PhotographLayout& layout) {
   std::string options =
       fmt::format("--layout {} --order {}", name_of(kCodes, layout.code), fmt::join(order, ","));
   if (layout.code != PatternCode::kPhaseShift)
-    return options + fmt::format(" --inverse {}", name_of(kComplements, layout.complements));
+    options += fmt::format(" --inverse {}", name_of(kComplements, layout.complements));
+  if (layout.cell_px != 1.0) options += fmt::format(" --cell {:.6g}", layout.cell_px);
+  if (layout.steps == 0) return options;
   std::vector<std::string> periods;
   for (const FringePeriod& period : layout.periods)
     periods.push_back(fmt::format("{}{}", period.value, period.in_px ? "px" : ""));
-  return options + fmt::format(" --steps {} --periods {} --shift {}", layout.steps, fmt::join(periods, ","),
-                               name_of(kShifts, layout.backward));
+  options += fmt::format(" --steps {} --periods {} --shift {}", layout.steps, fmt::join(periods, ","),
+                         name_of(kShifts, layout.backward));
+  return layout.phase_deg == 0.0 ? options : options + fmt::format(" --phase {:.6g}", layout.phase_deg);
 }
 
 int count_of(const PhotographLayout& layout, LayoutBlock block, const v1::Monitor& monitor) {
-  if (block == LayoutBlock::kWhite || block == LayoutBlock::kBlack) return 1;
-  if (layout.code == PatternCode::kPhaseShift) return layout.steps * static_cast<int>(layout.periods.size());
-  return bits_of(side_of(block, monitor)) * (layout.complements == Complements::kNone ? 1 : 2);
+  if (is_solid(block)) return 1;
+  if (has_fringes(layout, block)) return layout.steps * static_cast<int>(layout.periods.size());
+  return bits_of(side_of(block, monitor) / layout.cell_px) *
+         (layout.complements == Complements::kNone ? 1 : 2);
 }
 
 absl::StatusOr<std::vector<v1::Frame>> frames_of(const PhotographLayout& layout, const v1::Monitor& monitor,
@@ -273,48 +290,6 @@ absl::StatusOr<std::vector<v1::Frame>> frames_of(const PhotographLayout& layout,
     frames[i].mutable_stimulus()->set_panel(monitor.name());
   }
   return frames;
-}
-
-bool natural_less(const std::string& a, const std::string& b) {
-  size_t i = 0, j = 0;
-  while (i < a.size() && j < b.size()) {
-    if (is_digit(a[i]) && is_digit(b[j])) {
-      const std::string_view one = number_at(a, i), other = number_at(b, j);
-      if (one.size() != other.size()) return one.size() < other.size();
-      if (one != other) return one < other;
-    } else {
-      if (a[i] != b[j]) return static_cast<unsigned char>(a[i]) < static_cast<unsigned char>(b[j]);
-      ++i;
-      ++j;
-    }
-  }
-  if (a.size() - i != b.size() - j) return a.size() - i < b.size() - j;
-  return a < b;  // the same but for leading zeros
-}
-
-absl::StatusOr<std::vector<std::string>> photographs_in(const fs::path& directory, const std::string& glob) {
-  std::vector<std::string> files;
-  std::error_code error;
-  fs::recursive_directory_iterator entry(directory, error), end;
-  for (; !error && entry != end; entry.increment(error)) {
-    if (glob.empty()) entry.disable_recursion_pending();
-    if (!entry->is_regular_file(error) || !is_picture(entry->path())) continue;
-    const std::string file = entry->path().lexically_relative(directory).string();
-    if (!glob.empty() && ::fnmatch(glob.c_str(), file.c_str(), FNM_PERIOD) != 0) continue;
-    files.push_back(file);
-    if (files.size() > kMaxPhotographs) {
-      return bad(fmt::format("{} holds more than {} photographs; --files can choose some of them",
-                             directory.string(), kMaxPhotographs));
-    }
-  }
-  if (error)
-    return absl::NotFoundError(fmt::format("{} cannot be read: {}", directory.string(), error.message()));
-  if (files.empty()) {
-    return absl::NotFoundError(fmt::format("{} holds no PNG, JPEG or TIFF{}", directory.string(),
-                                           glob.empty() ? "" : fmt::format(" that fits --files {}", glob)));
-  }
-  std::ranges::sort(files, natural_less);
-  return files;
 }
 
 }  // namespace glasswing

@@ -1,17 +1,18 @@
 // What the monitor showed in each photograph of a folder, by the order in which programs show their
 // patterns. With t = x for columns and y for rows, in monitor px, from 0 to `side`:
 //
-//   opencv-graycode  bit b of the Gray code t ^ (t >> 1): lit from 2^b to 3 2^b px, and so every 4 2^b px
-//   binary           bit b of t: lit from 2^b to 2 2^b px, and so every 2 2^b px
-//   phase-shift      (1 + cos(2 pi (t / period - step / steps))) / 2, all steps of a period together
+//   opencv-graycode  bit b of the Gray code n ^ (n >> 1) of cell n = floor(t / cell): lit from 2^b to
+//                    3 2^b cells, and so every 4 2^b cells
+//   binary           bit b of n: lit from 2^b to 2 2^b cells, and so every 2 2^b cells
+//   phase-shift      (1 + cos(2 pi (t / period - step / steps) - phase)) / 2, all steps of a period together
 //
-// Bits go from ceil(log2(side)) - 1 down to 0, periods as they are given. The Gray code and its order are
-// those of OpenCV's GrayCodePattern.
+// Bits go from ceil(log2(side / cell)) - 1 down to 0, periods as they are given. The Gray code and its order
+// are those of OpenCV's GrayCodePattern. Bars and fringes may follow one another; a complementary Gray code
+// has cells of half a period.
 #pragma once
 
 #include <absl/status/statusor.h>
 
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,8 +22,10 @@
 namespace glasswing {
 
 enum class PatternCode { kGray, kBinary, kPhaseShift };
-enum class LayoutBlock { kColumns, kRows, kWhite, kBlack };  // columns are vertical bars, across x
-enum class Complements { kNone, kAfter, kBefore };           // each after or before its pattern
+// Columns are vertical bars or fringes, across x. The fringes of a layout that has bars too are blocks of
+// their own.
+enum class LayoutBlock { kColumns, kRows, kWhite, kBlack, kFringeColumns, kFringeRows };
+enum class Complements { kNone, kAfter, kBefore };  // each after or before its pattern
 
 // One period of fringes: their number along a side, or a length.
 struct FringePeriod {
@@ -35,16 +38,26 @@ struct PhotographLayout {
   PatternCode code = PatternCode::kGray;
   std::vector<LayoutBlock> order;
   Complements complements = Complements::kNone;
-  int steps = 0;                      // of phase-shift
-  std::vector<FringePeriod> periods;  // of phase-shift, along either side
+  double cell_px = 1.0;               // of a code of bars
+  int steps = 0;                      // of fringes
+  std::vector<FringePeriod> periods;  // of fringes, along either side
   bool backward = false;              // fringes move towards smaller x and y from step to step
+  double phase_deg = 0.0;             // of the first step
 };
+
+bool is_fringe(LayoutBlock block);
+// Columns and rows of phase-shift are fringes too.
+bool has_fringes(const PhotographLayout& layout, LayoutBlock block);
+bool is_solid(LayoutBlock block);
+// 0: along x; 1: along y. Of blocks other than solids.
+size_t axis_of(LayoutBlock block);
 
 // The command line's options, as they were typed.
 struct LayoutOptions {
   std::string layout{};  // "auto" too; empty: none
   std::optional<std::string> order{}, inverse{}, periods{}, shift{};
   std::optional<int> steps{};
+  std::optional<double> cell_px{}, phase_deg{};
 };
 
 inline constexpr const char* kLayoutNames = "opencv-graycode, binary, phase-shift or auto";
@@ -58,22 +71,15 @@ absl::StatusOr<bool> is_backward(const std::string& text);
 // The options that stand for this layout: "--layout binary --order rows,columns --inverse none".
 std::string options_of(const PhotographLayout& layout);
 
-// How many photographs a block has. `side_px`: the monitor's width for columns, its height for rows.
+// The bits of a code of this many cells.
+int bits_of(double cells);
+
+// How many photographs a block has.
 int count_of(const PhotographLayout& layout, LayoutBlock block, const v1::Monitor& monitor);
 
 // Frames of an object, one for each of these files, in their order. INVALID_ARGUMENT: there are more or fewer
 // files than the layout has patterns; it tells the patterns by block.
 absl::StatusOr<std::vector<v1::Frame>> frames_of(const PhotographLayout& layout, const v1::Monitor& monitor,
                                                  const std::vector<std::string>& files);
-
-// Pictures (PNG, JPEG, TIFF) in `directory`, or with a glob those of it and the folders below it whose path
-// from there fits it (`*` fits `/` too). In natural order, numbers by value: 2.png before 10.png. NOT_FOUND:
-// no picture. INVALID_ARGUMENT: more than kMaxPhotographs.
-inline constexpr size_t kMaxPhotographs = 512;
-absl::StatusOr<std::vector<std::string>> photographs_in(const std::filesystem::path& directory,
-                                                        const std::string& glob);
-
-// Natural order: digits compare as numbers, all else byte by byte.
-bool natural_less(const std::string& a, const std::string& b);
 
 }  // namespace glasswing

@@ -47,12 +47,12 @@ void add_lines(const Image16& image, StackSamples& samples) {
 }  // namespace
 
 absl::StatusOr<StackSamples> sample_stack(const std::filesystem::path& directory,
-                                          const std::vector<std::string>& files) {
+                                          const std::vector<std::string>& files, std::optional<int> white) {
   StackSamples samples;
   Progress progress("looking");
   for (size_t i = 0; i < files.size(); ++i) {
     if (interrupted()) return absl::CancelledError("the import was broken off before anything was written");
-    GW_ASSIGN_OR_RETURN(const CodedPhotograph photograph, read_photograph(directory / files[i]));
+    GW_ASSIGN_OR_RETURN(const CodedPhotograph photograph, read_photograph(directory / files[i], white));
     const Image16& image = photograph.codes;
     if (i == 0) {
       samples.width_px = image.width_px;
@@ -69,6 +69,7 @@ absl::StatusOr<StackSamples> sample_stack(const std::filesystem::path& directory
                       samples.height_px, samples.bits));
     }
     add_lines(image, samples);
+    samples.largest_code = std::max<int>(samples.largest_code, *std::ranges::max_element(image.samples));
     progress.update((static_cast<double>(i) + 1.0) / static_cast<double>(files.size()),
                     fmt::format("{} of {} photographs", i + 1, files.size()));
   }

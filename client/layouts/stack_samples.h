@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,12 +21,14 @@ struct SampledLines {
 
 struct StackSamples {
   int width_px = 0, height_px = 0, bits = 0;  // of a photograph
+  int largest_code = 0;                       // of all pixels and photographs; of 65535
   SampledLines rows, columns;
 };
 
 // Reads the photographs. INVALID_ARGUMENT: one is not of the first one's size and bits. CANCELLED: Ctrl-C.
-// Other errors are those of read_photograph.
+// Other errors are those of read_photograph, which takes `white`.
 absl::StatusOr<StackSamples> sample_stack(const std::filesystem::path& directory,
-                                          const std::vector<std::string>& files);
+                                          const std::vector<std::string>& files,
+                                          std::optional<int> white = std::nullopt);
 
 }  // namespace glasswing

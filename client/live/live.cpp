@@ -65,9 +65,6 @@ class Live {
                         }));
     GW_ASSIGN_OR_RETURN(const RadianceImage first, background.next());
     GW_ASSIGN_OR_RETURN(target_, LiveTarget::create(arguments_.output));
-    if (target_->takes_standard_output() && client_.json)
-      return absl::InvalidArgumentError(
-          "--json and --output - both want standard output; choose a file for one");
     GW_ASSIGN_OR_RETURN(ramp_, RampHolder::hold(client_, arguments_.monitor, arguments_.camera));
     const v1::ShowRampResponse rig = ramp_->shown();  // a copy: bring_object() replaces it
     if (rig.needs_operator()) wait_for_person("Take the object off the stage");
@@ -183,9 +180,8 @@ class Live {
       std::cout << figures_.json().dump(2) << std::endl;
       return;
     }
-    std::ostream& out = target_->takes_standard_output() ? std::cerr : std::cout;
     if (printed_ != nanoseconds(0)) std::cerr << "\r\033[K";
-    out << figures_.line() << std::endl;
+    std::cout << figures_.line() << std::endl;
   }
 
   const Client& client_;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "client/cli/output.h"
+#include "client/cli/output_file.h"
 #include "client/live/live_window.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
@@ -95,7 +96,7 @@ absl::StatusOr<std::unique_ptr<LiveOutput>> LiveTarget::open(int width_px, int h
                                                              double frame_rate_hz) const {
   if (output_ == "window") return LiveWindow::open(width_px, height_px);
   if (output_.ends_with('/')) return std::make_unique<Pictures>(output_, width_px, height_px);
-  File file(output_ == "-" ? stdout : std::fopen(output_.c_str(), "wb"));
+  File file(output_ == kStandardOutput ? stdout : std::fopen(output_.c_str(), "wb"));
   if (file == nullptr) return cannot_write(output_);
   auto stream = std::make_unique<VideoStream>(output_, std::move(file), width_px, height_px);
   GW_RETURN_IF_ERROR(stream->begin(width_px, height_px, frame_rate_hz));

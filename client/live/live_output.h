@@ -26,7 +26,6 @@ class LiveTarget {
  public:
   // Checks the output before any work. UNAVAILABLE: there is no X display, or the directory cannot be made.
   static absl::StatusOr<LiveTarget> create(const std::string& output);
-  bool takes_standard_output() const { return output_ == "-"; }
   // Call when the size is known. `frame_rate_hz` goes into a stream's header.
   absl::StatusOr<std::unique_ptr<LiveOutput>> open(int width_px, int height_px, double frame_rate_hz) const;
 

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/output_file.h"
 #include "client/cli/progress.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/composite_rays.h"
@@ -17,7 +17,9 @@
 #include "client/pictures/picture.h"
 #include "client/pictures/video_file.h"
 #include "core/base/file.h"
+#include "core/base/scanner.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/footprint/composite_error.h"
 
 namespace glasswing {
@@ -44,8 +46,34 @@ void print_composite(const Client& client, const CompositeArguments& arguments, 
   std::cout << "\n";
 }
 
+// The output's name, or one that says what --format puts on standard output.
+std::string picture_name(const CompositeArguments& arguments) {
+  return arguments.output == kStandardOutput ? "standard output." + arguments.format : arguments.output;
+}
+
+// Before any work.
+absl::Status check_outputs(const CompositeArguments& arguments) {
+  GW_RETURN_IF_ERROR(check_output_file(arguments.output, {".exr", ".png", ".tif", ".tiff", kStandardOutput}));
+  if (!arguments.error.empty()) {
+    if (!arguments.error.ends_with(".exr")) {
+      return absl::InvalidArgumentError(
+          fmt::format("--error {} must be an .exr: other formats cannot say where the error is not known",
+                      arguments.error));
+    }
+    GW_RETURN_IF_ERROR(check_writable(arguments.error));
+  }
+  return check_picture_file(picture_name(arguments), arguments.bits);
+}
+
+absl::Status write_composite(const CompositeArguments& arguments, const PictureColours& colours,
+                             RadianceImage picture, const PictureColour& colour) {
+  GW_ASSIGN_OR_RETURN(const std::string bytes, colours.encode(picture_name(arguments), std::move(picture),
+                                                              arguments.encoding(), arguments.bits, colour));
+  return write_output(arguments.output, bytes);
+}
+
 absl::Status composite_rays_still(const Client& client, const CompositeArguments& arguments) {
-  GW_RETURN_IF_ERROR(check_output(arguments.output, arguments.bits));
+  GW_RETURN_IF_ERROR(check_outputs(arguments));
   GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
   absl::StatusOr<RadianceImage> picture;
   {
@@ -54,8 +82,7 @@ absl::Status composite_rays_still(const Client& client, const CompositeArguments
         composite_of_rays(arguments, colours, [&progress](double fraction) { progress.update(fraction); });
   }
   GW_RETURN_IF_ERROR(picture.status());
-  GW_RETURN_IF_ERROR(
-      colours.write(arguments.output, *picture, arguments.encoding(), arguments.bits, PictureColour()));
+  GW_RETURN_IF_ERROR(write_composite(arguments, colours, *picture, PictureColour()));
   print_composite(client, arguments, *picture, 0);
   return absl::OkStatus();
 }
@@ -76,12 +103,7 @@ absl::Status check_matte_options(const CompositeArguments& arguments) {
 }
 
 absl::Status composite_still(const Client& client, const CompositeArguments& arguments) {
-  GW_RETURN_IF_ERROR(check_output(arguments.output, arguments.bits));
-  if (!arguments.error.empty() && !arguments.error.ends_with(".exr")) {
-    return absl::InvalidArgumentError(
-        fmt::format("--error {} must be an .exr: other formats cannot say where the error is not known",
-                    arguments.error));
-  }
+  GW_RETURN_IF_ERROR(check_outputs(arguments));
   GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
   absl::StatusOr<RadianceImage> picture, error;
   PictureColour colour;
@@ -91,6 +113,8 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
     const auto report = [&progress](double fraction) { progress.update(fraction); };
     GW_ASSIGN_OR_RETURN(ObjectInFront object,
                         ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kOne));
+    for (const std::string& warning : object.metadata().warnings())
+      std::cerr << fmt::format("warning: {}\n", printable(warning));
     GW_ASSIGN_OR_RETURN(Backgrounds backgrounds, Backgrounds::open(arguments.backgrounds, object.metadata(),
                                                                    colours, arguments.encoding()));
     colour = backgrounds.colour_of_composite();
@@ -104,7 +128,7 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
     }
   }
   GW_RETURN_IF_ERROR(picture.status());
-  GW_RETURN_IF_ERROR(colours.write(arguments.output, *picture, arguments.encoding(), arguments.bits, colour));
+  GW_RETURN_IF_ERROR(write_composite(arguments, colours, *picture, colour));
   if (!arguments.error.empty()) {
     GW_ASSIGN_OR_RETURN(const std::string bytes, encode_composite_error(*error));
     GW_RETURN_IF_ERROR(write_file_durably(arguments.error, bytes));
@@ -128,10 +152,8 @@ absl::Status composited(const Client& client, const CompositeArguments& argument
 absl::Status read_shift(const BackgroundArgument& argument, std::string_view option, double& dx_px,
                         double& dy_px) {
   constexpr double kFarthest_px = 1e6;
-  int read = 0;
   const std::string& text = argument.file;
-  const bool parsed = std::sscanf(text.c_str(), "%lf,%lf%n", &dx_px, &dy_px, &read) == 2 &&
-                      static_cast<size_t>(read) == text.size();
+  const bool parsed = Scanner(text).number(dx_px).then(",").number(dy_px).done();
   if (parsed && std::abs(dx_px) <= kFarthest_px && std::abs(dy_px) <= kFarthest_px) return absl::OkStatus();
   return absl::InvalidArgumentError(fmt::format(
       "{} is \"{}\"; it must be DX,DY: px of the monitor, right and down, as 12.5,-3", option, text));
@@ -145,10 +167,12 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
   command
       .add_option(
           "-o,--output", arguments.output,
-          fmt::format("a picture (.exr, .png or .tif); for several frames a directory or a video ({})",
+          fmt::format("a picture (.exr, .png or .tif), or - for standard output; for several frames a "
+                      "directory or a video ({})",
                       kVideoSuffixes))
       ->required();
-  command.add_option("--format", arguments.format, "format of the pictures in a directory")
+  command
+      .add_option("--format", arguments.format, "format of pictures in a directory, or on standard output")
       ->check(CLI::IsMember({"exr", "png", "tif"}))
       ->capture_default_str();
   command
@@ -258,6 +282,7 @@ absl::StatusOr<Backgrounds> Backgrounds::open(const BackgroundArguments& argumen
                       background.file));
     }
     GW_ASSIGN_OR_RETURN(screen.picture, MovingPicture::open(background.file, read));
+    tell_layer(screen.picture->first());
     backgrounds.are_rec709_ =
         backgrounds.are_rec709_ && (colours.reads() || screen.picture->colour(encoding) == linear_rec709());
   }
@@ -343,7 +368,7 @@ void add_composite_command(CLI::App& app, Client& client) {
   command.footer(
       "Each picture is scaled to its monitor; monitors without one are black. TEXTURE is a monitor's name;\n"
       "default: the first monitor. EXR is linear radiance, 1.0 = the archive's full scale; PNG and TIFF are\n"
-      "sRGB.\n\n"
+      "sRGB. Of an EXR with several layers or parts, which one is taken is said.\n\n"
       "A directory of mattes (glasswing fetch VIDEO -o DIR/) gives one picture per frame, 0000.exr or\n"
       "0000.png, or a video file. A background may be a still, a directory of pictures, or a video file; "
       "the\n"

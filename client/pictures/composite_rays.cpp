@@ -89,6 +89,7 @@ absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& argume
   Surroundings surroundings;
   const auto add_plane = [&](double depth_mm, const std::string& file) -> absl::Status {
     GW_ASSIGN_OR_RETURN(const RadianceImage picture, colours.read(file, arguments.encoding()));
+    tell_layer(file);
     surroundings.planes.push_back(picture_at(**pose, depth_mm, picture));
     return absl::OkStatus();
   };
@@ -113,6 +114,7 @@ absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& argume
   if (!behind.empty() && !taken) GW_RETURN_IF_ERROR(add_plane(MonitorPlane(**pose).depth_mm(), behind));
   if (!arguments.environment.empty()) {
     GW_ASSIGN_OR_RETURN(RadianceImage picture, colours.read(arguments.environment, arguments.encoding()));
+    tell_layer(arguments.environment);
     for (float& light : picture.samples) light *= arguments.environment_gain;
     surroundings.environment =
         Environment{std::move(picture), arguments.environment_turn_deg * std::numbers::pi / 180.0};

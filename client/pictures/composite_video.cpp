@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "client/cli/output_file.h"
 #include "client/cli/progress.h"
 #include "client/pictures/picture.h"
 #include "client/pictures/video_file.h"
@@ -57,11 +58,12 @@ class Output {
         return absl::InvalidArgumentError(fmt::format(
             "--bits is {}; a video has 8, a directory of pictures may have more", arguments.bits));
       }
+      GW_RETURN_IF_ERROR(check_writable(arguments.output));
       return output;
     }
     GW_RETURN_IF_ERROR(check_picture_file("a picture." + arguments.format, arguments.bits));
     std::error_code error;
-    const bool names_picture = check_output(arguments.output).ok() && !fs::is_directory(arguments.output);
+    const bool names_picture = arguments.output == kStandardOutput || check_output(arguments.output).ok();
     if (!names_picture) fs::create_directories(arguments.output, error);
     if (names_picture || error || !fs::is_directory(arguments.output)) {
       return absl::InvalidArgumentError(
@@ -226,7 +228,7 @@ absl::StatusOr<RadianceImage> ObjectInFront::error(const std::vector<RadianceIma
 bool is_video(const CompositeArguments& arguments) {
   const fs::path output = arguments.output;
   return fs::is_directory(arguments.matte) || fs::is_directory(output) || is_video_output(output) ||
-         !output.has_extension() || arguments.frame_count > 0;
+         (!output.has_extension() && output != kStandardOutput) || arguments.frame_count > 0;
 }
 
 absl::Status composite_video(const Client& client, const CompositeArguments& arguments) {

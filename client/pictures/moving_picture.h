@@ -25,6 +25,8 @@ class MovingPicture {
   // What is known of the (first) picture's colours, if it is read by read_radiance().
   PictureColour colour(Encoding encoding) const;
 
+  // The still, the first picture of a directory, or the video.
+  const std::filesystem::path& first() const { return files_.empty() ? path_ : files_.front(); }
   bool is_still() const { return files_.size() == 1; }
   // True once next() has started over.
   bool has_begun_again() const { return begun_again_; }

@@ -29,7 +29,7 @@ absl::Status write_nuke_script(const Client& client, const NukeArguments& argume
   const absl::StatusOr<NukeScript> script =
       nuke_script(matte->bytes(), std::filesystem::absolute(arguments.matte).lexically_normal().string());
   if (!script.ok()) return in_file(arguments.matte, script.status());
-  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, script->text));
+  GW_RETURN_IF_ERROR(write_output(arguments.output, script->text));
   if (client.json) {
     const nlohmann::ordered_json written = {{"file", arguments.output}, {"nodes", script->node_count}};
     std::cout << written.dump(1) << "\n";
@@ -56,9 +56,9 @@ void add_nuke_command(CLI::App& app, Client& client) {
       "  glasswing nuke /shows/spring/vase.exr -o vase.nk   # the script names this file");
   auto arguments = std::make_shared<NukeArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
-  command.add_option("-o,--output", arguments->output, "the script to write, .nk")
+  command.add_option("-o,--output", arguments->output, "the script to write, .nk, or - for standard output")
       ->required()
-      ->check(output_file({".nk"}));
+      ->check(output_file({".nk", kStandardOutput}));
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return write_nuke_script(client, *arguments); };
   });

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "client/cli/output_file.h"
+#include "core/base/scanner.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/import/foreign_manifest.h"
@@ -33,6 +33,11 @@ absl::Status check_output(const std::filesystem::path& output, int bits) {
   return check_picture_file(output, bits);
 }
 
+void tell_layer(const std::filesystem::path& file) {
+  const std::string layer = layer_of_file(file);
+  if (!layer.empty()) std::cerr << fmt::format("{}: {} is taken\n", file.string(), layer);
+}
+
 absl::Status in_file(const std::string& file, const absl::Status& status) {
   if (status.ok()) return status;
   return absl::Status(status.code(), fmt::format("{}: {}", file, std::string(status.message())));
@@ -44,6 +49,7 @@ absl::StatusOr<CapturedPicture> read_picture(const std::filesystem::path& file, 
   const std::string name = (file.parent_path().filename() / file.filename()).string();
   const auto plain = [&]() -> absl::StatusOr<CapturedPicture> {
     GW_ASSIGN_OR_RETURN(RadianceImage picture, colours.read(file, encoding));
+    tell_layer(file);
     return CapturedPicture{std::move(picture),
                            colours.reads() ? linear_rec709() : colour_of_file(file, encoding)};
   };
@@ -88,10 +94,10 @@ absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, En
 
 absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::string& region) {
   if (region.empty()) return picture;
-  int width = 0, height = 0, left = 0, top = 0, read = 0;
-  const bool parsed =
-      std::sscanf(region.c_str(), "%dx%d+%d+%d%n", &width, &height, &left, &top, &read) == 4 &&
-      static_cast<size_t>(read) == region.size();
+  int width = 0, height = 0, left = 0, top = 0;
+  Scanner scan(region);
+  scan.number(width).then("x").number(height);
+  const bool parsed = scan.then("+").number(left).then("+").number(top).done();
   const bool inside = parsed && width > 0 && height > 0 && left >= 0 && top >= 0 &&
                       left <= picture.width_px - width && top <= picture.height_px - height;
   if (!inside) {

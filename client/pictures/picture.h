@@ -21,6 +21,9 @@ void print_written(const Client& client, const std::string& file, int width_px, 
 // bits (0: the default). NOT_FOUND: its directory does not exist.
 absl::Status check_output(const std::filesystem::path& output, int bits = 0);
 
+// Says on standard error which layer of a picture is read, where it is not the plain one.
+void tell_layer(const std::filesystem::path& file);
+
 // An error with the file's name before it.
 absl::Status in_file(const std::string& file, const absl::Status& status);
 

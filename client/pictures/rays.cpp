@@ -103,7 +103,7 @@ nlohmann::ordered_json poses_as_json(const v1::RayMetadata& metadata) {
 absl::Status write_rays(const Client& client, const RaysArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const RayMatte rays, rays_of(client, arguments));
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_rays(rays));
-  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
+  GW_RETURN_IF_ERROR(write_output(arguments.output, bytes));
   const v1::RayCounts& counts = rays.metadata.counts();
   if (client.json) {
     const nlohmann::ordered_json written = {{"file", arguments.output},
@@ -168,9 +168,9 @@ void add_rays_command(CLI::App& app, Client& client) {
   command
       .add_option("--geometry", arguments->geometry, "a text file of the camera and its poses (docs/rays.md)")
       ->required();
-  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")
+  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write, or - for standard output")
       ->required()
-      ->check(output_file({".exr"}));
+      ->check(output_file({".exr", kStandardOutput}));
   command.add_option("--poses", arguments->poses, "the pose of each matte; default: named as its session")
       ->delimiter(',');
   command.add_option("--object-depth", arguments->object_depth_mm,

@@ -57,7 +57,7 @@ absl::Status sheet(const Client& client, const SheetArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const std::vector<MattePanel> panels, read_panels(arguments));
   const CodeImage picture = contact_sheet(panels, arguments.heading, {}, arguments.columns);
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_png8(picture));
-  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
+  GW_RETURN_IF_ERROR(write_output(arguments.output, bytes));
   print_written(client, arguments.output, picture.width_px, picture.height_px);
   return absl::OkStatus();
 }
@@ -76,9 +76,9 @@ void add_sheet_command(CLI::App& app, Client& client) {
                   fmt::format("[TITLE=]FILE: PNG, JPEG, TIFF or EXR; at most {}", kMaxPictures))
       ->required()
       ->expected(1, kMaxPictures);
-  command.add_option("-o,--output", arguments->output, "the PNG file to write")
+  command.add_option("-o,--output", arguments->output, "the PNG file to write, or - for standard output")
       ->required()
-      ->check(output_file({".png"}));
+      ->check(output_file({".png", kStandardOutput}));
   command.add_option("--heading", arguments->heading, "a line above the pictures; ASCII");
   command
       .add_option("--columns", arguments->columns, "pictures in a row (1 to 64; default: as many as suit)")

@@ -1,16 +1,14 @@
 #include "core/composite/stmap.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "client/cli/output_file.h"
 #include "client/pictures/commands.h"
-#include "core/base/file.h"
+#include "client/pictures/picture.h"
 #include "core/base/mapped_file.h"
 #include "core/base/status.h"
 
@@ -28,15 +26,10 @@ absl::Status write_stmap(const Client& client, const StmapArguments& arguments) 
   if (!arguments.channel.empty())
     choice.channel =
         static_cast<int>(std::ranges::find(kChannelNames, arguments.channel) - kChannelNames.begin());
-  const std::filesystem::path partial = fmt::format("{}.{}.tmp", arguments.output, ::getpid());
-  const absl::StatusOr<WrittenStmap> stmap = write_stmap(matte->bytes(), choice, partial);
-  if (!stmap.ok()) {
-    std::error_code ignored;
-    std::filesystem::remove(partial, ignored);
-    return absl::Status(stmap.status().code(),
-                        fmt::format("{}: {}", arguments.matte, std::string(stmap.status().message())));
-  }
-  GW_RETURN_IF_ERROR(place_file_durably(partial, arguments.output));
+  UnfinishedFile file(arguments.output);
+  const absl::StatusOr<WrittenStmap> stmap = write_stmap(matte->bytes(), choice, file.path());
+  if (!stmap.ok()) return in_file(arguments.matte, stmap.status());
+  GW_RETURN_IF_ERROR(file.finish());
   const char* colour = kChannelNames[static_cast<size_t>(stmap->channel)];
   if (client.json) {
     const nlohmann::ordered_json written = {{"file", arguments.output},
@@ -71,9 +64,9 @@ void add_stmap_command(CLI::App& app, Client& client) {
       "  glasswing stmap vase.exr --monitor left --channel b -o vase_left_b.exr");
   auto arguments = std::make_shared<StmapArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
-  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")
+  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write, or - for standard output")
       ->required()
-      ->check(output_file({".exr"}));
+      ->check(output_file({".exr", kStandardOutput}));
   command.add_option("--monitor", arguments->monitor, "the monitor's name; default: the first");
   command
       .add_option("--channel", arguments->channel,

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iostream>
 #include <limits>
 
 #include "client/cli/output.h"
@@ -15,6 +16,7 @@
 #include "core/base/file.h"
 #include "core/base/mapped_file.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/composite/stmap.h"
 #include "core/matte/matte_file.h"
 
@@ -72,8 +74,10 @@ absl::Status view(const Client& client, const ViewArguments& arguments) {
           ? contact_sheet(panels, heading_of(arguments, matte.metadata), lines_of(*sampled))
           : std::ranges::find(panels, arguments.only, &MattePanel::name)->picture;
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_png8(picture));
-  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
+  GW_RETURN_IF_ERROR(write_output(arguments.output, bytes));
   print_written(client, arguments.output, picture.width_px, picture.height_px);
+  for (const std::string& warning : matte.metadata.warnings())
+    std::cerr << fmt::format("warning: {}\n", printable(warning));
   return absl::OkStatus();
 }
 
@@ -89,9 +93,9 @@ void add_view_command(CLI::App& app, Client& client) {
       "  glasswing view pouring/0007.exr --channel r -o pouring-7.png");
   auto arguments = std::make_shared<ViewArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
-  command.add_option("-o,--output", arguments->output, "the PNG file to write")
+  command.add_option("-o,--output", arguments->output, "the PNG file to write, or - for standard output")
       ->required()
-      ->check(output_file({".png"}));
+      ->check(output_file({".png", kStandardOutput}));
   command.add_option("--only", arguments->only, "write one panel, without title and legend")
       ->check(CLI::IsMember(kPanelNames));
   command

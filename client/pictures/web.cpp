@@ -7,7 +7,7 @@
 #include <optional>
 #include <set>
 
-#include "client/cli/output.h"
+#include "client/cli/output_file.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/composite_rays.h"
 #include "client/pictures/picture.h"
@@ -232,7 +232,9 @@ void add_web_command(CLI::App& app, Client& client) {
   auto arguments = std::make_shared<WebArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote, or a file of rays")
       ->required();
-  command.add_option("-o,--output", arguments->output, "the folder to write")->required();
+  command.add_option("-o,--output", arguments->output, "the folder to write")
+      ->required()
+      ->check(output_directory());
   command.add_option("--background", arguments->backgrounds,
                      "a picture to offer behind the object, the first at once; may be repeated");
   command.add_option(

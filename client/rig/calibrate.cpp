@@ -11,6 +11,7 @@
 #include "client/rig/calibrate_light.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 
 namespace glasswing {
@@ -47,7 +48,8 @@ v1::SyncCalibration read_measured(grpc::ClientReader<v1::CalibrateSyncResponse>&
   v1::SyncCalibration measured;
   for (v1::CalibrateSyncResponse response; reader.Read(&response);) {
     if (response.has_result()) *measured.add_monitors() = response.result();
-    if (!response.progress().empty()) waiting.aside([&] { std::cerr << response.progress() << "\n"; });
+    if (!response.progress().empty())
+      waiting.aside([&] { std::cerr << printable(response.progress()) << "\n"; });
   }
   return measured;
 }

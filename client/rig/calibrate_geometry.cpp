@@ -10,9 +10,11 @@
 #include <nlohmann/json.hpp>
 
 #include "client/cli/output.h"
+#include "client/cli/output_file.h"
 #include "client/sessions/matte_input.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/geometry/geometry_fit.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/rig_geometry.h"
@@ -175,14 +177,14 @@ void print_as_text(const Client& client, const std::string& file, const Geometry
                            fit.median_px, fit.rms_px, fit.max_px);
   std::cout << fmt::format("{}: for glasswing rays --geometry\n", file);
   for (const std::string& warning : fit.geometry.warnings())
-    std::cout << fmt::format("warning: {}\n", warning);
+    std::cout << fmt::format("warning: {}\n", printable(warning));
 }
 
 absl::Status calibrate_geometry(const Client& client, const GeometryArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const AllViews all, all_views(client, arguments));
   GW_ASSIGN_OR_RETURN(const GeometryFit fit,
                       fit_geometry(all.width_px, all.height_px, all.views, all.pitch_mm));
-  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, geometry_text(fit.geometry)));
+  GW_RETURN_IF_ERROR(write_output(arguments.output, geometry_text(fit.geometry)));
   if (client.json) {
     print_as_json(arguments.output, fit);
   } else {
@@ -219,7 +221,9 @@ void add_geometry_command(CLI::App& calibrate, Client& client) {
           "several, repeated")
       ->required()
       ->allow_extra_args(false);
-  geometry.add_option("-o,--output", arguments->output, "the file to write")->required();
+  geometry.add_option("-o,--output", arguments->output, "the .txtpb file to write, or - for standard output")
+      ->required()
+      ->check(output_file({".txtpb", kStandardOutput}));
   geometry.callback([&client, arguments] {
     client.run = [&client, arguments] { return calibrate_geometry(client, *arguments); };
   });

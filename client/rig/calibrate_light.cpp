@@ -18,6 +18,7 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/base/utf8.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 
@@ -46,7 +47,7 @@ std::string by_channel(const std::vector<double>& values, const char* format) {
 }
 
 void print_warnings(const google::protobuf::RepeatedPtrField<std::string>& warnings) {
-  for (const std::string& warning : warnings) std::cout << "  warning     " << warning << "\n";
+  for (const std::string& warning : warnings) std::cout << "  warning     " << printable(warning) << "\n";
 }
 
 double largest(const google::protobuf::RepeatedField<float>& values) {
@@ -195,7 +196,7 @@ absl::Status fit(const Client& client, const std::string& session, const std::st
   if (fitted.has_camera()) cameras.push_back(fitted.camera());
   GW_RETURN_IF_ERROR(print_all(client, fitted, charts, cameras));
   for (const std::string& why : fitted.unmeasured())
-    std::cerr << "not measured: " << why
+    std::cerr << "not measured: " << printable(why)
               << "; point the camera at it, then: glasswing calibrate display --monitor NAME\n";
   return absl::OkStatus();
 }
@@ -225,7 +226,7 @@ absl::Status calibrate(const Client& client, const CalibrateArguments& arguments
   GW_ASSIGN_OR_RETURN(const v1::MakePlanResponse made,
                       call(server, &v1::RigService::Stub::MakePlan, request, kLongCallTimeout));
   if (!client.json) {
-    for (const std::string& note : made.notes()) std::cerr << note << "\n";
+    for (const std::string& note : made.notes()) std::cerr << printable(note) << "\n";
   }
   if (!made.has_plan()) return absl::OkStatus();
   if (!client.json) std::cerr << guide;

@@ -12,6 +12,7 @@
 #include "client/rig/check_geometry.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 
@@ -36,8 +37,9 @@ const char* level_name(v1::FindingLevel level) {
 void print_finding(const Client& client, const v1::Finding& finding) {
   const std::string level = level_name(finding.level());
   std::cout << painted(level, client.coloured ? paint_of(level) : Paint::kNone)
-            << fmt::format("{:{}} {:9} {}\n", "", 8 - level.size(), finding.subject(), finding.text());
-  if (!finding.advice().empty()) std::cout << fmt::format("{:18} -> {}\n", "", finding.advice());
+            << fmt::format("{:{}} {:9} {}\n", "", 8 - level.size(), printable(finding.subject()),
+                           printable(finding.text()));
+  if (!finding.advice().empty()) std::cout << fmt::format("{:18} -> {}\n", "", printable(finding.advice()));
   std::cout.flush();
 }
 

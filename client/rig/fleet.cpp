@@ -13,6 +13,7 @@
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "glasswing/v1/fleet_service.grpc.pb.h"
 
 namespace glasswing {
@@ -148,7 +149,7 @@ absl::Status watch_fleet(const Client& client, const FleetPeer& server) {
     if (fleet.ok()) {
       print_fleet(client, *fleet);
     } else {
-      std::cout << fleet.status().message() << "; retrying\n";
+      std::cout << printable(std::string(fleet.status().message())) << "; retrying\n";
     }
     std::cout << std::flush;
     lock.lock();

@@ -73,7 +73,7 @@ absl::Status list_nodes(const Client& client) {
       {{"KIND"}, {"NAME"}, {"STATE"}, {"ADDRESS"}, {"CLOCK AHEAD"}, {"DISK FREE"}, {"WARMEST"}, {"DETAIL"}},
       rows);
   if (listed.has_holder() && !client.tsv)
-    std::cout << fmt::format("the rig is held by {}\n", holder_text(listed.holder()));
+    std::cout << fmt::format("the rig is held by {}\n", printable(holder_text(listed.holder())));
   return absl::OkStatus();
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "client/cli/output.h"
+#include "client/cli/output_file.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
@@ -53,16 +54,18 @@ absl::StatusOr<std::string> camera_address(const Client& client, const std::stri
       fmt::format("the rig has several cameras, {}; name one by --camera", all));
 }
 
-// Replaces the file atomically, so that viewers never see half a picture. Not flushed to disk.
-absl::Status replace_file(const fs::path& path, const std::string& bytes) {
-  const fs::path temporary = path.string() + ".part";
+// Replaces the file atomically, so that viewers never see half a picture. Not flushed to disk. On standard
+// output pictures follow one another.
+absl::Status show_picture(const std::string& path, const std::string& bytes) {
+  if (path == kStandardOutput) return write_output(path, bytes);
+  const fs::path temporary = path + ".part";
   std::ofstream out(temporary, std::ios::binary);
   out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   out.close();
   std::error_code error;
   if (out) fs::rename(temporary, path, error);
   if (out && !error) return absl::OkStatus();
-  return cannot_write(path.string());
+  return cannot_write(path);
 }
 
 void print_line(const v1::PreviewResponse& shown, const PreviewArguments& arguments, bool json) {
@@ -82,7 +85,7 @@ void print_line(const v1::PreviewResponse& shown, const PreviewArguments& argume
       shown.focus_hint().empty() ? fmt::format("focus {:.2f}", shown.focus()) : shown.focus_hint();
   std::cout << fmt::format("{} {}x{}: {:.2f} % clipped, mean {:.3f} at {:.3g} ms; {}", arguments.output,
                            shown.width_px(), shown.height_px(), 100.0 * shown.clipped_fraction(),
-                           shown.mean(), shown.exposure_ms(), focus)
+                           shown.mean(), shown.exposure_ms(), printable(focus))
             << std::endl;
 }
 
@@ -142,7 +145,7 @@ absl::Status preview(const Client& client, const PreviewArguments& arguments) {
       continue;
     }
     preparing.end();
-    written = replace_file(arguments.output, response.jpeg());
+    written = show_picture(arguments.output, response.jpeg());
     if (written.ok()) print_line(response, arguments, client.json);
     if (++shown == arguments.count) break;
   }
@@ -166,9 +169,12 @@ void add_preview_command(CLI::App& app, Client& client) {
       "about a pixel.\n\n"
       "Examples:\n"
       "  glasswing preview -o live.jpg --fps 2\n"
+      "  glasswing preview -o - | ffplay -f mjpeg -\n"
       "  glasswing preview --pattern lines");
   auto arguments = std::make_shared<PreviewArguments>();
-  command.add_option("-o,--output", arguments->output, "the JPEG file to rewrite")->capture_default_str();
+  command.add_option("-o,--output", arguments->output, "the JPEG file to rewrite, or - for standard output")
+      ->check(output_file({".jpg", ".jpeg", kStandardOutput}))
+      ->capture_default_str();
   command.add_option("--fps", arguments->fps, "maximum frame rate, Hz")
       ->check(CLI::Range(0.2, 10.0))
       ->capture_default_str();

@@ -1,15 +1,21 @@
 #include "client/rig/shown_pattern.h"
 
+#include <thread>
+
 namespace glasswing {
 namespace {
 
 constexpr std::chrono::hours kLongest(24);
+constexpr std::chrono::seconds kSoon(5);  // a server frees the rig
+constexpr std::chrono::milliseconds kPoll(20);
 
 }  // namespace
 
 ShownPattern::ShownPattern(const Client& client, const std::string& pattern,
                            const std::vector<std::string>& monitors)
-    : server_(client.server_title(), client.server) {
+    : server_(client.server_title(), client.server),
+      nodes_(client.server_title(), client.server),
+      pattern_(pattern) {
   v1::ShowPatternRequest request;
   request.set_pattern(pattern);
   for (const std::string& monitor : monitors) request.add_monitors(monitor);
@@ -21,6 +27,17 @@ ShownPattern::~ShownPattern() {
   if (ended_) return;
   context_.TryCancel();
   (void)wait_for_end();
+  wait_until_free();
+}
+
+void ShownPattern::wait_until_free() const {
+  const auto deadline = std::chrono::steady_clock::now() + kSoon;
+  while (std::chrono::steady_clock::now() < deadline) {
+    const absl::StatusOr<v1::ListNodesResponse> rig =
+        call(nodes_, &v1::NodeService::Stub::ListNodes, v1::ListNodesRequest());
+    if (!rig.ok() || !rig->has_holder() || rig->holder().what() != "pattern " + pattern_) return;
+    std::this_thread::sleep_for(kPoll);
+  }
 }
 
 absl::StatusOr<std::vector<std::string>> ShownPattern::wait() {

@@ -9,11 +9,12 @@
 #include <vector>
 
 #include "client/cli/rpc.h"
+#include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 
 namespace glasswing {
 
-// Shows the pattern, which holds the rig, until it is destroyed.
+// Shows the pattern, which holds the rig, until it is destroyed; then the rig is free.
 class ShownPattern {
  public:
   // `monitors`: names; empty: all.
@@ -29,7 +30,12 @@ class ShownPattern {
   absl::Status wait_for_end();
 
  private:
+  // A cancelled call ends here before the server notices and frees the rig.
+  void wait_until_free() const;
+
   const Peer<v1::RigService> server_;
+  const Peer<v1::NodeService> nodes_;
+  const std::string pattern_;
   grpc::ClientContext context_;
   std::unique_ptr<grpc::ClientReader<v1::ShowPatternResponse>> reader_;
   bool ended_ = false;

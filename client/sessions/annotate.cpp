@@ -1,3 +1,4 @@
+#include <absl/strings/str_split.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -8,6 +9,7 @@
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -30,7 +32,8 @@ absl::Status note(const Client& client, const std::string& name, const std::opti
   if (client.json) {
     print_json(session);
   } else if (!session.note().empty()) {
-    std::cout << session.note() << "\n";
+    const std::vector<std::string> lines = absl::StrSplit(session.note(), '\n');
+    for (const std::string& line : lines) std::cout << printable(line) << "\n";
   }
   return absl::OkStatus();
 }
@@ -49,7 +52,7 @@ absl::Status tag(const Client& client, const Tags& tags) {
   if (client.json) {
     print_json(session);
   } else if (!session.tags().empty()) {
-    std::cout << fmt::format("{}\n", fmt::join(session.tags(), " "));
+    std::cout << printable(fmt::format("{}", fmt::join(session.tags(), " "))) << "\n";
   }
   return absl::OkStatus();
 }

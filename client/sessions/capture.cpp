@@ -16,6 +16,7 @@
 #include "client/sessions/rig_limits.h"
 #include "client/sessions/watch.h"
 #include "core/base/name.h"
+#include "core/base/scanner.h"
 #include "core/base/status.h"
 #include "core/design/plan_design.h"
 #include "core/frame/image_file.h"
@@ -92,13 +93,13 @@ struct CaptureArguments {
 // "42dB" or "0.1px".
 absl::Status read_target(const std::string& text, v1::Adapt& adapt) {
   double value = 0.0;
-  char unit[3] = {}, rest = 0;
-  const int found = std::sscanf(text.c_str(), "%lf%2[a-zA-Z]%c", &value, unit, &rest);
+  Scanner scan(text);
+  const std::string_view unit = scan.number(value).rest();
   adapt.clear_target_db();
   adapt.clear_target_px();
-  if (found == 2 && std::string_view(unit) == "px") {
+  if (scan.then("px").done()) {
     adapt.set_target_px(value);
-  } else if (found == 2 && (std::string_view(unit) == "dB" || std::string_view(unit) == "db")) {
+  } else if (unit == "dB" || unit == "db") {
     adapt.set_target_db(value);
   } else {
     return absl::InvalidArgumentError(fmt::format(

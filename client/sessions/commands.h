@@ -13,6 +13,7 @@ void add_show_command(CLI::App& app, Client& client);
 void add_watch_command(CLI::App& app, Client& client);
 void add_steps_command(CLI::App& app, Client& client);
 void add_control_commands(CLI::App& app, Client& client);  // pause, resume, cancel
+void add_retake_command(CLI::App& app, Client& client);
 void add_retry_command(CLI::App& app, Client& client);
 void add_delete_command(CLI::App& app, Client& client);
 void add_annotate_commands(CLI::App& app, Client& client);  // note, tag

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/cli/output.h"
+#include "core/base/utf8.h"
 #include "core/pattern/plan.h"
 
 namespace glasswing {
@@ -42,7 +43,8 @@ void print_rig_state(const v1::EstimateSessionResponse& estimate) {
   std::cout << fmt::format("space     {} free at the camera node\n", bytes_of(estimate.free_bytes()))
             << fmt::format("rig       {}\n",
                            estimate.has_holder() ? "held by " + holder_text(estimate.holder()) : "free");
-  for (const std::string& warning : estimate.warnings()) std::cout << fmt::format("warning   {}\n", warning);
+  for (const std::string& warning : estimate.warnings())
+    std::cout << fmt::format("warning   {}\n", printable(warning));
 }
 
 std::string holder_text(const v1::RigHolder& holder) {

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <iostream>
@@ -17,6 +16,7 @@
 #include "core/base/file.h"
 #include "core/base/positioned_file.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/matte/packed_matte.h"
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -57,32 +57,12 @@ absl::StatusOr<Fetched> verified(const PositionedFile& file) {
   return fetched;
 }
 
-// A file that is removed unless it gets its name.
-class Unfinished {
- public:
-  explicit Unfinished(const fs::path& path)
-      : path_(path), unfinished_(fmt::format("{}.{}.tmp", path.string(), ::getpid())) {}
-  Unfinished(const Unfinished&) = delete;
-  Unfinished& operator=(const Unfinished&) = delete;
-  ~Unfinished() {
-    std::error_code ignored;
-    fs::remove(unfinished_, ignored);
-  }
-  const fs::path& path() const { return unfinished_; }
-  // Durable after flush_directory().
-  absl::Status finish() { return rename_file(unfinished_, path_); }
-
- private:
-  const fs::path path_, unfinished_;
-};
-
-// Writes a matte to a flushed file as it comes: it is never whole in memory.
+// Writes a matte to a file as it comes: it is never whole in memory.
 absl::StatusOr<Fetched> fetched(const Sessions& server, const v1::FetchMatteRequest& request,
                                 const fs::path& path, Waiting* waiting = nullptr) {
-  Unfinished unfinished(path);
+  UnfinishedFile unfinished(path);
   GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(unfinished.path()));
   GW_RETURN_IF_ERROR(stream_matte(server, request, writer, waiting));
-  GW_RETURN_IF_ERROR(writer.flush());
   GW_ASSIGN_OR_RETURN(const PositionedFile file, PositionedFile::open(unfinished.path()));
   absl::StatusOr<Fetched> matte = verified(file);
   if (!matte.ok()) {
@@ -111,12 +91,10 @@ v1::FetchMatteRequest request_of(const FetchArguments& arguments) {
 
 absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const FetchArguments& arguments) {
   Waiting waiting("fetching");
-  const fs::path output = arguments.output;
-  GW_ASSIGN_OR_RETURN(Fetched whole, fetched(server, request_of(arguments), output, &waiting));
+  GW_ASSIGN_OR_RETURN(Fetched whole, fetched(server, request_of(arguments), arguments.output, &waiting));
   // Only a partial matte has rows that are not solved yet: in a finished one, rows without a solved pixel are
   // those that saw the id patch.
   if (!arguments.partial) whole.unsolved_rows = 0;
-  GW_RETURN_IF_ERROR(flush_directory(output.has_parent_path() ? output.parent_path() : "."));
   return whole;
 }
 
@@ -128,7 +106,7 @@ nlohmann::ordered_json json_of(const v1::Draft& draft) {
 }
 
 absl::Status fetch_file(const Client& client, const Sessions& server, const FetchArguments& arguments) {
-  GW_RETURN_IF_ERROR(check_output_file(arguments.output, {".exr"}));
+  GW_RETURN_IF_ERROR(check_output_file(arguments.output, {".exr", kStandardOutput}));
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const MatteOutline& matte = whole.outline;
   const auto& warnings = matte.metadata.warnings();
@@ -152,7 +130,7 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Fetc
     if (whole.unsolved_rows > 0)
       std::cout << fmt::format("{} of its {} rows are not solved yet\n", whole.unsolved_rows,
                                matte.height_px);
-    for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", warning);
+    for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", printable(warning));
   }
   return absl::OkStatus();
 }
@@ -212,7 +190,6 @@ absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& s
     }
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
-  GW_RETURN_IF_ERROR(flush_directory(directory));
   progress.done(fmt::format("{} frames", count));
   return frames;
 }
@@ -251,7 +228,8 @@ absl::Status fetch_video(const Client& client, const Sessions& server, const v1:
         frames.there_before > 0 ? fmt::format("; {} were there before", frames.there_before) : "");
     if (!session.lost_frames().empty())
       std::cout << fmt::format("lost, not captured: frames {}\n", ranges_text(session.lost_frames()));
-    for (const std::string& warning : frames.warnings) std::cout << fmt::format("warning: {}\n", warning);
+    for (const std::string& warning : frames.warnings)
+      std::cout << fmt::format("warning: {}\n", printable(warning));
   }
   if (unsolved.empty()) return absl::OkStatus();
   return absl::FailedPreconditionError(fmt::format("{} frames are not solved: {}; {}", unsolved.size(),
@@ -269,10 +247,11 @@ absl::Status fetch(const Client& client, const FetchArguments& arguments) {
   const bool frames = describes_mattes(found.session()) ? is_video(found.session())
                                                         : !found.session().solved_frames().empty();
   if (frames) {
-    if (to_directory || !arguments.output.ends_with(".exr"))
+    if (to_directory || (!fs::path(arguments.output).has_extension() && arguments.output != kStandardOutput))
       return fetch_video(client, server, found.session(), arguments);
     return absl::InvalidArgumentError(fmt::format(
-        "session {} is a video of {} frames; -o is {}: it must be a directory, or --frame must name one",
+        "session {} is a video of {} frames; -o is {}: it must be a directory (a new one may end in /), or "
+        "--frame must name one",
         arguments.session, found.session().frame_count(), arguments.output));
   }
   FetchArguments still = arguments;
@@ -301,7 +280,8 @@ void add_fetch_command(CLI::App& app, Client& client) {
   auto crop = std::make_shared<std::string>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command
-      .add_option("-o,--output", arguments->output, "the OpenEXR file to write, or the directory for a video")
+      .add_option("-o,--output", arguments->output,
+                  "the OpenEXR file to write, or - for standard output; of a video the directory")
       ->required();
   command.add_option("--frame", arguments->frame, "fetch only this frame of a video, counted from 0")
       ->check(CLI::Range(0, 17999));

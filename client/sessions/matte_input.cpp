@@ -1,9 +1,9 @@
 #include "client/sessions/matte_input.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include "client/cli/output.h"
+#include "client/cli/output_file.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -11,14 +11,6 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::chrono::minutes kFetchTimeout(10);
-
-struct RemovedAtEnd {
-  fs::path path;
-  ~RemovedAtEnd() {
-    std::error_code ignored;
-    fs::remove(path, ignored);
-  }
-};
 
 }  // namespace
 
@@ -45,12 +37,12 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> MatteInput::open(const Client&
   if (is_file()) return MappedFile::open(name);
   Waiting waiting("fetching " + name);
   const Peer<v1::SessionService> server(client.server_title(), client.server);
-  const RemovedAtEnd file{fmt::format("{}.{}.tmp", output.string(), ::getpid())};
+  const UnfinishedFile file(output);  // never finished
   v1::FetchMatteRequest request;
   request.set_name(name);
-  GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(file.path));
+  GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(file.path()));
   GW_RETURN_IF_ERROR(stream_matte(server, request, writer, &waiting));
-  return MappedFile::open(file.path);
+  return MappedFile::open(file.path());
 }
 
 absl::Status MatteInput::error(const absl::Status& status) const {

@@ -9,6 +9,7 @@
 #include "client/sessions/photo.h"
 #include "client/sessions/rig_limits.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/plan_fit.h"
 
@@ -64,7 +65,7 @@ absl::Status check(const Client& client, const PlanCheckArguments& arguments) {
     std::cout << answer.dump(1) << "\n";
     return absl::OkStatus();
   }
-  for (const std::string& warning : warnings) std::cerr << fmt::format("warning: {}\n", warning);
+  for (const std::string& warning : warnings) std::cerr << fmt::format("warning: {}\n", printable(warning));
   if (is_video(plan)) {
     std::cout << fmt::format(
         "{} is good: a video of {} frames, {} frames of the empty stage before, {} refreshes a frame\n", path,

@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
 #include <iostream>
 #include <optional>
 
 #include "client/sessions/commands.h"
 #include "client/sessions/rig_limits.h"
+#include "core/base/scanner.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -17,16 +17,15 @@ struct PlanDesignArguments {
   RigLimitsArguments rig;
   DesignWish wish;
   std::optional<double> noise, full_well;
-  std::string sigma_range, output;
+  std::string sigma_range, output = kStandardOutput;
 };
 
 // "0.3:4"
 absl::Status read_sigma_range(const std::string& text, DesignWish& wish) {
   if (text.empty()) return absl::OkStatus();
-  char colon = 0, rest = 0;
   double low = 0.0, high = 0.0;
-  const int found = std::sscanf(text.c_str(), "%lf%c%lf%c", &low, &colon, &high, &rest);
-  if (found != 3 || colon != ':' || !(low >= 0.05 && high >= low && high <= 1000.0)) {
+  if (!Scanner(text).number(low).then(":").number(high).done() ||
+      !(low >= 0.05 && high >= low && high <= 1000.0)) {
     return absl::InvalidArgumentError(fmt::format(
         "--sigma-range is \"{}\"; it must be LOW:HIGH in monitor pixels, 0.05 to 1000, such as 0.3:4", text));
   }
@@ -72,18 +71,12 @@ absl::Status design(const Client& client, PlanDesignArguments arguments) {
     from = end + 1;
   }
   text.insert(text.find('\n') + 1, comment);
-  if (arguments.output.empty()) {
-    std::cout << text;
-    std::cerr << expected << other;
-    return absl::OkStatus();
+  GW_RETURN_IF_ERROR(write_output(arguments.output, text));
+  std::cerr << expected << other;
+  if (arguments.output != kStandardOutput) {
+    std::cerr << fmt::format("{}: {} images with the object; what it costs: glasswing plan estimate {}\n",
+                             arguments.output, images_of(designed.plan, rig), arguments.output);
   }
-  std::ofstream out(arguments.output, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) return cannot_write(arguments.output);
-  std::cerr << expected << other
-            << fmt::format("{}: {} images with the object; what it costs: glasswing plan estimate {}\n",
-                           arguments.output, images_of(designed.plan, rig), arguments.output);
   return absl::OkStatus();
 }
 
@@ -122,7 +115,8 @@ void add_plan_design_command(CLI::App& plan, Client& client) {
   command.add_option(
       "--sigma-range", arguments->sigma_range,
       "LOW:HIGH, widths of footprints in monitor pixels; default: 0.3:4 before 128 px, wider before more");
-  command.add_option("-o,--output", arguments->output, "the plan to write, a .txtpb file; default: print it");
+  command.add_option("-o,--output", arguments->output, "the plan to write, a .txtpb file; default: print it")
+      ->check(output_file({".txtpb", kStandardOutput}));
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return design(client, *arguments); }; });
 }

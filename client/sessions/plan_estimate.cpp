@@ -10,6 +10,7 @@
 #include "client/sessions/commands.h"
 #include "client/sessions/estimate.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/plan_cost.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -132,7 +133,8 @@ absl::Status print_estimate(const Client& client, const std::string& path) {
   if (rig.ok()) {
     print_rig_state(*rig);
   } else {
-    std::cout << fmt::format("rig       no capture now: {}\n", std::string(rig.status().message()));
+    std::cout << fmt::format("rig       no capture now: {}\n",
+                             printable(std::string(rig.status().message())));
   }
   return absl::OkStatus();
 }

@@ -8,6 +8,7 @@
 #include "client/sessions/commands.h"
 #include "client/sessions/watch.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -33,7 +34,7 @@ void print_what_is_retried(const v1::Session& session) {
     std::cout << fmt::format("session {}: showing the {} of {} steps that are not proven\n", name,
                              session.step_count() - session.proven_count(), session.step_count());
     for (const v1::UnprovenStep& step : session.unproven())
-      std::cout << fmt::format("  {:5}  {}\n", step.step(), step.what());
+      std::cout << fmt::format("  {:5}  {}\n", step.step(), printable(step.what()));
   }
 }
 

@@ -8,6 +8,7 @@
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/pattern/describe_step.h"
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -17,7 +18,7 @@ namespace {
 
 void print_details(const v1::Session& session) {
   const auto row = [](const char* label, const std::string& value) {
-    if (!value.empty()) std::cout << fmt::format("{:9} {}\n", label, value);
+    if (!value.empty()) std::cout << fmt::format("{:9} {}\n", label, printable(value));
   };
   row("session", session.name());
   row("state", state_name(session.state()));
@@ -73,6 +74,10 @@ void print_details(const v1::Session& session) {
           fmt::format("{} of them: {}", session.solved_frames_size(), ranges_text(session.solved_frames())));
   }
   row("warning", session.warning());
+  for (const v1::RigChange& change : session.rig_changes()) {
+    row("rig", describe(change));
+    row("", change.lost().empty() ? "" : "lost: steps " + ranges_text(change.lost()));
+  }
   for (const v1::AdaptedRound& round : session.adapted())
     row(&round == &session.adapted(0) ? "adapted" : "", describe(round));
   if (session.has_draft()) row("draft", describe(session.draft()) + "; fetch it with --partial");

@@ -6,6 +6,7 @@
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -45,7 +46,7 @@ absl::Status list_steps(const Client& client, const std::string& session) {
     for (const v1::StepEvent& event : response.events()) {
       const std::string more = event.why().empty() ? event.file() : event.why();
       std::cout << fmt::format("{:9.3f} s  step {:5}  {}{}{}\n", event.seconds(), event.step(),
-                               outcome_text(event), more.empty() ? "" : ": ", more);
+                               outcome_text(event), more.empty() ? "" : ": ", printable(more));
     }
     std::cout << std::flush;
   }

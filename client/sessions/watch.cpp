@@ -2,8 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <iostream>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
@@ -11,6 +14,7 @@
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
@@ -30,6 +34,7 @@ class SessionProgress {
     if (is_under_way(session) && session.waiting().what() != told_) tell(session);
     if (session.draft().image_count() != drafted_) tell_draft(session);
     if (session.adapted_size() != rounds_told_) tell_rounds(session);
+    if (changes_of(session) != changes_told_) tell_changes(session);
     const bool solving = state_ == v1::SESSION_STATE_SOLVING,
                frames = solving && is_video(session) && !session.matte_ready();
     const int done = frames    ? session.solved_frames_size()
@@ -57,7 +62,7 @@ class SessionProgress {
   void tell(const v1::Session& session) {
     told_ = session.waiting().what();
     progress_.emplace(state_name(state_));
-    std::cerr << summary_of(session) << "\n";
+    std::cerr << printable(summary_of(session)) << "\n";
   }
 
   // Also on a line of its own.
@@ -78,7 +83,26 @@ class SessionProgress {
       std::cerr << describe(session.adapted(rounds_told_)) << "\n";
   }
 
+  // Without numbers that change while something lasts.
+  static std::vector<std::string> changes_of(const v1::Session& session) {
+    std::vector<std::string> changes;
+    for (const v1::RigChange& change : session.rig_changes()) changes.push_back(change.what());
+    return changes;
+  }
+
+  // Also on lines of their own.
+  void tell_changes(const v1::Session& session) {
+    progress_.emplace(state_name(state_));
+    done_ = -1;
+    for (const v1::RigChange& change : session.rig_changes()) {
+      if (std::ranges::count(changes_told_, change.what()) == 0)
+        std::cerr << printable("warning: " + describe(change)) << "\n";
+    }
+    changes_told_ = changes_of(session);
+  }
+
   int rounds_told_ = 0;
+  std::vector<std::string> changes_told_;
   int drafted_ = 0;   // images of the newest draft
   std::string told_;  // what it waits for
   int done_ = -1;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "core/archive/archive_location.h"
 #include "core/archive/archive_metrics.h"
 #include "core/archive/arriving_frames.h"
@@ -16,6 +18,7 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kNamesOfAMessage = 1000;
+constexpr int kMaxRanges = 20000;
 
 // Operators need no token, but one that they send must be right. Without TLS everybody is an operator.
 absl::Status check_import(ArchiveStore& store, const grpc::AuthContext& caller,
@@ -148,6 +151,26 @@ grpc::Status ArchiveServiceImpl::PutFrame(grpc::ServerContext* context,
                                           grpc::ServerReader<v1::PutFrameRequest>* reader,
                                           v1::PutFrameResponse*) {
   return to_grpc(put(store_, *context->auth_context(), *reader));
+}
+
+grpc::Status ArchiveServiceImpl::DropFrames(grpc::ServerContext*, const v1::DropFramesRequest* request,
+                                            v1::DropFramesResponse*) {
+  if (request->steps_size() > kMaxRanges) {
+    return to_grpc(absl::InvalidArgumentError(fmt::format(
+        "{} ranges of steps in one call; at most {} are allowed", request->steps_size(), kMaxRanges)));
+  }
+  for (const v1::StepRange& range : request->steps()) {
+    if (range.last() < range.first())
+      return to_grpc(absl::InvalidArgumentError(
+          fmt::format("steps {} to {}: the last must not be before the first", range.first(), range.last())));
+  }
+  const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
+  if (!archive.ok()) return to_grpc(archive.status());
+  return to_grpc((*archive)->drop([request](int step) {
+    return std::ranges::any_of(request->steps(), [step](const v1::StepRange& range) {
+      return range.first() <= step && step <= range.last();
+    });
+  }));
 }
 
 grpc::Status ArchiveServiceImpl::SealArchive(grpc::ServerContext* context,

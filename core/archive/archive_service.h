@@ -28,6 +28,8 @@ class ArchiveServiceImpl final
                         grpc::ServerWriter<v1::ReadFileResponse>*) override;
   grpc::Status PutFrame(grpc::ServerContext*, grpc::ServerReader<v1::PutFrameRequest>*,
                         v1::PutFrameResponse*) override;
+  grpc::Status DropFrames(grpc::ServerContext*, const v1::DropFramesRequest*,
+                          v1::DropFramesResponse*) override;
   grpc::Status SealArchive(grpc::ServerContext*, const v1::SealArchiveRequest*,
                            v1::SealArchiveResponse*) override;
   grpc::Status LocateArchive(grpc::ServerContext*, const v1::LocateArchiveRequest*,

@@ -7,6 +7,8 @@
 #include <charconv>
 #include <optional>
 
+#include "core/base/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -43,6 +45,20 @@ absl::StatusOr<Address> parse_address(std::string_view text) {
 std::string text_of(const Address& address) {
   return address.host.find(':') == std::string::npos ? fmt::format("{}:{}", address.host, address.port)
                                                      : fmt::format("[{}]:{}", address.host, address.port);
+}
+
+absl::StatusOr<SocketAddresses> socket_addresses(const std::string& text, int flags) {
+  GW_ASSIGN_OR_RETURN(const Address at, parse_address(text));
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_STREAM;
+  hints.ai_flags = flags | AI_NUMERICSERV;
+  addrinfo* found = nullptr;
+  const int failed = ::getaddrinfo(at.host.c_str(), std::to_string(at.port).c_str(), &hints, &found);
+  if (failed != 0) {
+    return absl::InvalidArgumentError(
+        fmt::format("host \"{}\" has no address: {}", at.host, ::gai_strerror(failed)));
+  }
+  return SocketAddresses(found);
 }
 
 }  // namespace glasswing

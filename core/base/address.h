@@ -2,7 +2,9 @@
 #pragma once
 
 #include <absl/status/statusor.h>
+#include <netdb.h>
 
+#include <memory>
 #include <string>
 #include <string_view>
 
@@ -16,5 +18,13 @@ struct Address {
 // IPv6 hosts stand in brackets: "[::1]:7440". INVALID_ARGUMENT says what `text` is, and what it must be.
 absl::StatusOr<Address> parse_address(std::string_view text);
 std::string text_of(const Address& address);
+
+struct FreeSocketAddresses {
+  void operator()(addrinfo* addresses) const { ::freeaddrinfo(addresses); }
+};
+using SocketAddresses = std::unique_ptr<addrinfo, FreeSocketAddresses>;  // at least one
+// What sockets of TCP connect to, or with AI_PASSIVE in `flags` listen on. INVALID_ARGUMENT: no address, or
+// its host has none; says so.
+absl::StatusOr<SocketAddresses> socket_addresses(const std::string& text, int flags = 0);
 
 }  // namespace glasswing

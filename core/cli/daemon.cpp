@@ -35,14 +35,20 @@ int run_daemon(int argc, const char* const* argv, const DaemonProgram& program) 
   add_log_options(app, options.logs);
   add_metrics_option(app, options.metrics);
   app.set_version_flag("--version", kVersion);
-  CLI11_PARSE(app, argc, argv);
-
   absl::StatusOr<int> exit_status = 0;
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& answer) {  // --help and --version, too
+    exit_status = app.exit(answer);
+    options.command = [&exit_status] { return exit_status; };
+  }
   if (options.command) {
     exit_status = options.command();
   } else if (const absl::Status status = run_until_signal(program, app, options); !status.ok()) {
     exit_status = status;
   }
+  if (exit_status.ok() && !std::cout.flush())
+    exit_status = absl::UnavailableError("the answer could not be written to standard output");
   if (exit_status.ok()) return *exit_status;
   std::cerr << program.name << ": " << exit_status.status().message() << "\n";
   return 1;

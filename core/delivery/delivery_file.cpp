@@ -15,7 +15,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <half.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -25,7 +24,6 @@
 #include <optional>
 #include <thread>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/delivery/cryptomatte.h"
 #include "core/delivery/half_channels.h"
@@ -400,31 +398,21 @@ absl::StatusOr<Delivery> write_delivery(std::string_view matte, const DeliveryOp
     // Programs look for these in the first part, whichever has the layers.
     for (ExrPart& part : all_parts) part.attributes.insert(ids->attributes.begin(), ids->attributes.end());
   }
-  const fs::path partial = fmt::format("{}.{}.tmp", file.string(), ::getpid());
   const int threads_before = Imf::globalThreadCount();
   Imf::setGlobalThreadCount(thread_count);
   const absl::StatusOr<WrittenRows> rows = write_rows(
       matte, outline, delivery.window, mix,
       [&] {
-        return StripWriter(outline, options, delivery.window, survey, all_parts, ids, !mix.is_unit(), partial,
+        return StripWriter(outline, options, delivery.window, survey, all_parts, ids, !mix.is_unit(), file,
                            thread_count);
       },
       report);
   Imf::setGlobalThreadCount(threads_before);
-  absl::Status status = rows.status();
-  if (rows.ok()) {
-    status = put_checksums(partial, rows->head_bytes, rows->checksums,
-                           matte_checksum(metadata, parts, rows->checksums));
-  }
+  GW_RETURN_IF_ERROR(rows.status());
+  GW_RETURN_IF_ERROR(put_checksums(file, rows->head_bytes, rows->checksums,
+                                   matte_checksum(metadata, parts, rows->checksums)));
   std::error_code ignored;
-  if (status.ok()) {
-    delivery.bytes = fs::file_size(partial, ignored);
-    status.Update(place_file_durably(partial, file));
-  }
-  if (!status.ok()) {
-    fs::remove(partial, ignored);
-    return status;
-  }
+  delivery.bytes = fs::file_size(file, ignored);
   return delivery;
 }
 

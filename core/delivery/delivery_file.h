@@ -33,10 +33,10 @@ struct Delivery {
   std::uint64_t bytes = 0;  // of the file
 };
 
-// Writes a matte's file anew, a few rows at a time; `thread_count` 0: all cores. `report` gets the fraction
-// done. The same matte and options give the same bytes. INVALID_ARGUMENT: hug, but no pixel shows the object;
-// the tile's side is not kMinTile_px to kMaxTile_px; or the ids are of a picture of another size. Others as
-// decode_matte() of `matte`, and of writing.
+// Writes a matte's file anew to `file`, a few rows at a time; `thread_count` 0: all cores. `report` gets the
+// fraction done. After an error, what is written of it stays. The same matte and options give the same bytes.
+// INVALID_ARGUMENT: hug, but no pixel shows the object; the tile's side is not kMinTile_px to kMaxTile_px; or
+// the ids are of a picture of another size. Others as decode_matte() of `matte`, and of writing.
 absl::StatusOr<Delivery> write_delivery(
     std::string_view matte, const DeliveryOptions& options, const std::filesystem::path& file,
     int thread_count = 0, absl::FunctionRef<void(double)> report = [](double) {});

@@ -60,10 +60,9 @@ struct Moved {
 
 }  // namespace
 
-ConeStep step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintMatrix>& solver,
+ConeStep step_within_cone(const Footprints& modes, const FootprintCholesky& factor,
                           const FootprintVector& whole_step) {
   FootprintVector step = whole_step;
-  const auto n = step.size();
   std::array<Moved, kMaxFootprints> moved_sigmas;
   size_t moved_count = 0;
   for (int m = 0; m < modes.size(); ++m) {
@@ -73,12 +72,7 @@ ConeStep step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintMat
     const Eigen::Vector3d free = now + step.segment<3>(block);
     if (free[0] >= 0.0 && free[2] >= 0.0 && free[0] * free[2] >= free[1] * free[1]) continue;
     Moved& own = moved_sigmas[moved_count++];
-    own.covariance.resize(n, 3);
-    for (Eigen::Index k = 0; k < 3; ++k) {
-      FootprintVector column = FootprintVector::Unit(n, block + k);
-      solver.solveInPlace(column);
-      own.covariance.col(k) = column;
-    }
+    own.covariance = factor.inverse_columns(block).leftCols<3>();
     // Of the parameters that are still free: without the Sigmas that moved before.
     for (size_t before = 0; before + 1 < moved_count; ++before) {
       const Moved& other = moved_sigmas[before];

@@ -94,12 +94,15 @@ std::vector<ReachedPixel> reached_pixels(const Footprint& mode, const MonitorExt
   const auto to = [](double centre, double variance, double extent_px) {
     return std::min(extent_px, std::floor(centre + 5.0 * std::sqrt(variance)) + 1.0);
   };
-  const NormalOnRectangles shares(density);
+  const double left = from(density.x, density.xx), top = from(density.y, density.yy);
+  const int columns = static_cast<int>(std::ceil(to(density.x, density.xx, extent.width_px) - left)),
+            rows = static_cast<int>(std::ceil(to(density.y, density.yy, extent.height_px) - top));
   std::vector<ReachedPixel> pixels;
-  for (double y = from(density.y, density.yy); y < to(density.y, density.yy, extent.height_px); ++y) {
-    for (double x = from(density.x, density.xx); x < to(density.x, density.xx, extent.width_px); ++x)
-      pixels.push_back({x + 0.5, y + 0.5, shares.share({x, y, x + 1.0, y + 1.0})});
-  }
+  if (columns <= 0 || rows <= 0) return pixels;
+  const std::vector<NormalShare> cells =
+      NormalOnRectangles(density).cells(left, 1.0, columns, top, 1.0, rows);
+  for (int i = 0; i < columns * rows; ++i)
+    pixels.push_back({left + i % columns + 0.5, top + i / columns + 0.5, cells[static_cast<size_t>(i)]});
   return pixels;
 }
 

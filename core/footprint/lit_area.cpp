@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 
 namespace glasswing {
@@ -12,8 +13,8 @@ constexpr double kReach = 5.5;  // standard deviations
 constexpr double kFine = 1.4;   // sigmas per bar, from which bars are seen as their mean
 constexpr double kMinVariance_px2 = 1e-4;
 
-bool is_lit(const LitArea& area, double bar) {
-  return (std::fmod(std::abs(bar), 2.0) == 0.0) != area.inverse;
+bool is_lit(const LitArea& area, std::int64_t bar) {
+  return (bar % 2 == 0) != area.inverse;
 }
 
 double variance_across(const Footprint& mode, const LitArea& area) {
@@ -48,11 +49,12 @@ NormalShare share_of_bars(const Footprint& mode, const LitArea& area) {
     sum.share = 0.5;
     return sum;
   }
-  double bar = std::floor((centre - kReach * sigma - area.offset_px) / area.bar_px);
+  auto bar = static_cast<std::int64_t>(std::floor((centre - kReach * sigma - area.offset_px) / area.bar_px));
   sum.share = is_lit(area, bar) ? 1.0 : 0.0;
   double by_centre = 0.0, by_variance = 0.0;
-  for (++bar; area.offset_px + bar * area.bar_px < centre + kReach * sigma; ++bar) {
-    const double z = (area.offset_px + bar * area.bar_px - centre) / sigma;
+  const auto edge_px = [&] { return area.offset_px + static_cast<double>(bar) * area.bar_px; };
+  for (++bar; edge_px() < centre + kReach * sigma; ++bar) {
+    const double z = (edge_px() - centre) / sigma;
     const double sign = is_lit(area, bar) ? 1.0 : -1.0, density = sign * normal_density(z);
     sum.share += sign * normal_integral(-z);
     by_centre += density / sigma;
@@ -99,11 +101,11 @@ NormalShare LitShare::of_bars(const LitArea& area) const {
                side = area.horizontal ? extent_.height_px : extent_.width_px;
   const double from = std::max(0.0, centre - reach), to = std::min(side, centre + reach);
   NormalShare sum{};
-  for (double bar = std::floor((from - area.offset_px) / area.bar_px);
-       area.offset_px + bar * area.bar_px < to; ++bar) {
+  auto bar = static_cast<std::int64_t>(std::floor((from - area.offset_px) / area.bar_px));
+  const auto edge_px = [&](std::int64_t b) { return area.offset_px + static_cast<double>(b) * area.bar_px; };
+  for (; edge_px(bar) < to; ++bar) {
     if (!is_lit(area, bar)) continue;
-    const double low = std::max(0.0, area.offset_px + bar * area.bar_px),
-                 high = std::min(side, area.offset_px + (bar + 1.0) * area.bar_px);
+    const double low = std::max(0.0, edge_px(bar)), high = std::min(side, edge_px(bar + 1));
     Rectangle lit{.left = 0.0, .top = 0.0, .right = extent_.width_px, .bottom = extent_.height_px};
     (area.horizontal ? lit.top : lit.left) = low;
     (area.horizontal ? lit.bottom : lit.right) = high;

@@ -1,11 +1,10 @@
-// The minimiser of mixtures and spectra (solver/gaussian/joint_fit has its own, which keeps places within
-// pixels moving): Levenberg-Marquardt over (R, c, Sigma) of each footprint, with steps
-// that keep Sigma positive (cone_step.h). Of Ceres, TinySolver knows no such bound; through a factor of Sigma
-// it stalls at points and lines, where the factor's derivative vanishes.
+// The one minimiser of footprints: Levenberg-Marquardt over (R, c, Sigma) of each, with steps that keep Sigma
+// positive (cone_step.h). Of Ceres, TinySolver knows no such bound; through a factor of Sigma it stalls at
+// points and lines, where the factor's derivative vanishes.
 #pragma once
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 #include <utility>
 
 #include "core/footprint/cone_step.h"
@@ -14,17 +13,20 @@ namespace glasswing {
 
 // The Gauss-Newton equations matrix * step = gradient at some footprints.
 struct FootprintEquations {
-  FootprintMatrix matrix;
+  FootprintMatrix matrix;  // both triangles
   FootprintVector gradient;
   double cost = 0.0;
-  // A step that promises to lower the cost by no more has converged.
-  double enough = 0.0;
+  double enough = 0.0;      // a step that promises to lower the cost by no more has converged,
+  double little = 0.0;      // and one that did lower it by less
+  double rounding = 1e-9;   // of the cost, by which a step may raise it
+  FootprintVector least{};  // of the diagonal, for damping; empty: none
 };
 
 struct StepLimits {
   int max_steps = 60;
-  double little = 0.0;     // of the cost: a fit that gains no more in a step has converged
-  double rounding = 1e-9;  // of the cost, by which a step may raise it
+  // Of the damping's rise: how much faster it rises with each step refused in a row. Above 1 for a fit near
+  // its minimum; a search would leap over minima.
+  double growth = 1.0;
 };
 
 template <typename Equations>
@@ -40,38 +42,45 @@ struct Minimum {
 template <typename Equations, typename Evaluate, typename IsSane>
 Minimum<Equations> minimise(const Footprints& start, const Evaluate& evaluate, const IsSane& is_sane,
                             const StepLimits& limits) {
-  constexpr double kMaxDamping = 1e8, kMinDamping = 1e-7, kUndamped = 0.1;
+  constexpr double kMaxDamping = 1e8, kMinDamping = 1e-7, kUndamped = 0.1, kRise = 4.0;
   Minimum<Equations> best{.modes = start, .at = {}};
-  Equations next;
-  evaluate(start, best.at);
   double damping = 1e-3;
+  std::array<Equations, 2> both;
+  Equations *at = &both[0], *next = &both[1];
+  evaluate(start, *at);
+  double rise = kRise;
   for (int i = 0; i < limits.max_steps && !best.converged && damping < kMaxDamping; ++i) {
-    const Equations& at = best.at;
-    FootprintMatrix damped = at.matrix;
-    const double least = 1e-12 * at.matrix.diagonal().maxCoeff();
-    damped.diagonal() += damping * at.matrix.diagonal();
-    damped.diagonal().array() += least;
-    const Eigen::LLT<FootprintMatrix> solver(damped);
-    const auto [moved, step] = step_within_cone(best.modes, solver, solver.solve(at.gradient));
-    const double promise = 2.0 * at.gradient.dot(step) - step.dot(at.matrix * step);
-    const bool last = promise <= at.enough;
-    if (solver.info() == Eigen::Success && is_sane(moved)) {
-      evaluate(moved, next);
-      if (next.cost <= at.cost * (1.0 + limits.rounding)) {
-        const double gained = at.cost - next.cost;
-        best.converged = (last || gained < limits.little * at.cost) && damping < kUndamped;
+    FootprintMatrix damped = at->matrix;
+    if (at->least.size() > 0) damped.diagonal() = damped.diagonal().cwiseMax(at->least);
+    damped.diagonal() *= 1.0 + damping;
+    damped.diagonal().array() += 1e-12 * at->matrix.diagonal().maxCoeff();
+    const FootprintCholesky factor(damped);
+    const auto [moved, step] = step_within_cone(best.modes, factor, factor.solve(at->gradient));
+    const double promise = 2.0 * at->gradient.dot(step) - step.dot(at->matrix * step);
+    const bool last = promise <= at->enough;
+    if (factor.positive() && is_sane(moved)) {
+      evaluate(moved, *next);
+      if (next->cost <= at->cost * (1.0 + at->rounding)) {
+        const double gained = at->cost - next->cost;
+        best.converged = (last || gained < at->little) && damping < kUndamped;
         best.modes = moved;
-        std::swap(best.at, next);
+        std::swap(at, next);
         // Damping follows the accuracy of the quadratic model.
-        damping *= gained > 0.5 * promise ? 0.1 : gained < 0.2 * promise ? 3.0 : 1.0;
+        damping *= gained > 0.9 * promise   ? 0.1
+                   : gained > 0.5 * promise ? 0.5
+                   : gained < 0.2 * promise ? 3.0
+                                            : 1.0;
         damping = std::max(damping, kMinDamping);
+        rise = kRise;
         continue;
       }
     }
     best.converged = last;
-    damping = std::max(4.0 * damping, 1e-5);
+    damping = std::max(rise * damping, 1e-5);
+    rise *= limits.growth;
   }
   for (Footprint& mode : best.modes) mode = with_positive_covariance(mode, 0.0);
+  best.at = std::move(*at);
   return best;
 }
 

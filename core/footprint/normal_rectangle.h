@@ -10,6 +10,7 @@
 
 #include <array>
 #include <cstddef>
+#include <vector>
 
 namespace glasswing {
 
@@ -21,6 +22,8 @@ struct NormalCorners {
   static constexpr size_t kMaxNodes = 16;
   explicit NormalCorners(double correlation);
 
+  // The integral over t, of a corner.
+  double joint(double h, double k) const;
   // P(low[0] < X < high[0], low[1] < Y < high[1]).
   double share(const std::array<double, 2>& low, const std::array<double, 2>& high) const;
 
@@ -45,8 +48,18 @@ class NormalOnRectangles {
  public:
   explicit NormalOnRectangles(const NormalDensity& density);
   NormalShare share(const Rectangle& rectangle) const;
+  // Of the cells of a grid, row by row: neighbours share their corners.
+  std::vector<NormalShare> cells(double left, double width, int columns, double top, double height,
+                                 int rows) const;
 
  private:
+  // A side of rectangles: z standard deviations from the mean.
+  struct Line {
+    double z, below, density;  // Phi(z), phi(z)
+  };
+  Line line(double place, double mean, double sd) const;
+  NormalShare at(const Line& x, const Line& y) const;
+
   const NormalDensity density_;
   const double sd_x_, sd_y_, turn_;  // turn: -1 if xy is negative; y is mirrored then
   const NormalCorners corners_;

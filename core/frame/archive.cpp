@@ -263,6 +263,40 @@ absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
   return fresh.empty() ? absl::OkStatus() : enter(fresh);
 }
 
+absl::Status Archive::drop(const std::function<bool(int)>& is_dropped) {
+  const std::lock_guard lock(mutex_);
+  if (sealed_) {
+    std::error_code error;
+    fs::remove(directory_ / "manifest.json", error);
+    if (error)
+      return absl::UnavailableError(
+          fmt::format("{}: {}", (directory_ / "manifest.json").string(), error.message()));
+    GW_RETURN_IF_ERROR(flush_directory(directory_));
+    sealed_ = false;
+  }
+  std::string journal;
+  std::vector<v1::Frame> kept, dropped;
+  for (const v1::Frame& frame : manifest_.frames()) {
+    const bool drops = frame.step() >= 0 && is_dropped(frame.step());
+    (drops ? dropped : kept).push_back(frame);
+    if (!drops) journal += archive_json(frame, false) + "\n";
+  }
+  if (dropped.empty()) return absl::OkStatus();
+  GW_RETURN_IF_ERROR(write_file_durably(directory_ / "frames.jsonl", journal));
+  manifest_.mutable_frames()->Assign(kept.begin(), kept.end());
+  index_of_file_.clear();
+  index_of_step_.clear();
+  for (int i = 0; i < manifest_.frames_size(); ++i) note_place(i);
+  for (const v1::Frame& frame : dropped) {
+    verified_.erase(frame.file());
+    mapped_.erase(frame.file());
+    // Not listed any more: a file that stays is overwritten by the step's next frame.
+    std::error_code ignored;
+    fs::remove(directory_ / frame.file(), ignored);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status Archive::seal(const v1::Plan* plan) {
   const std::lock_guard lock(mutex_);
   if (plan != nullptr) {
@@ -287,6 +321,14 @@ absl::Status Archive::seal(const v1::Plan* plan) {
   sealed_ = true;
   fault_point("archive sealed");
   return absl::OkStatus();
+}
+
+absl::StatusOr<v1::Frame> Archive::frame_of_step(int step) const {
+  const std::lock_guard lock(mutex_);
+  if (const auto found = index_of_step_.find(step); found != index_of_step_.end())
+    return manifest_.frames(found->second);
+  return absl::NotFoundError(
+      fmt::format("session \"{}\" has no frame of step {}", manifest_.session(), step));
 }
 
 absl::StatusOr<v1::Frame> Archive::find(const std::string& file) const {

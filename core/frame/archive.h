@@ -12,6 +12,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -59,6 +60,8 @@ class Archive {
 
   // Header and frames so far.
   v1::CaptureManifest manifest() const;
+  // NOT_FOUND: no frame of this step is stored.
+  absl::StatusOr<v1::Frame> frame_of_step(int step) const;
 
   // A frame whose picture is still to be stored.
   struct NewFrame {
@@ -96,6 +99,10 @@ class Archive {
   // repairs a damaged one. INVALID_ARGUMENT: bytes that do not match their record; ALREADY_EXISTS: a
   // different frame has that file name here.
   absl::Status add_copies(const std::vector<CopiedFrame>& frames);
+
+  // Removes the frames of the steps for which `is_dropped`, and opens a sealed archive again; durable when it
+  // returns.
+  absl::Status drop(const std::function<bool(int step)>& is_dropped);
 
   // Writes manifest.json. With `plan`, which may differ from the header's in its rounds alone:
   // INVALID_ARGUMENT otherwise.

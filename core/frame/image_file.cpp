@@ -1,21 +1,18 @@
 #include "core/frame/image_file.h"
 
-#include <ImathBox.h>
-#include <OpenEXR/ImfArray.h>
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
-#include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfOutputFile.h>
-#include <OpenEXR/ImfRgbaFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
+#include <OpenEXR/ImfStdIO.h>
 #include <OpenEXR/ImfStringAttribute.h>
+#include <absl/strings/ascii.h>
 #include <fmt/format.h>
-#include <unistd.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -25,9 +22,11 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
-#include "core/frame/jpeg_header.h"
+#include "core/frame/open_exr.h"
 #include "core/frame/picture_codecs.h"
+#include "core/frame/picture_header.h"
 #include "core/frame/radiance_hdr.h"
+#include "core/frame/tiff_directory.h"
 
 namespace glasswing {
 namespace {
@@ -35,97 +34,66 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string suffix_of(const fs::path& path) {
-  std::string suffix = path.extension().string();
-  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
-                 [](char c) { return static_cast<char>(std::tolower(c)); });
-  return suffix;
+  return absl::AsciiStrToLower(path.extension().string());
 }
 
-// libpng only warns about damage, so every chunk's CRC is checked here, up to and including IEND.
-absl::Status check_png(std::string_view bytes) {
-  const auto word = [&](size_t at) {
-    std::uint32_t value = 0;
-    for (size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
-    return value;
-  };
-  size_t at = 8;
-  while (bytes.size() >= at + 12) {
-    const size_t length = word(at);
-    if (length > bytes.size() - at - 12) break;
-    const auto* chunk = reinterpret_cast<const Bytef*>(&bytes[at + 4]);
-    if (crc32(0, chunk, static_cast<uInt>(length + 4)) != word(at + 8 + length)) {
-      return absl::DataLossError("a PNG chunk's CRC is wrong");
-    }
-    if (bytes.substr(at + 4, 4) == "IEND") return absl::OkStatus();
-    at += length + 12;
+// In b, g, r order; 8, 16 bit or float.
+cv::Mat in_three_channels(const cv::Mat& image) {
+  if (image.channels() == 3) return image;
+  cv::Mat gray, three;
+  cv::extractChannel(image, gray, 0);
+  cv::cvtColor(image.channels() == 4 ? image : gray, three,
+               image.channels() == 4 ? cv::COLOR_BGRA2BGR : cv::COLOR_GRAY2BGR);
+  return three;
+}
+
+// What a camera says of the photograph; without entries if it says nothing.
+TiffDirectory camera_notes(std::string_view bytes) {
+  return TiffDirectory(is_tiff(bytes) ? bytes : exif_of(bytes));
+}
+
+// Which corner of the picture its first sample is, and along which side its rows lie, as TIFF 6.0 counts.
+std::uint64_t orientation_of(std::string_view bytes) {
+  return camera_notes(bytes).number(TiffDirectory::kOrientation).value_or(1);
+}
+
+// Upright, as it is meant to be seen.
+cv::Mat turned(cv::Mat image, std::uint64_t orientation) {
+  constexpr int kRows = 0, kColumns = 1;  // of cv::flip
+  if (orientation >= 5 && orientation <= 8) {
+    cv::transpose(image, image);
+    orientation -= 4;
   }
-  return absl::DataLossError("the PNG is truncated");
+  if (orientation == 2 || orientation == 3) cv::flip(image, image, kColumns);
+  if (orientation == 3 || orientation == 4) cv::flip(image, image, kRows);
+  return image;
 }
 
-bool is_png(std::string_view bytes) {
-  return bytes.substr(0, 8) == "\x89PNG\r\n\x1a\n";
-}
-
-// Reads numbers in the file's byte order.
-class TiffReader {
- public:
-  explicit TiffReader(std::string_view bytes) : bytes_(bytes), big_(bytes.substr(0, 2) == "MM") {}
-  std::optional<std::uint32_t> number(size_t at, size_t size) const {
-    if (at > bytes_.size() || bytes_.size() - at < size) return std::nullopt;
-    std::uint32_t value = 0;
-    for (size_t i = 0; i < size; ++i) {
-      value = value << 8 | static_cast<unsigned char>(bytes_[big_ ? at + i : at + size - 1 - i]);
-    }
-    return value;
-  }
-
- private:
-  std::string_view bytes_;
-  bool big_;
-};
-
-// The size of the first picture in a TIFF 6.0; 0x0 if there is none.
-PictureSize tiff_size(std::string_view bytes) {
-  constexpr std::uint32_t kWidth = 256, kHeight = 257, kShort = 3, kLong = 4;
-  const TiffReader tiff(bytes);
-  PictureSize size;
-  if (tiff.number(2, 2) != 42u) return size;
-  const std::uint32_t directory = tiff.number(4, 4).value_or(0);
-  const std::uint32_t count = tiff.number(directory, 2).value_or(0);
-  for (size_t at = size_t{directory} + 2, i = 0; i < count; ++i, at += 12) {
-    const auto tag = tiff.number(at, 2), type = tiff.number(at + 2, 2);
-    if (tag != kWidth && tag != kHeight) continue;
-    if (type != kShort && type != kLong) return {};
-    const std::uint32_t value = tiff.number(at + 8, type == kShort ? 2 : 4).value_or(0);
-    int& side = tag == kWidth ? size.width_px : size.height_px;
-    if (side != 0) return {};  // a duplicate tag is ambiguous
-    side = static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
-  }
-  return size;
-}
-
-PictureSize png_size(std::string_view bytes) {
-  constexpr size_t kWidthAt = 16, kHeightAt = 20, kEnd = 24;
-  if (bytes.size() < kEnd || bytes.substr(12, 4) != "IHDR") return {};
-  const auto side = [&bytes](size_t at) {
-    std::uint32_t value = 0;
-    for (size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
-    return static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
-  };
-  return {.width_px = side(kWidthAt), .height_px = side(kHeightAt)};
-}
+enum class Turn { kAsTheSensor, kUpright };
 
 // Three channels in OpenCV's b, g, r order, or the file's own; 8, 16 bit or float.
-absl::StatusOr<cv::Mat> decode_any(std::string_view bytes,
-                                   int flags = cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR) {
-  if (bytes.empty()) return absl::DataLossError("it is empty");
+absl::StatusOr<cv::Mat> decode_any(std::string_view bytes, Turn turn = Turn::kUpright,
+                                   int colours = cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR) {
   GW_RETURN_IF_ERROR(picture_size(bytes).status());
-  if (is_png(bytes)) GW_RETURN_IF_ERROR(check_png(bytes));
-  if (is_jpeg(bytes)) GW_RETURN_IF_ERROR(check_jpeg(bytes));
-  GW_ASSIGN_OR_RETURN(cv::Mat image, decode_picture(bytes, flags));
-  if (image.depth() != CV_8U && image.depth() != CV_16U && image.depth() != CV_32F) {
+  GW_RETURN_IF_ERROR(check_picture(bytes));
+  const TiffDirectory tiff(bytes);
+  constexpr std::uint64_t kFloat = 3;  // OpenCV takes it in its own channels alone
+  const bool floats = tiff.number(TiffDirectory::kFormat) == kFloat;
+  // OpenCV applies a TIFF's orientation in spite of IMREAD_IGNORE_ORIENTATION.
+  const std::string as_it_lies = tiff.with_number(TiffDirectory::kOrientation, 1);
+  GW_ASSIGN_OR_RETURN(
+      cv::Mat image, decode_picture(as_it_lies.empty() ? bytes : as_it_lies,
+                                    floats ? cv::IMREAD_UNCHANGED : colours | cv::IMREAD_IGNORE_ORIENTATION));
+  if (turn == Turn::kUpright) image = turned(image, orientation_of(bytes));
+  if (floats && image.depth() == CV_32F) return in_three_channels(image);
+  if (image.depth() != CV_8U && image.depth() != CV_16U)
     return absl::DataLossError("its samples are not 8-bit, 16-bit or float");
-  }
+  // Codes of 10, 12 or 14 bits, which OpenCV puts at the upper end.
+  const std::uint64_t bits = tiff.number(TiffDirectory::kBits).value_or(16);
+  if (image.depth() == CV_16U && bits < 16) image *= 65535.0 / (65536 - (65536 >> bits));
+  constexpr std::uint64_t kWhiteIsZero = 0;  // OpenCV inverts it only if it has 8 bits
+  if (image.depth() == CV_16U && tiff.number(TiffDirectory::kPhotometric) == kWhiteIsZero)
+    cv::bitwise_not(image, image);
   return image;
 }
 
@@ -152,85 +120,7 @@ absl::Status named(const fs::path& path, const absl::Status& status) {
   return absl::Status(status.code(), fmt::format("{}: {}", path.string(), std::string(status.message())));
 }
 
-constexpr const char* kOiioSpace = "oiio:ColorSpace";
-constexpr const char* kInteropId = "colorInteropID";
-
-PictureColour colour_in(const Imf::Header& header) {
-  PictureColour colour;
-  if (const auto* id = header.findTypedAttribute<Imf::StringAttribute>(kInteropId))
-    colour.interop_id = id->value();
-  if (const auto* space = header.findTypedAttribute<Imf::StringAttribute>(kOiioSpace))
-    colour.space = space->value();
-  if (Imf::hasChromaticities(header)) {
-    const auto& [red, green, blue, white] = Imf::chromaticities(header);
-    colour.chromaticities = {red.x, red.y, green.x, green.y, blue.x, blue.y, white.x, white.y};
-    // Where a file has nothing but these, its samples are linear, as OpenEXR says of them.
-    if (colour.chromaticities == linear_rec709().chromaticities && colour.interop_id == "unknown" &&
-        colour.space.empty())
-      return linear_rec709();
-  }
-  return colour;
-}
-
-constexpr size_t kRgb = 3;
-
-// Of a file's first part; 0 where it has no channel of a name.
-void read_channels(Imf::InputFile& file, const std::array<const char*, kRgb>& names, RadianceImage& image) {
-  const Imath::Box2i window = file.header().dataWindow();
-  constexpr size_t kPixel = kRgb * sizeof(float);
-  Imf::FrameBuffer frame;
-  for (size_t c = 0; c < names.size(); ++c) {
-    frame.insert(names[c], Imf::Slice::Make(Imf::FLOAT, image.samples.data() + c, window, kPixel,
-                                            kPixel * static_cast<size_t>(image.width_px)));
-  }
-  file.setFrameBuffer(frame);
-  file.readPixels(window.min.y, window.max.y);
-}
-
-// Luminance and chroma, as halves.
-void read_luma(const fs::path& path, RadianceImage& image) {
-  Imf::RgbaInputFile file(path.c_str());
-  const Imath::Box2i window = file.dataWindow();
-  Imf::Array2D<Imf::Rgba> pixels(image.height_px, image.width_px);
-  file.setFrameBuffer(
-      &pixels[0][0] - window.min.x - static_cast<std::ptrdiff_t>(window.min.y) * image.width_px, 1,
-      static_cast<size_t>(image.width_px));
-  file.readPixels(window.min.y, window.max.y);
-  for (int y = 0; y < image.height_px; ++y) {
-    for (int x = 0; x < image.width_px; ++x) {
-      const Imf::Rgba& pixel = pixels[y][x];
-      image.at(x, y, 0) = pixel.r, image.at(x, y, 1) = pixel.g, image.at(x, y, 2) = pixel.b;
-    }
-  }
-}
-
-absl::StatusOr<RadianceImage> read_exr(const fs::path& path) {
-  try {
-    Imf::InputFile file(path.c_str());
-    const Imath::Box2i window = file.header().dataWindow();
-    RadianceImage image(window.max.x - window.min.x + 1, window.max.y - window.min.y + 1);
-    const Imf::ChannelList& channels = file.header().channels();
-    const bool luminance = channels.findChannel("Y") != nullptr;
-    if (luminance && channels.findChannel("RY") != nullptr) {
-      read_luma(path, image);
-    } else {
-      read_channels(file, {luminance ? "Y" : "R", "G", "B"}, image);
-      for (size_t i = 0; luminance && i < image.samples.size(); i += kRgb)
-        image.samples[i + 1] = image.samples[i + 2] = image.samples[i];
-    }
-    for (const float sample : image.samples) {
-      if (!std::isfinite(sample))
-        return absl::DataLossError(path.string() + ": it holds values that are not finite");
-    }
-    return image;
-  } catch (const std::exception& error) {
-    return absl::DataLossError(fmt::format("{}: {}", path.string(), error.what()));
-  }
-}
-
-absl::Status write_exr(const fs::path& path, const RadianceImage& image, bool half,
-                       const PictureColour& colour) {
-  const fs::path partial = fmt::format("{}.{}.tmp", path.string(), ::getpid());
+absl::StatusOr<std::string> encode_exr(const RadianceImage& image, bool half, const PictureColour& colour) {
   try {
     Imf::Header header(image.width_px, image.height_px);
     header.compression() = Imf::ZIP_COMPRESSION;
@@ -255,16 +145,15 @@ absl::Status write_exr(const fs::path& path, const RadianceImage& image, bool ha
       buffer.insert(name, Imf::Slice(type, samples + static_cast<size_t>(c) * sample, pixel,
                                      pixel * static_cast<size_t>(image.width_px)));
     }
+    Imf::StdOSStream bytes;
     {
-      Imf::OutputFile file(partial.c_str(), header);
+      Imf::OutputFile file(bytes, header);
       file.setFrameBuffer(buffer);
       file.writePixels(image.height_px);
     }
-    return place_file_durably(partial, path);
+    return bytes.str();
   } catch (const std::exception& error) {
-    std::error_code ignored;
-    fs::remove(partial, ignored);
-    return absl::UnavailableError(fmt::format("cannot write {}: {}", path.string(), error.what()));
+    return absl::InternalError(fmt::format("the picture cannot be encoded: {}", error.what()));
   }
 }
 
@@ -328,11 +217,11 @@ PictureColour colour_of_file(const fs::path& path, Encoding encoding) {
   const std::string suffix = suffix_of(path);
   if (suffix == ".hdr" || (suffix != ".exr" && encoding == Encoding::kLinear)) return {};
   if (suffix != ".exr") return linear_rec709();
-  try {
-    return colour_in(Imf::RgbaInputFile(path.c_str()).header());
-  } catch (const std::exception&) {
-    return {};
-  }
+  return colour_of_open_exr(path);
+}
+
+std::string layer_of_file(const fs::path& path) {
+  return suffix_of(path) == ".exr" ? layer_of_open_exr(path) : "";
 }
 
 absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding encoding) {
@@ -362,7 +251,7 @@ absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding e
 absl::StatusOr<RadianceImage> read_radiance(const fs::path& path, Encoding encoding) {
   if (suffix_of(path) == ".exr") {
     if (!fs::exists(path)) return absl::NotFoundError(fmt::format("there is no file {}", path.string()));
-    return read_exr(path);
+    return read_open_exr(path);
   }
   GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(path));
   absl::StatusOr<RadianceImage> image = decode_radiance(bytes, encoding);
@@ -383,15 +272,20 @@ absl::Status check_picture_file(const fs::path& path, int bits) {
                   floats ? "an EXR has 16 or 32" : "PNG and TIFF have 8 or 16"));
 }
 
+absl::StatusOr<std::string> encode_radiance(const fs::path& name, const RadianceImage& image,
+                                            Encoding encoding, int bits, const PictureColour& colour) {
+  GW_RETURN_IF_ERROR(check_picture_file(name, bits));
+  const std::string suffix = suffix_of(name);
+  if (suffix == ".exr") return encode_exr(image, bits == 16, colour);
+  if (bits == 0) bits = encoding == Encoding::kLinear ? 16 : 8;
+  return encode_picture(suffix, bits == 16 ? codes_of<std::uint16_t>(image, encoding)
+                                           : codes_of<std::uint8_t>(image, encoding));
+}
+
 absl::Status write_radiance(const fs::path& path, const RadianceImage& image, Encoding encoding, int bits,
                             const PictureColour& colour) {
-  GW_RETURN_IF_ERROR(check_picture_file(path, bits));
-  const std::string suffix = suffix_of(path);
-  if (suffix == ".exr") return write_exr(path, image, bits == 16, colour);
-  if (bits == 0) bits = encoding == Encoding::kLinear ? 16 : 8;
-  const absl::StatusOr<std::string> bytes =
-      encode_picture(suffix, bits == 16 ? codes_of<std::uint16_t>(image, encoding)
-                                        : codes_of<std::uint8_t>(image, encoding));
+  const absl::StatusOr<std::string> bytes = encode_radiance(path, image, encoding, bits, colour);
+  if (absl::IsInvalidArgument(bytes.status())) return bytes.status();  // names it
   if (!bytes.ok()) return named(path, bytes.status());
   return write_file_durably(path, *bytes);
 }
@@ -404,16 +298,6 @@ absl::Status write_srgb8(const fs::path& path, std::span<const std::uint8_t> cod
   if (!bytes.ok()) return named(path, bytes.status());
   GW_ASSIGN_OR_RETURN(FileWriter file, FileWriter::create(path));
   return file.add(*bytes);
-}
-
-absl::StatusOr<PictureSize> picture_size(std::string_view bytes) {
-  const bool tiff = bytes.substr(0, 2) == "II" || bytes.substr(0, 2) == "MM";
-  if (!tiff && !is_png(bytes) && !is_jpeg(bytes)) return absl::DataLossError("it is not a PNG, JPEG or TIFF");
-  const PictureSize size = tiff ? tiff_size(bytes) : is_png(bytes) ? png_size(bytes) : jpeg_size(bytes);
-  const auto good = [](int side) { return side >= 1 && side <= kMaxSide_px; };
-  if (good(size.width_px) && good(size.height_px)) return size;
-  return absl::DataLossError(fmt::format("its header says {}x{}; each side must be 1 to {} px", size.width_px,
-                                         size.height_px, kMaxSide_px));
 }
 
 namespace {
@@ -434,19 +318,18 @@ absl::StatusOr<std::string> read_picture_bytes(const fs::path& path, std::option
   return bytes;
 }
 
-absl::StatusOr<Image16> decode_frame(const fs::path& path, std::string_view bytes, int flags) {
-  const absl::StatusOr<cv::Mat> mat = decode_any(bytes, flags);
+absl::StatusOr<Image16> decode_frame(const fs::path& path, std::string_view bytes, int colours) {
+  if (orientation_of(bytes) > 1)
+    return absl::DataLossError(
+        fmt::format("{} is turned; a frame's first row must be its top", path.string()));
+  const absl::StatusOr<cv::Mat> mat = decode_any(bytes, Turn::kAsTheSensor, colours);
   if (!mat.ok()) return named(path, mat.status());
   if (mat->channels() != 1 && mat->channels() != 3) {
     return absl::DataLossError(
         fmt::format("{} has {} channels; a frame of a mosaic has one", path.string(), mat->channels()));
   }
   absl::StatusOr<Image16> image = image16_of(*mat);
-  if (!image.ok()) return named(path, image.status());
-  if (PictureSize{image->width_px, image->height_px} != *picture_size(bytes))
-    return absl::DataLossError(
-        fmt::format("{} is rotated; a frame's first row must be its top", path.string()));
-  return image;
+  return image.ok() ? image : named(path, image.status());
 }
 
 }  // namespace
@@ -471,16 +354,48 @@ absl::StatusOr<Image16> read_frame_file(const fs::path& path, const FrameShape& 
       "{} has r, g, b; the manifest says that frames are a mosaic, of one channel", path.string()));
 }
 
-absl::StatusOr<CodedPhotograph> read_photograph(const fs::path& path) {
+namespace {
+
+// Makes `white` 65535.
+absl::Status stretch(int white, CodedPhotograph& photograph) {
+  const int highest = highest_code(photograph.bits), step = 65535 / highest;
+  if (white < 1 || white > highest) {
+    return absl::InvalidArgumentError(fmt::format(
+        "white is code {}; it must be 1 to {}, the highest of {} bits", white, highest, photograph.bits));
+  }
+  const int largest = *std::ranges::max_element(photograph.codes.samples) / step;
+  if (largest > white)
+    return absl::InvalidArgumentError(fmt::format("its largest code is {}, above white, {}", largest, white));
+  for (std::uint16_t& sample : photograph.codes.samples)
+    sample = code16_of(static_cast<float>(sample / step) / static_cast<float>(white));
+  // Codes of fewer bits may stand at the upper end: 65520 is 4095, 12 bits.
+  const auto ones = static_cast<unsigned>(white) >> std::countr_zero(static_cast<unsigned>(white));
+  photograph.bits = std::bit_width(std::has_single_bit(ones + 1) ? ones : static_cast<unsigned>(white));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::string date_taken(std::string_view bytes) {
+  const TiffDirectory exif = camera_notes(bytes).inner(TiffDirectory::kExif);
+  const std::string date = exif.text(TiffDirectory::kDateTaken);
+  return date.empty() ? "" : date + "." + exif.text(TiffDirectory::kSubsecondTaken);
+}
+
+absl::StatusOr<CodedPhotograph> read_photograph(const fs::path& path, std::optional<int> white) {
   const absl::StatusOr<std::string> bytes = read_file(path);
   if (absl::IsNotFound(bytes.status()))
     return absl::DataLossError(fmt::format("{}: the photograph is missing", path.string()));
   GW_RETURN_IF_ERROR(bytes.status());
-  const absl::StatusOr<cv::Mat> mat = decode_any(*bytes);
+  const absl::StatusOr<cv::Mat> mat = decode_any(*bytes, Turn::kAsTheSensor);
   if (!mat.ok()) return named(path, mat.status());
   absl::StatusOr<Image16> codes = image16_of(*mat);
   if (!codes.ok()) return named(path, codes.status());
-  return CodedPhotograph{.codes = *std::move(codes), .bits = mat->depth() == CV_16U ? 16 : 8};
+  CodedPhotograph photograph{.codes = *std::move(codes),
+                             .bits = mat->depth() == CV_16U ? 16 : 8,
+                             .turned = orientation_of(*bytes) > 1};
+  if (white) GW_RETURN_IF_ERROR(named(path, stretch(*white, photograph)));
+  return photograph;
 }
 
 absl::StatusOr<std::string> encode_png16(const Image16& image) {

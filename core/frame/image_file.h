@@ -1,5 +1,6 @@
 // Reading and writing picture files. Every error names the path; OpenCV stays inside. UNIMPLEMENTED, of all
-// functions that decode or encode PNG, JPEG or TIFF: this installation lacks the codecs (picture_codecs.h).
+// functions that decode or encode other pictures than EXR and .hdr: this installation lacks the codecs
+// (picture_codecs.h).
 #pragma once
 
 #include <absl/status/status.h>
@@ -15,16 +16,18 @@
 
 #include "core/frame/image.h"
 #include "core/frame/mosaic.h"
+#include "core/frame/picture_header.h"
 
 namespace glasswing {
 
 enum class Encoding {
-  kDisplay,  // PNG, JPEG and TIFF hold sRGB; EXR and .hdr are linear
+  kDisplay,  // sRGB, except EXR and .hdr, which are linear
   kLinear,   // every format holds linear radiance, value / full scale
 };
 
-// Reads PNG, JPEG and TIFF of 8 or 16 bit or float, Radiance's .hdr, and EXR; gray becomes r = g = b, alpha
-// is dropped. DATA_LOSS names a file that is damaged or not a picture; NOT_FOUND a missing one.
+// Reads the pictures of picture_size(), Radiance's .hdr, and EXR, upright; gray becomes r = g = b, alpha is
+// dropped. DATA_LOSS names a file that is damaged, not a picture, or of a kind that is not read; NOT_FOUND a
+// missing one.
 absl::StatusOr<RadianceImage> read_radiance(const std::filesystem::path& path, Encoding encoding);
 
 // The same from a file's bytes, EXR excepted. DATA_LOSS: damaged, or not a picture.
@@ -50,9 +53,15 @@ const PictureColour& linear_rec709();
 // says, and else, or where the file cannot be read, unknown.
 PictureColour colour_of_file(const std::filesystem::path& path, Encoding encoding);
 
+// Which of an EXR's layers read_radiance() takes, where it is not the plain one (open_exr.h); else empty.
+std::string layer_of_file(const std::filesystem::path& path);
+
 // Linear radiance to .exr (ZIP; 16 or 32 bit floats), .png or .tif/.tiff (8 or 16 bit), by the path's suffix.
 // `bits` 0: 32 for EXR, 8 for sRGB, 16 for linear codes. An EXR's header says `colour`. The file is written
-// atomically. INVALID_ARGUMENT: another suffix, or bits that the format does not support.
+// atomically. INVALID_ARGUMENT names the path: another suffix, or bits that the format does not support.
+absl::StatusOr<std::string> encode_radiance(const std::filesystem::path& name, const RadianceImage& image,
+                                            Encoding encoding, int bits = 0,
+                                            const PictureColour& colour = {});
 absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding,
                             int bits = 0, const PictureColour& colour = {});
 // Returns that error before a picture is computed.
@@ -61,14 +70,6 @@ absl::Status check_picture_file(const std::filesystem::path& path, int bits);
 // Writes sRGB codes, r, g, b by rows, to a PNG. Not flushed to disk. UNAVAILABLE: it cannot be written.
 absl::Status write_srgb8(const std::filesystem::path& path, std::span<const std::uint8_t> codes, int width_px,
                          int height_px);
-
-struct PictureSize {
-  int width_px = 0, height_px = 0;
-  bool operator==(const PictureSize&) const = default;
-};
-// The size from the header of a PNG, JPEG or TIFF; nothing is decoded. DATA_LOSS: another format, a damaged
-// header, or a side that is not 1 to 16384 px.
-absl::StatusOr<PictureSize> picture_size(std::string_view bytes);
 
 // Reads a linear frame: 16-bit PNG or TIFF, or 8-bit (JPEG too), scaled by 257. DATA_LOSS names a file that
 // is truncated, altered (a PNG's CRC is checked), not a picture, or not of size `expected`, which is checked
@@ -79,14 +80,25 @@ absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path,
 // has more than one channel.
 absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path, const FrameShape& expected);
 
-// A photograph in its own codes: PNG, JPEG or TIFF; gray becomes r = g = b, alpha is dropped, and a JPEG is
-// rotated as its EXIF says. DATA_LOSS names a file that is missing, truncated, of float samples, or of
-// another format.
+// When a JPEG or TIFF was taken, as EXIF says it: "2016:12:09 15:04:09.12"; empty: it does not.
+std::string date_taken(std::string_view bytes);
+
+// A photograph in its own codes; gray becomes r = g = b, and alpha is dropped. Its pixels
+// lie as the sensor has them, however EXIF says that the camera was held: a camera that looks down wavers.
+// DATA_LOSS names a file that is missing, truncated, of float samples, or of another format.
 struct CodedPhotograph {
-  Image16 codes;  // 65535 = the highest code
-  int bits = 0;   // per code in the file: 8 or 16
+  Image16 codes;        // 65535 = white
+  int bits = 0;         // per code: the file's 8 or 16, or those of `white`
+  bool turned = false;  // EXIF says that the camera was not held upright
 };
-absl::StatusOr<CodedPhotograph> read_photograph(const std::filesystem::path& path);
+// `white`: the highest code that the camera writes, where the file's own could be higher: 1023 of 10 bits in
+// 16. INVALID_ARGUMENT: it is not 1 to the file's highest code, or the photograph has higher ones.
+absl::StatusOr<CodedPhotograph> read_photograph(const std::filesystem::path& path,
+                                                std::optional<int> white = std::nullopt);
+// The highest code of a file of so many bits.
+inline int highest_code(int bits) {
+  return (1 << bits) - 1;
+}
 
 // Linear 16-bit PNG, the format in which pictures are sent to displays; decode_png also accepts 8 bit.
 // INVALID_ARGUMENT: not a PNG, damaged, or a side is not 1 to 16384 px.

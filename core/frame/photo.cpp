@@ -5,9 +5,8 @@
 namespace glasswing {
 
 absl::StatusOr<PictureSize> photo_size(std::string_view head) {
-  const bool is_png = head.starts_with("\x89PNG\r\n\x1a\n");
   const absl::StatusOr<PictureSize> size =
-      is_png ? picture_size(head) : absl::DataLossError("it is not a PNG");
+      is_png(head) ? picture_size(head) : absl::DataLossError("it is not a PNG");
   if (!size.ok())
     return absl::InvalidArgumentError(fmt::format("the photo: {}", std::string(size.status().message())));
   if (std::int64_t{size->width_px} * size->height_px <= kMaxPhotoPixels) return *size;

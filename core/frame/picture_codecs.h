@@ -1,5 +1,6 @@
-// PNG, JPEG and TIFF through OpenCV. Its codecs link GDAL and a hundred libraries more, which take 0.2 s of
-// processor time to load, so they are in a module of ours that is loaded with the first picture.
+// PNG, JPEG, TIFF and other pictures through OpenCV. Its codecs link GDAL and a hundred libraries more, which
+// take 0.2 s of processor time to load, so they are in a module of ours that is loaded with the first
+// picture.
 #pragma once
 
 #include <absl/status/status.h>

@@ -6,10 +6,10 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <span>
 #include <vector>
 
+#include "core/base/scanner.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -43,10 +43,8 @@ absl::StatusOr<HdrHeader> hdr_header_of(std::string_view bytes) {
     const std::string line(bytes.substr(header.length, end - header.length));
     header.length = end + 1;
     if (described) {
-      int read = 0;
       const bool parsed =
-          std::sscanf(line.c_str(), "-Y %d +X %d%n", &header.height_px, &header.width_px, &read) == 2 &&
-          static_cast<size_t>(read) == line.size();
+          Scanner(line).then("-Y ").number(header.height_px).then(" +X ").number(header.width_px).done();
       const auto good = [](int side) { return side >= 1 && side <= kMaxHdrSide_px; };
       if (parsed && good(header.width_px) && good(header.height_px)) return header;
       return absl::DataLossError(fmt::format(

@@ -25,7 +25,7 @@ struct Entry {
   std::uint32_t count, value;
 };
 static_assert(sizeof(Entry) == 12);
-constexpr std::uint16_t kShort = 3, kLong = 4;
+constexpr std::uint16_t kShortType = 3, kLongType = 4;
 constexpr size_t kEntries = 10;  // where they begin
 constexpr std::uint32_t kBitsOffset = 200;
 constexpr std::uint16_t kUncompressed = 1, kZstd = 50000;
@@ -101,18 +101,19 @@ std::string header_of(const FrameShape& shape, std::optional<std::uint16_t> pred
   const std::uint32_t sizes = !predictor  ? width * height * channels * 2
                               : count > 1 ? after_offsets
                                           : only_strip_bytes;
-  std::vector<Entry> entries{{256, kLong, 1, width},
-                             {257, kLong, 1, height},
-                             {258, kShort, channels, rgb ? kBitsOffset : 16u},
-                             {259, kShort, 1, predictor ? kZstd : kUncompressed},
-                             {262, kShort, 1, rgb ? 2u : 1u},  // rgb, or 0 is black
-                             {273, kLong, count, kTiffPixelOffset},
-                             {274, kShort, 1, 1},  // top-left first
-                             {277, kShort, 1, channels},
-                             {278, kLong, 1, predictor ? static_cast<std::uint32_t>(strips.rows()) : height},
-                             {279, kLong, count, sizes},
-                             {284, kShort, 1, 1}};
-  if (predictor) entries.push_back({317, kShort, 1, *predictor});
+  std::vector<Entry> entries{
+      {256, kLongType, 1, width},
+      {257, kLongType, 1, height},
+      {258, kShortType, channels, rgb ? kBitsOffset : 16u},
+      {259, kShortType, 1, predictor ? kZstd : kUncompressed},
+      {262, kShortType, 1, rgb ? 2u : 1u},  // rgb, or 0 is black
+      {273, kLongType, count, kTiffPixelOffset},
+      {274, kShortType, 1, 1},  // top-left first
+      {277, kShortType, 1, channels},
+      {278, kLongType, 1, predictor ? static_cast<std::uint32_t>(strips.rows()) : height},
+      {279, kLongType, count, sizes},
+      {284, kShortType, 1, 1}};
+  if (predictor) entries.push_back({317, kShortType, 1, *predictor});
   return with_entries(entries, rgb);
 }
 

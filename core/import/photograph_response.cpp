@@ -4,8 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "core/base/scanner.h"
 #include "core/frame/image_file.h"
 
 namespace glasswing {
@@ -13,9 +13,8 @@ namespace glasswing {
 absl::StatusOr<PhotographResponse> PhotographResponse::create(const std::string& name, double black) {
   constexpr double kMinGamma = 0.2, kMaxGamma = 5.0;
   double gamma = 1.0;
-  int read = 0;
-  const bool power = std::sscanf(name.c_str(), "gamma:%lf%n", &gamma, &read) == 1 &&
-                     static_cast<size_t>(read) == name.size() && gamma >= kMinGamma && gamma <= kMaxGamma;
+  const bool power =
+      Scanner(name).then("gamma:").number(gamma).done() && gamma >= kMinGamma && gamma <= kMaxGamma;
   if (!power && name != "linear" && name != "srgb") {
     return absl::InvalidArgumentError(
         fmt::format("response is \"{}\"; it must be linear, srgb, or gamma:G with G {} to {}", name,

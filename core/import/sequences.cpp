@@ -47,7 +47,7 @@ std::vector<fs::path> pictures(const fs::path& directory) {
   std::vector<fs::path> files;
   std::error_code ignored;
   for (const fs::directory_entry& entry : fs::directory_iterator(directory, ignored)) {
-    if (entry.is_regular_file(ignored) &&
+    if (entry.is_regular_file(ignored) && !entry.path().filename().string().starts_with('.') &&
         std::ranges::find(kSuffixes, entry.path().extension().string()) != kSuffixes.end())
       files.push_back(entry.path());
   }

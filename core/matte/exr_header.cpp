@@ -1,5 +1,7 @@
 #include "core/matte/exr_header.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -13,10 +15,11 @@ class HeaderWalk {
   explicit HeaderWalk(std::string_view bytes) : bytes_(bytes) {}
 
   absl::StatusOr<size_t> check() {
-    while (true) {
+    for (int parts = 0;; ++parts) {
       std::string_view name;
       if (!take_name(&name)) return damaged();
       if (name.empty()) break;  // no attribute: past the last header
+      if (parts == kMaxParts) return absl::DataLossError(fmt::format("it has more than {} parts", kMaxParts));
       for (; !name.empty();) {
         if (!take_attribute(name) || !take_name(&name)) return damaged();
       }
@@ -106,6 +109,7 @@ class HeaderWalk {
     return true;
   }
 
+  static constexpr int kMaxParts = 64;  // several times those of a matte, or of rays
   const std::string_view bytes_;
   size_t at_ = 8;  // past magic number and version
   std::int64_t chunk_count_ = 0;

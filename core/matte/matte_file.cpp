@@ -131,6 +131,9 @@ int rows_at_a_time(const Imf::MultiPartInputFile& file) {
 template <typename Use>
 auto with_matte_file(std::string_view bytes, const Use& use)
     -> decltype(use(std::declval<const MatteHead&>(), std::declval<Imf::MultiPartInputFile&>())) {
+  constexpr std::string_view kOpenExr = "\x76\x2f\x31\x01";
+  if (!bytes.starts_with(kOpenExr))
+    return absl::DataLossError("it is damaged or no matte: it is no OpenEXR file, as glasswing fetch writes");
   GW_RETURN_IF_ERROR(check_exr_header(bytes).status());
   try {
     MemoryReader reader(bytes);

@@ -14,6 +14,7 @@
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/pattern/calibration_steps.h"
 #include "core/pattern/id_patch.h"
 #include "core/pattern/stimulus_kind.h"
@@ -212,6 +213,20 @@ absl::Status check_adapt(const v1::Plan& plan, const Location& location) {
   return absl::OkStatus();
 }
 
+// Each of them shows a step at least.
+absl::Status check_counts(const v1::Plan& plan) {
+  for (const auto& [field, count] : {std::pair{"sweeps", plan.sweeps_size()},
+                                     {"solids", plan.solids_size()},
+                                     {"fringes", plan.fringes_size()},
+                                     {"photos", plan.photos_size()},
+                                     {"rounds", plan.rounds_size()}}) {
+    if (count > kMaxSteps)
+      return absl::InvalidArgumentError(
+          fmt::format("the plan has {} {}; at most {} are shown in a session", count, field, kMaxSteps));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status check(const v1::Plan& plan, const Location& location) {
   if (plan.method() != kCalibrationMethod && !check_method(plan.method()).ok()) {
     return location.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()),
@@ -232,6 +247,7 @@ absl::Status check(const v1::Plan& plan, const Location& location) {
       return here.bad(monitor, "height_px", 0, monitor.height_px(), "1 to 16384");
     }
   }
+  GW_RETURN_IF_ERROR(check_counts(plan));
   for (int i = 0; i < plan.sweeps_size(); ++i) {
     GW_RETURN_IF_ERROR(check_sweep(plan.sweeps(i), location.nested(plan, "sweeps", i)));
   }
@@ -417,6 +433,10 @@ std::vector<double> exposures_of(const v1::Plan& plan) {
 }  // namespace
 
 absl::StatusOr<v1::Plan> parse_plan(std::string_view text, const std::string& file_name) {
+  if (!is_utf8(text)) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}: it is no text; a plan is a text file, as glasswing plan make writes it", file_name));
+  }
   v1::Plan plan;
   TextFormat::ParseInfoTree tree;
   FirstError error;

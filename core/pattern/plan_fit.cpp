@@ -20,6 +20,7 @@ constexpr int kDraftImages = 100;
 constexpr int kMaxLevels = 14;
 constexpr int kManyImages = 300, kWhiteSteps = 100;
 constexpr double kShorter = 8.0;  // how much shorter the exposure for highlights is
+constexpr double kLonger = 8.0;   // and that of dark objects longer
 constexpr int kMaxHoldRefreshes = 600;
 constexpr double kFineBars = 128.0;  // of a side, where bars alone tell the place
 
@@ -114,7 +115,7 @@ double needed_ms(const v1::GetCameraResponse& camera, double exposure_ms) {
   return exposure_ms + static_cast<double>(camera.readout_ns()) / 1e6 + period_ms;
 }
 
-absl::Status fit_camera(PlanQuality quality, const RigLimits& rig, v1::Plan& plan) {
+absl::Status fit_camera(const PlanWish& wish, const RigLimits& rig, v1::Plan& plan) {
   if (!rig.camera) {
     plan.add_exposure_ms(kDefaultExposureMs);
     plan.set_hold_refreshes(kDefaultHoldRefreshes);
@@ -123,15 +124,19 @@ absl::Status fit_camera(PlanQuality quality, const RigLimits& rig, v1::Plan& pla
   const double least_ms = rig.camera->min_exposure_ms(), most_ms = rig.camera->max_exposure_ms();
   const double exposure_ms = std::min(std::max(kDefaultExposureMs, std::ceil(1e3 * least_ms) / 1e3),
                                       std::floor(1e3 * most_ms) / 1e3);
+  double longest_ms = exposure_ms;
+  if (wish.object == ObjectKind::kDark)
+    longest_ms = std::min(kLonger * exposure_ms, std::floor(1e3 * most_ms) / 1e3);
+  if (longest_ms > exposure_ms) plan.add_exposure_ms(longest_ms);
   plan.add_exposure_ms(exposure_ms);
-  if (quality == PlanQuality::kBest && exposure_ms / kShorter >= least_ms)
-    plan.add_exposure_ms(exposure_ms / kShorter);
+  const bool highlights = wish.quality == PlanQuality::kBest || wish.object == ObjectKind::kMetal;
+  if (highlights && exposure_ms / kShorter >= least_ms) plan.add_exposure_ms(exposure_ms / kShorter);
   const double refresh_hz = slowest_refresh_hz(rig);
-  const double hold = std::ceil(needed_ms(*rig.camera, exposure_ms) * refresh_hz / 1e3 - 1e-6);
+  const double hold = std::ceil(needed_ms(*rig.camera, longest_ms) * refresh_hz / 1e3 - 1e-6);
   if (hold > kMaxHoldRefreshes) {
     return absl::InvalidArgumentError(
         fmt::format("the camera needs {:.4g} ms for a picture; a step can last {:.4g} ms at most",
-                    needed_ms(*rig.camera, exposure_ms), 1e3 * kMaxHoldRefreshes / refresh_hz));
+                    needed_ms(*rig.camera, longest_ms), 1e3 * kMaxHoldRefreshes / refresh_hz));
   }
   plan.set_hold_refreshes(std::max(static_cast<int>(hold), kDefaultHoldRefreshes));
   return absl::OkStatus();
@@ -218,8 +223,22 @@ void add_camera_misfits(const v1::Plan& plan, const RigLimits& rig, std::vector<
 
 }  // namespace
 
+const std::map<std::string, PlanQuality>& plan_qualities() {
+  static const std::map<std::string, PlanQuality> qualities = {
+      {"draft", PlanQuality::kDraft}, {"good", PlanQuality::kGood}, {"best", PlanQuality::kBest}};
+  return qualities;
+}
+
+const std::map<std::string, ObjectKind>& object_kinds() {
+  static const std::map<std::string, ObjectKind> kinds = {{"clear", ObjectKind::kClear},
+                                                          {"frosted", ObjectKind::kFrosted},
+                                                          {"metal", ObjectKind::kMetal},
+                                                          {"dark", ObjectKind::kDark}};
+  return kinds;
+}
+
 absl::Status fit_to_camera(const RigLimits& rig, v1::Plan& plan) {
-  return fit_camera(PlanQuality::kGood, rig, plan);
+  return fit_camera({}, rig, plan);
 }
 
 int images_of(const v1::Plan& plan, const RigLimits& rig) {
@@ -236,7 +255,8 @@ absl::StatusOr<v1::Plan> make_plan(const PlanWish& wish, const RigLimits& rig) {
     return absl::InvalidArgumentError(
         "there is no monitor to make a plan for; name one: --monitor back:1920x1080");
   const double scale = std::sqrt(longest_side(rig) / kUsualSide_px);
-  const double sigma_px = kUsualSigma_px * scale * (wish.quality == PlanQuality::kBest ? 0.5 : 1.0);
+  const double sigma_px = kUsualSigma_px * scale * (wish.quality == PlanQuality::kBest ? 0.5 : 1.0) *
+                          (wish.object == ObjectKind::kFrosted ? 2.0 : 1.0);
   v1::Plan plan;
   if (wish.images || wish.quality == PlanQuality::kDraft) {
     const int images = wish.images.value_or(kDraftImages * static_cast<int>(rig.monitors.size()));
@@ -246,7 +266,7 @@ absl::StatusOr<v1::Plan> make_plan(const PlanWish& wish, const RigLimits& rig) {
   }
   if (plan.sweeps(0).sigma_px() < rig.blur_px)
     plan = plan_with(wish.quality, rounded(rig.blur_px + 0.25), rig);
-  GW_RETURN_IF_ERROR(fit_camera(wish.quality, rig, plan));
+  GW_RETURN_IF_ERROR(fit_camera(wish, rig, plan));
   GW_RETURN_IF_ERROR(check_plan(plan));
   GW_RETURN_IF_ERROR(expand(plan, rig.monitors).status());
   return plan;

@@ -3,6 +3,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,6 +18,14 @@ namespace glasswing {
 // shorter exposure for highlights.
 enum class PlanQuality { kDraft, kGood, kBest };
 
+// What is captured. "frosted": its footprints are wide, so stripes are twice as wide. "metal": a second,
+// shorter exposure for highlights. "dark": a second, longer exposure, up to eight times.
+enum class ObjectKind { kClear, kFrosted, kMetal, kDark };
+
+// By the names that people use.
+const std::map<std::string, PlanQuality>& plan_qualities();
+const std::map<std::string, ObjectKind>& object_kinds();
+
 struct RigLimits {
   std::vector<v1::Monitor> monitors;            // with sizes; a refresh rate of 0 is unknown
   std::optional<v1::GetCameraResponse> camera;  // empty: unknown
@@ -26,6 +35,7 @@ struct RigLimits {
 struct PlanWish {
   PlanQuality quality = PlanQuality::kGood;
   std::optional<int> images;  // at most so many with the object, at each exposure; chooses sigma
+  ObjectKind object = ObjectKind::kClear;
 };
 
 // A plan of method "gaussian" for these monitors. Without a camera: 4 ms, two refreshes a step.

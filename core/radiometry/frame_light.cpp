@@ -79,4 +79,13 @@ absl::StatusOr<FrameLight> FrameLight::create(const v1::CameraCalibration& calib
   return light;
 }
 
+FrameLight FrameLight::of_samples(const std::vector<std::uint16_t>& samples) {
+  FrameLight light;
+  light.identity_ = false;
+  for (std::vector<float>& table : light.light_) {
+    for (const std::uint16_t sample : samples) table.push_back(static_cast<float>(sample) / 65535.0f);
+  }
+  return light;
+}
+
 }  // namespace glasswing

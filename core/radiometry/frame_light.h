@@ -20,6 +20,8 @@ class FrameLight {
   // scale. INVALID_ARGUMENT: check_calibration() refuses the calibration.
   static absl::StatusOr<FrameLight> create(const v1::CaptureManifest& manifest);
   static absl::StatusOr<FrameLight> create(const v1::CameraCalibration& calibration);
+  // `light`: by sample, 65536 entries of which 65535 is 1.0. The highest sample is saturated.
+  static FrameLight of_samples(const std::vector<std::uint16_t>& light);
 
   // Negative for samples below the black level.
   float light(std::uint16_t sample, int channel) const {

@@ -25,6 +25,7 @@ constexpr MethodAccess kTable[] = {
     {"ArchiveService/ReadRows", kConsole | kServer | kCamera | kSolver},
     {"ArchiveService/ReadFile", kLookers | kServer | kCamera | kSolver},
     {"ArchiveService/PutFrame", kOperator | kConsole, kAudited},  // the console: by an import's token
+    {"ArchiveService/DropFrames", kServer, kAudited},
     {"ArchiveService/SealArchive", kServer},
     {"ArchiveService/LocateArchive", kServer | kCamera | kSolver},
     {"ArchiveService/CopyArchive", kServer},
@@ -35,6 +36,7 @@ constexpr MethodAccess kTable[] = {
     {"CalibrationService/FitDisplays", kServer},
     {"CameraService/GetCamera", kLookers | kServer | kSolver},
     {"CameraService/Capture", kServer},
+    {"CameraService/CompareFrames", kServer},
     {"CameraService/KeepFrames", kServer},
     {"CameraService/LearnPatches", kServer},
     {"CameraService/LookForPatches", kServer},
@@ -54,6 +56,7 @@ constexpr MethodAccess kTable[] = {
     {"DisplayService/LoadProgram", kServer},
     {"DisplayService/PlayProgram", kServer},
     {"DisplayService/MoveMonitor", kServer},
+    {"DisplayService/StopMove", kServer},
     {"EmissionService/WatchEmission", kCamera},
     {"FleetService/GetFleet", kPeople},
     {"LiveService/RunLive", kOperator, kAudited},

@@ -118,6 +118,8 @@ absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> listening_credentials(c
                                                                                PrincipalOf principal_of) {
   const Tls& tls = in_force();
   GW_RETURN_IF_ERROR(tls.problem);
+  if (const absl::Status parsed = parse_address(address).status(); !parsed.ok())
+    return absl::InvalidArgumentError(fmt::format("--listen: {}", std::string(parsed.message())));
   std::shared_ptr<grpc::ServerCredentials> made;
   if (tls.shows_certificate) {
     grpc::experimental::TlsServerCredentialsOptions options(tls.reload->provider());

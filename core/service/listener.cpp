@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <netdb.h>
 #include <netinet/tcp.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
@@ -22,23 +21,11 @@ namespace {
 constexpr int kBacklog = 512;
 constexpr int kUnanswered_ms = 20000;  // until the kernel drops a peer that acknowledges nothing
 
-struct FreeAddresses {
-  void operator()(addrinfo* addresses) const { ::freeaddrinfo(addresses); }
-};
-using Addresses = std::unique_ptr<addrinfo, FreeAddresses>;
-
-absl::StatusOr<Addresses> addresses_of(const std::string& address) {
-  const absl::StatusOr<Address> at = parse_address(address);
-  addrinfo hints{};
-  hints.ai_socktype = SOCK_STREAM;
-  hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
-  addrinfo* found = nullptr;
-  const int failed = at.ok()
-                         ? ::getaddrinfo(at->host.c_str(), std::to_string(at->port).c_str(), &hints, &found)
-                         : EAI_NONAME;
-  if (failed == 0) return Addresses(found);
+absl::StatusOr<SocketAddresses> addresses_of(const std::string& address) {
+  absl::StatusOr<SocketAddresses> found = socket_addresses(address, AI_PASSIVE);
+  if (found.ok()) return found;
   return absl::InvalidArgumentError(fmt::format("--listen is {}; it must be HOST:PORT of this machine: {}",
-                                                address, ::gai_strerror(failed)));
+                                                address, std::string(found.status().message())));
 }
 
 int port_of(const sockaddr_storage& name) {
@@ -75,7 +62,7 @@ Descriptor spare_descriptor() {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Listener>> Listener::open(const std::string& address) {
-  GW_ASSIGN_OR_RETURN(const Addresses addresses, addresses_of(address));
+  GW_ASSIGN_OR_RETURN(const SocketAddresses addresses, addresses_of(address));
   std::unique_ptr<Listener> self(new Listener);
   int error_number = 0;
   for (addrinfo* at = addresses.get(); at != nullptr; at = at->ai_next) {

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <utility>
 
+#include "core/edit/fill.h"
 #include "core/frame/image_file.h"
 #include "core/matte/covariance_axes.h"
 
@@ -15,7 +16,6 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kMostFootprints = 255;  // of a pixel: its number of them is a byte
-constexpr int kReach = 16;               // px, to a solved pixel that fills an unsolved one
 constexpr double kPlaces = 65536.0;      // that a number of 16 bits tells apart
 constexpr double kBeside = 1.06;         // of the monitor's longer side: room for footprints beyond it
 constexpr int kDark = 16;                // of 255, a code of F
@@ -229,10 +229,6 @@ class Writer {
   std::array<Numbers, kMostFootprints> last_{};  // by place in a pixel's list
 };
 
-bool is_unsolved(const Matte& matte, int x, int y) {
-  return (matte.flags(x, y) & kFlagNoData) != 0;
-}
-
 // The smallest region around the pixels that see a monitor's picture: not, for instance, the id patches below
 // it. All of the matte if there are none.
 MatteRegion seeing_region(const Matte& matte) {
@@ -253,31 +249,14 @@ MatteRegion seeing_region(const Matte& matte) {
   return {.x_px = left, .y_px = top, .width_px = right - left + 1, .height_px = bottom - top + 1};
 }
 
-// The nearest solved pixel, if one is near, else the pixel itself.
-std::pair<int, int> solved_near(const Matte& matte, int x, int y) {
-  if (!is_unsolved(matte, x, y)) return {x, y};
-  std::pair<int, int> found{x, y};
-  int nearest = 2 * kReach * kReach + 1;
-  for (int v = std::max(y - kReach, 0); v <= std::min(y + kReach, matte.height_px() - 1); ++v) {
-    for (int u = std::max(x - kReach, 0); u <= std::min(x + kReach, matte.width_px() - 1); ++u) {
-      const int far = (u - x) * (u - x) + (v - y) * (v - y);
-      if (far >= nearest || is_unsolved(matte, u, v)) continue;
-      nearest = far;
-      found = {u, v};
-    }
-  }
-  return found;
-}
-
+// What is not solved is filled, as `glasswing matte fill` does.
 Matte shown_part(const Matte& matte, const MatteRegion& region) {
   Matte part(0, 0, region.width_px, region.height_px, matte.modes_per_channel(), matte.is_colourless());
   part.metadata = matte.metadata;
   for (int y = 0; y < region.height_px; ++y) {
-    for (int x = 0; x < region.width_px; ++x) {
-      const auto [from_x, from_y] = solved_near(matte, region.x_px + x, region.y_px + y);
-      part.copy_pixel(matte, from_x, from_y, x, y);
-    }
+    for (int x = 0; x < region.width_px; ++x) part.copy_pixel(matte, region.x_px + x, region.y_px + y, x, y);
   }
+  fill(part);
   return part;
 }
 

@@ -16,11 +16,13 @@
 #include "core/base/descriptor.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/base/utf8.h"
 
 namespace glasswing {
 namespace {
 
 constexpr size_t kMaxSaid_bytes = 4096;  // of the program's errors, the last of them
+constexpr std::chrono::seconds kGrace(2);
 
 // A program under way, in a process group of its own.
 class Child {
@@ -71,14 +73,22 @@ class Child {
     if (::waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   }
-  void kill() {
+  // Lets it stop its motor, on SIGTERM; kills what still runs after kGrace, and what it started.
+  void end() {
+    ::kill(-pid_, SIGTERM);
+    const nanoseconds until = monotonic_now() + kGrace;
+    siginfo_t ended{};
+    while (ended.si_pid == 0 && monotonic_now() < until) {
+      ::poll(nullptr, 0, 10);
+      ::waitid(P_PID, static_cast<id_t>(pid_), &ended, WEXITED | WNOHANG | WNOWAIT);
+    }
     ::kill(-pid_, SIGKILL);
     while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
     }
   }
   std::string last_line() const {
     const std::vector<std::string> lines = absl::StrSplit(said_, '\n', absl::SkipWhitespace());
-    return lines.empty() ? "" : lines.back();
+    return lines.empty() ? "" : printable(lines.back());
   }
 
  private:
@@ -115,11 +125,11 @@ absl::Status CommandRail::move(double position_mm, std::stop_token stop) {
   while (!(ended = child.step(20))) {
     const bool late = monotonic_now() >= until;
     if (!late && !stop.stop_requested()) continue;
-    child.kill();
+    child.end();
     return absl::FailedPreconditionError(
-        late ? fmt::format("{} has not moved the monitor in {} s, and was killed", words[0],
+        late ? fmt::format("{} has not moved the monitor in {} s, and was ended", words[0],
                            std::chrono::duration<double>(limit_).count())
-             : fmt::format("{} was killed before it had moved the monitor", words[0]));
+             : fmt::format("{} was ended before it had moved the monitor", words[0]));
   }
   if (*ended == 0) return absl::OkStatus();
   const std::string said = child.last_line();

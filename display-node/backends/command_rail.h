@@ -19,8 +19,8 @@ class CommandRail final : public Rail {
       const std::string& command, std::string monitor,
       std::chrono::milliseconds limit = std::chrono::seconds(60));
 
-  // FAILED_PRECONDITION: the program cannot be run, or failed: has the last line of what it said. It is
-  // killed after `limit`, and when stopped.
+  // FAILED_PRECONDITION: the program cannot be run, or failed: has the last line of what it said. After
+  // `limit`, and when stopped, it gets SIGTERM, and is killed two seconds later.
   absl::Status move(double position_mm, std::stop_token stop) override;
 
  private:

@@ -192,13 +192,20 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
 grpc::Status DisplayServiceImpl::MoveMonitor(grpc::ServerContext* context,
                                              const v1::MoveMonitorRequest* request,
                                              v1::MoveMonitorResponse* response) {
-  return answer(moves_.run(*context, request->request_id(),
-                           [&] { return move(request->monitor(), request->position_mm()); }),
-                *response);
+  return answer(moves_.run(*context, request->request_id(), [&] { return move(*request); }), *response);
 }
 
-absl::StatusOr<v1::MoveMonitorResponse> DisplayServiceImpl::move(const std::string& monitor,
-                                                                 double position_mm) {
+grpc::Status DisplayServiceImpl::StopMove(grpc::ServerContext*, const v1::StopMoveRequest* request,
+                                          v1::StopMoveResponse*) {
+  const std::lock_guard lock(mutex_);
+  stopped_move_ = request->request_id();
+  if (moving_ == stopped_move_) move_.request_stop();
+  return grpc::Status::OK;
+}
+
+absl::StatusOr<v1::MoveMonitorResponse> DisplayServiceImpl::move(const v1::MoveMonitorRequest& request) {
+  const std::string& monitor = request.monitor();
+  const double position_mm = request.position_mm();
   if (std::ranges::find(screens_, monitor, &ScreenInfo::name) == screens_.end()) {
     std::vector<std::string> names;
     for (const ScreenInfo& screen : screens_) names.push_back(screen.name);
@@ -220,9 +227,19 @@ absl::StatusOr<v1::MoveMonitorResponse> DisplayServiceImpl::move(const std::stri
     return absl::FailedPreconditionError(
         "the display plays a program or moves a monitor; wait until that has ended");
   }
-  const absl::Status moved = on->rail->move(position_mm, stop_.get_token());
+  std::stop_source stop;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!request.request_id().empty() && request.request_id() == stopped_move_)
+      return absl::FailedPreconditionError("the move was stopped before it began");
+    moving_ = request.request_id();
+    move_ = stop;
+  }
+  const std::stop_callback on_shutdown(stop_.get_token(), [&] { stop.request_stop(); });
+  const absl::Status moved = on->rail->move(position_mm, stop.get_token());
   spdlog::info("moved monitor={} position_mm={} end=\"{}\"", monitor, position_mm, moved.ToString());
   const std::lock_guard lock(mutex_);
+  moving_.clear();
   on->position_mm = moved.ok() ? std::optional(position_mm) : std::nullopt;
   GW_RETURN_IF_ERROR(moved);
   v1::MoveMonitorResponse response;

@@ -36,12 +36,13 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
                            grpc::ServerWriter<v1::PlayProgramResponse>*) override;
   grpc::Status MoveMonitor(grpc::ServerContext*, const v1::MoveMonitorRequest*,
                            v1::MoveMonitorResponse*) override;
+  grpc::Status StopMove(grpc::ServerContext*, const v1::StopMoveRequest*, v1::StopMoveResponse*) override;
 
  private:
   // INVALID_ARGUMENT: not a photo of the size of one of the monitors.
   absl::Status check_fits(const std::string& png) const;
   absl::StatusOr<v1::LoadProgramResponse> load(const v1::LoadProgramRequest& request);
-  absl::StatusOr<v1::MoveMonitorResponse> move(const std::string& monitor, double position_mm);
+  absl::StatusOr<v1::MoveMonitorResponse> move(const v1::MoveMonitorRequest& request);
 
   const std::string name_;
   Display& display_;
@@ -51,6 +52,9 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
   std::mutex mutex_;
   std::shared_ptr<const Program> loaded_;      // guarded by mutex_
   std::stop_source play_;                      // guarded by mutex_, stops the playing program
+  std::string moving_;                         // request id of the move; guarded by mutex_
+  std::stop_source move_;                      // guarded by mutex_, stops the move
+  std::string stopped_move_;                   // request id of the last; guarded by mutex_
   std::vector<MonitorRail> rails_;             // their positions are guarded by mutex_
   std::mutex playing_;                         // held while the screens are in use, or a monitor moves
   JoinedCalls<v1::PutImageResponse> puts_{0};  // by image

@@ -46,7 +46,8 @@ Capture::Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, 
       next_round_(std::move(next_round)),
       progress_(std::move(session), log, std::move(report)),
       video_(setup_, progress_),
-      player_(setup_, progress_) {}
+      player_(setup_, progress_),
+      watch_(setup_, object_confirmed.has_value()) {}
 
 Capture::~Capture() = default;
 
@@ -148,7 +149,12 @@ absl::Status Capture::open_archive(std::stop_token stop) {
   *header.mutable_camera() = setup_.links.camera_info.camera();
   *header.mutable_plan() = session.plan();
   GW_RETURN_IF_ERROR(embed_calibrations(calibrations_, header));
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, archive_->open(header, stop));
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive_->open(header, stop));
+  if (!session.retaking().empty()) {
+    GW_RETURN_IF_ERROR(archive_->drop(session.retaking(), stop));
+    progress_.note_dropped();
+    GW_ASSIGN_OR_RETURN(manifest, archive_->open(header, stop));
+  }
   // A resumed session keeps the calibrations that its archive was created with.
   setup_.header = manifest;
   setup_.header.clear_frames();
@@ -225,7 +231,7 @@ absl::StatusOr<bool> Capture::move_object(bool present, std::stop_token stop) {
 absl::Status Capture::capture_group(const Group& group, std::stop_token stop) {
   progress_.begin_group();
   const absl::Cleanup end = [this] { progress_.end_group(); };
-  GroupCapture capturing(setup_, *archive_, player_, progress_, patches_given_up_, group.exposure_ms);
+  GroupCapture capturing(setup_, *archive_, player_, progress_, watch_, patches_given_up_, group.exposure_ms);
   GW_RETURN_IF_ERROR(capturing.start(stop));
   std::vector<Step> steps, video;
   for (const Step& step : group.steps) (video_.is_video_frame(step) ? video : steps).push_back(step);

@@ -20,6 +20,7 @@
 #include "server/capture/capture_archive.h"
 #include "server/capture/capture_progress.h"
 #include "server/capture/capture_setup.h"
+#include "server/capture/rig_watch.h"
 #include "server/capture/step_player.h"
 #include "server/capture/video_capture.h"
 #include "server/sessions/step_log.h"
@@ -91,6 +92,7 @@ class Capture {
   CaptureProgress progress_;
   VideoCapture video_;
   StepPlayer player_;
+  RigWatch watch_;
   std::optional<CaptureArchive> archive_;   // once the rig is found
   std::set<std::string> patches_given_up_;  // monitors whose steps are proven by time alone
   std::optional<bool> object_wanted_;  // on the stage or off it, by a person; none: nobody has to move it

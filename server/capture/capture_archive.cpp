@@ -88,6 +88,31 @@ absl::StatusOr<v1::LearnPatchesResponse> CaptureArchive::learn_patches(
   return response;
 }
 
+absl::Status CaptureArchive::drop(const google::protobuf::RepeatedPtrField<v1::StepRange>& steps,
+                                  std::stop_token stop) {
+  v1::DropFramesRequest request;
+  request.set_session(session_);
+  *request.mutable_steps() = steps;
+  v1::DropFramesResponse response;
+  return store("drop frames", std::move(stop),
+               [&](grpc::ClientContext& context) { return stub_->DropFrames(&context, request, &response); });
+}
+
+absl::StatusOr<std::vector<v1::FrameChange>> CaptureArchive::compare(
+    const std::vector<v1::FrameComparison>& comparisons, std::stop_token stop) {
+  v1::CompareFramesRequest request;
+  request.set_session(session_);
+  request.mutable_comparisons()->Assign(comparisons.begin(), comparisons.end());
+  v1::CompareFramesResponse response;
+  const absl::Status compared =
+      links_.camera->call("compare frames", std::move(stop), [&](grpc::ClientContext& context) {
+        return links_.camera_stub->CompareFrames(&context, request, &response);
+      });
+  if (absl::IsUnimplemented(compared)) return std::vector<v1::FrameChange>();
+  GW_RETURN_IF_ERROR(compared);
+  return std::vector<v1::FrameChange>(response.changes().begin(), response.changes().end());
+}
+
 absl::StatusOr<bool> CaptureArchive::sees_patch(const std::vector<v1::Frame>& frames, std::stop_token stop) {
   v1::LookForPatchesRequest request;
   request.mutable_frames()->Assign(frames.begin(), frames.end());

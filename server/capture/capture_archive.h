@@ -35,6 +35,12 @@ class CaptureArchive {
                                                          const std::vector<std::int64_t>& last_sequences,
                                                          const std::vector<std::string>& accept_unseen,
                                                          std::stop_token stop);
+  // Drops the frames of these steps, and opens a sealed archive again.
+  absl::Status drop(const google::protobuf::RepeatedPtrField<v1::StepRange>& steps, std::stop_token stop);
+  // By how much frames differ from stored ones, in the order of `comparisons`; empty: the camera node is of
+  // an older build.
+  absl::StatusOr<std::vector<v1::FrameChange>> compare(const std::vector<v1::FrameComparison>& comparisons,
+                                                       std::stop_token stop);
   // Do the camera's newest frames of patch learning steps, all of one monitor, show its patch? Stores
   // nothing.
   absl::StatusOr<bool> sees_patch(const std::vector<v1::Frame>& frames, std::stop_token stop);

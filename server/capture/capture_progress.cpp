@@ -17,6 +17,7 @@ CaptureProgress::CaptureProgress(v1::Session session, StepLog& log,
                                  std::function<void(const v1::Session&)> report)
     : session_(std::move(session)), log_(log), report_(std::move(report)) {
   session_.clear_reason();
+  rig_changes_before_ = session_.rig_changes_size();
 }
 
 void CaptureProgress::note_waiting(const std::string& why) {
@@ -104,6 +105,28 @@ void CaptureProgress::note_lost(std::span<const int> indices, const std::vector<
 void CaptureProgress::warn(const std::string& warning) {
   session_.set_warning(session_.warning().empty() ? warning : session_.warning() + "; " + warning);
   report();
+}
+
+void CaptureProgress::note_rig_changes(const std::vector<v1::RigChange>& changes) {
+  auto& noted = *session_.mutable_rig_changes();
+  noted.DeleteSubrange(rig_changes_before_, noted.size() - rig_changes_before_);
+  noted.Add(changes.begin(), changes.end());
+  report();
+}
+
+void CaptureProgress::note_dropped() {
+  const auto is_retaken = [this](const v1::StepRange& lost) {
+    return std::ranges::any_of(session_.retaking(), [&](const v1::StepRange& retaken) {
+      return retaken.first() <= lost.first() && lost.last() <= retaken.last();
+    });
+  };
+  auto& changes = *session_.mutable_rig_changes();
+  for (int i = changes.size() - 1; i >= 0; --i) {
+    const auto& lost = changes[i].lost();
+    if (!lost.empty() && std::ranges::all_of(lost, is_retaken)) changes.DeleteSubrange(i, 1);
+  }
+  rig_changes_before_ = changes.size();
+  session_.clear_retaking();
 }
 
 void CaptureProgress::log_outcome(int step, v1::StepOutcome outcome, const std::string& why) {

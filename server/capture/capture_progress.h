@@ -22,6 +22,7 @@ class CaptureProgress {
 
   const v1::Session& session() const { return session_; }
   bool is_proven(int step) const { return proven_.contains(step); }
+  const std::set<int>& proven() const { return proven_; }
   void report() { report_(session_); }
 
   // The capture waits for something, which `why` says in the session's reason; empty: it goes on.
@@ -49,9 +50,14 @@ class CaptureProgress {
   // Replaces the lost frames of the video by these indices into `video_steps`.
   void note_lost(std::span<const int> indices, const std::vector<int>& video_steps);
   void warn(const std::string& warning);
+  // Replaces what was noted by this capture; what earlier ones of the session noted stays.
+  void note_rig_changes(const std::vector<v1::RigChange>& changes);
+  // The frames of Session.retaking have been dropped.
+  void note_dropped();
+  // Of showing and recording, in total, s.
+  double seconds() const;
 
  private:
-  double seconds() const;  // of showing and recording, in total
   void log_outcome(int step, v1::StepOutcome outcome, const std::string& why = "");
   void count_proven(const v1::Frame& frame);
 
@@ -59,6 +65,7 @@ class CaptureProgress {
   StepLog& log_;
   const std::function<void(const v1::Session&)> report_;
   std::set<int> proven_;
+  int rig_changes_before_ = 0;              // of session_.rig_changes()
   double seconds_before_ = 0.0;             // session_.capture_seconds() when the current group began
   std::optional<nanoseconds> group_began_;  // none: no group is being captured
 };

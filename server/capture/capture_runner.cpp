@@ -261,6 +261,11 @@ absl::StatusOr<v1::Session> CaptureRunner::resume(SessionStore::Edit& edit, v1::
                                                   const Caller& caller) {
   if (request.has_retries()) session.mutable_plan()->set_retries(request.retries());
   GW_RETURN_IF_ERROR(check_plan(session.plan()));
+  if (!request.retake().empty()) {
+    *session.mutable_retaking() = request.retake();
+    const std::lock_guard lock(mutex_);
+    operator_asked_.erase(session.name());  // a retake does not say that the object was moved
+  }
   GW_ASSIGN_OR_RETURN(RigLock::Drive drive, drive_for(session.name(), caller));
   return start(edit, std::move(session), std::move(drive));
 }

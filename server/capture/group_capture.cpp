@@ -30,12 +30,13 @@ std::string listed(const std::vector<Step>& steps) {
 }  // namespace
 
 GroupCapture::GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPlayer& player,
-                           CaptureProgress& progress, std::set<std::string>& patches_given_up,
-                           double exposure_ms)
+                           CaptureProgress& progress, RigWatch& watch,
+                           std::set<std::string>& patches_given_up, double exposure_ms)
     : setup_(setup),
       archive_(archive),
       player_(player),
       progress_(progress),
+      watch_(watch),
       // The same after a restart of the server, and of no other server's session.
       recording_(setup.links, exposure_ms,
                  fmt::format("{} {}", progress.session().name(), progress.session().created())),
@@ -47,11 +48,15 @@ absl::Status GroupCapture::start(std::stop_token stop) {
 }
 
 absl::Status GroupCapture::show(const std::vector<Step>& steps, std::stop_token stop) {
+  return play(learning_.begin_showing(steps), stop);
+}
+
+absl::Status GroupCapture::play(const std::vector<Step>& steps, std::stop_token stop) {
   judged_now_.clear();
   refused_now_.clear();
   unreadable_now_.clear();
   const auto judging = [&](std::vector<v1::Frame> frames) { return judge(std::move(frames), false, stop); };
-  GW_RETURN_IF_ERROR(player_.play(learning_.begin_showing(steps), recording_, judging, stop));
+  GW_RETURN_IF_ERROR(player_.play(steps, recording_, judging, stop));
   if (stop.stop_requested()) return absl::CancelledError("stopped");
   return judge({}, true, stop).status();
 }
@@ -65,13 +70,30 @@ absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) 
           fmt::format("{} steps had no proof after {} retries: {}", steps.size(), retries, listed(steps)),
           steps, stop);
     }
-    GW_RETURN_IF_ERROR(show(steps, stop));
+    GW_RETURN_IF_ERROR(
+        play(watch_.with_repeats(learning_.begin_showing(steps),
+                                 hold_refreshes_of(progress_.session().plan()), progress_.proven()),
+             stop));
     if (const v1::UnseenPatch* const patch = learning_.hopeless()) return contradicted(*patch, steps, stop);
     std::erase_if(steps, [this](const Step& step) { return progress_.is_proven(step.number); });
     progress_.update_seconds();
     note_retaken(steps);
     progress_.report();
   }
+  return absl::OkStatus();
+}
+
+absl::Status GroupCapture::compare(const std::vector<v1::Frame>& repeats, std::stop_token stop) {
+  const std::vector<RigWatch::Comparison> wanted = watch_.comparisons(repeats, progress_.proven());
+  if (wanted.empty()) return absl::OkStatus();
+  std::vector<v1::FrameComparison> comparisons;
+  for (const RigWatch::Comparison& each : wanted) comparisons.push_back(each.frames);
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::FrameChange> found,
+                      archive_.compare(comparisons, std::move(stop)));
+  bool changed = false;
+  for (size_t i = 0; i < std::min(wanted.size(), found.size()); ++i)
+    changed = watch_.add(wanted[i].repeat, found[i], progress_.seconds()) || changed;
+  if (changed) progress_.note_rig_changes(watch_.changes(progress_.session().name()));
   return absl::OkStatus();
 }
 
@@ -88,6 +110,10 @@ absl::Status GroupCapture::learn(const std::vector<v1::Frame>& frames, std::stop
 }
 
 absl::StatusOr<bool> GroupCapture::judge(std::vector<v1::Frame> frames, bool is_over, std::stop_token stop) {
+  const auto after_steps = std::ranges::stable_partition(
+      frames, [](const v1::Frame& frame) { return !RigWatch::is_repeat(frame.step()); });
+  const std::vector<v1::Frame> repeats(after_steps.begin(), after_steps.end());
+  frames.erase(after_steps.begin(), after_steps.end());
   const nanoseconds seen_until = recording_.frames_seen_until().value_or(nanoseconds::min());
   const auto has_left = [&](int step) {
     return is_over || seen_until >= recording_.window_of(step).patch_until;
@@ -95,13 +121,18 @@ absl::StatusOr<bool> GroupCapture::judge(std::vector<v1::Frame> frames, bool is_
   GW_RETURN_IF_ERROR(learn(learning_.take_learning_frames(std::move(frames), has_left), stop));
   const std::optional<std::vector<v1::Frame>> ready = learning_.take_ready_frames();
   if (!ready) return false;
-  if (ready->empty()) return true;
-  GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, archive_.keep(*ready, stop));
-  for (const v1::Frame& frame : *ready) judged_now_.insert(frame.step());
+  if (!ready->empty()) GW_RETURN_IF_ERROR(keep(*ready, stop));
+  GW_RETURN_IF_ERROR(compare(repeats, stop));
+  return true;
+}
+
+absl::Status GroupCapture::keep(const std::vector<v1::Frame>& frames, std::stop_token stop) {
+  GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, archive_.keep(frames, std::move(stop)));
+  for (const v1::Frame& frame : frames) judged_now_.insert(frame.step());
   refused_now_.insert(kept.refused_steps().begin(), kept.refused_steps().end());
   unreadable_now_.insert(kept.unreadable_steps().begin(), kept.unreadable_steps().end());
   progress_.note_kept(kept.frames(), kept.refused());
-  return true;
+  return absl::OkStatus();
 }
 
 void GroupCapture::note_retaken(const std::vector<Step>& steps) {

@@ -16,6 +16,7 @@
 #include "server/capture/capture_setup.h"
 #include "server/capture/patch_learning.h"
 #include "server/capture/recording.h"
+#include "server/capture/rig_watch.h"
 #include "server/capture/step_player.h"
 
 namespace glasswing {
@@ -24,7 +25,7 @@ class GroupCapture {
  public:
   // Starts the camera. All references are borrowed. `patches_given_up`: see PatchLearning.
   GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPlayer& player, CaptureProgress& progress,
-               std::set<std::string>& patches_given_up, double exposure_ms);
+               RigWatch& watch, std::set<std::string>& patches_given_up, double exposure_ms);
 
   // Returns when the camera runs and the clocks are measured.
   absl::Status start(std::stop_token stop);
@@ -39,9 +40,14 @@ class GroupCapture {
   absl::Status unproven(const std::string& what, const std::vector<Step>& steps, std::stop_token stop);
 
  private:
+  // Plays a program once, and has the proven frames stored.
+  absl::Status play(const std::vector<Step>& steps, std::stop_token stop);
   // Has the camera node store the frames of one batch whose pixels agree. Returns false if a patch learning
   // step was missed, or taught nothing: frames of later steps cannot be judged, and the showing ends.
   absl::StatusOr<bool> judge(std::vector<v1::Frame> frames, bool is_over, std::stop_token stop);
+  absl::Status keep(const std::vector<v1::Frame>& frames, std::stop_token stop);
+  // Finds what happened to the rig from frames of repeated pictures.
+  absl::Status compare(const std::vector<v1::Frame>& repeats, std::stop_token stop);
   absl::Status learn(const std::vector<v1::Frame>& frames, std::stop_token stop);
   // The error for a patch that contradicts the reported times, or for a frozen one, while `steps` are shown.
   absl::Status contradicted(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
@@ -60,6 +66,7 @@ class GroupCapture {
   CaptureArchive& archive_;
   StepPlayer& player_;
   CaptureProgress& progress_;
+  RigWatch& watch_;
   Recording recording_;
   PatchLearning learning_;
   std::set<int> judged_now_, refused_now_, unreadable_now_;  // steps of the current showing

@@ -12,6 +12,7 @@
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
 #include "server/capture/patch_learning.h"
+#include "server/capture/rig_watch.h"
 
 namespace glasswing {
 namespace {
@@ -83,7 +84,11 @@ absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vect
                                      std::stop_token stop) {
   // Ids of successive showings differ in many bits.
   constexpr std::uint32_t kSpread = 40503, kIds = 1u << IdPatch::kBits;
-  for (const Step& step : steps) patch_ids_[step.number] = ++showings_ * kSpread % kIds;
+  loaded_.clear();
+  for (const Step& step : steps) {
+    loaded_[step.number] = step;
+    patch_ids_[step.number] = ++showings_ * kSpread % kIds;
+  }
   int monitor_count = 0;
   for (const auto& display : setup_.links.displays) {
     GW_RETURN_IF_ERROR(load(*display, program, steps, stop));
@@ -135,7 +140,7 @@ absl::StatusOr<std::vector<v1::Frame>> StepPlayer::records_of(const std::vector<
           "glasswing calibrate camera",
           taken.gain(), calibrated_gain));
     }
-    const Step& step = setup_.step(match.step);
+    const Step& step = loaded_.at(match.step);
     v1::Frame& frame = records.emplace_back();
     frame.set_object(step.object);
     *frame.mutable_stimulus() = step.stimulus;
@@ -168,7 +173,7 @@ absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int mon
                      hold_refreshes_of(progress_.session().plan()));
   const auto note_shown = [&](const StableWindow& window) {
     const bool first = recording.add_window(window);
-    progress_.note_shown(window.step, !first);
+    if (!RigWatch::is_repeat(window.step)) progress_.note_shown(window.step, !first);
   };
   nanoseconds played_at{};
   while (!stop.stop_requested()) {

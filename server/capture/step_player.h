@@ -51,6 +51,7 @@ class StepPlayer {
   nanoseconds clocks_measured_at_{};
   std::uint32_t showings_ = 0;              // of any step
   std::map<int, std::uint32_t> patch_ids_;  // by step, of its last showing
+  std::map<int, Step> loaded_;              // by number, of the last program
 };
 
 }  // namespace glasswing

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <netdb.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
@@ -42,14 +41,9 @@ Role role_of(v1::NodeKind kind) {
 }
 
 bool takes_connections(const std::string& address) {
-  const absl::StatusOr<Address> at = parse_address(address);
-  if (!at.ok()) return false;
-  addrinfo hints{};
-  hints.ai_socktype = SOCK_STREAM;
-  hints.ai_flags = AI_NUMERICSERV;
-  addrinfo* found = nullptr;
-  if (::getaddrinfo(at->host.c_str(), std::to_string(at->port).c_str(), &hints, &found) != 0) return false;
-  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> owned(found, &::freeaddrinfo);
+  const absl::StatusOr<SocketAddresses> addresses = socket_addresses(address);
+  if (!addresses.ok()) return false;
+  const addrinfo* found = addresses->get();
   const Descriptor socket(::socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (::connect(socket.get(), found->ai_addr, found->ai_addrlen) == 0) return true;
   pollfd polled{socket.get(), POLLOUT, 0};

@@ -22,14 +22,15 @@ constexpr int kMaxImages = 20000;
 using Monitors = std::vector<v1::Monitor>;
 
 absl::StatusOr<v1::MakePlanResponse> capture_plan(const v1::MakePlanRequest& request, RigLimits limits) {
-  static const std::map<std::string, PlanQuality> kQualities = {{"", PlanQuality::kGood},
-                                                                {"draft", PlanQuality::kDraft},
-                                                                {"good", PlanQuality::kGood},
-                                                                {"best", PlanQuality::kBest}};
-  const auto quality = kQualities.find(request.quality());
-  if (quality == kQualities.end()) {
+  const auto quality = plan_qualities().find(request.quality().empty() ? "good" : request.quality());
+  if (quality == plan_qualities().end()) {
     return absl::InvalidArgumentError(
         fmt::format("quality is \"{}\"; it must be draft, good or best", request.quality()));
+  }
+  const auto object = object_kinds().find(request.object().empty() ? "clear" : request.object());
+  if (object == object_kinds().end()) {
+    return absl::InvalidArgumentError(
+        fmt::format("object is \"{}\"; it must be clear, frosted, metal or dark", request.object()));
   }
   if (request.image_count() < 0 || request.image_count() > kMaxImages) {
     return absl::InvalidArgumentError(
@@ -40,7 +41,7 @@ absl::StatusOr<v1::MakePlanResponse> capture_plan(const v1::MakePlanRequest& req
         fmt::format("blur_px is {}; it must be 0 to {}", request.blur_px(), kMaxBlur_px));
   }
   limits.blur_px = request.blur_px();
-  PlanWish wish{.quality = quality->second, .images = {}};
+  PlanWish wish{.quality = quality->second, .images = {}, .object = object->second};
   if (request.image_count() > 0) wish.images = request.image_count();
   v1::MakePlanResponse response;
   GW_ASSIGN_OR_RETURN(*response.mutable_plan(), make_plan(wish, limits));

@@ -103,15 +103,26 @@ const v1::DisplayMonitor* DisplayLink::monitor(const std::string& name) const {
   return nullptr;
 }
 
-absl::StatusOr<double> DisplayLink::move_monitor(const std::string& name, double position_mm) {
+absl::StatusOr<double> DisplayLink::move_monitor(const std::string& name, double position_mm,
+                                                 std::stop_token stop) {
   v1::MoveMonitorRequest request;
   request.set_monitor(name);
   request.set_position_mm(position_mm);
   request.set_request_id(random_token());
+  const std::stop_callback on_stop(stop, [&] {
+    grpc::ClientContext context;
+    set_deadline(context, kNodeCall);
+    v1::StopMoveRequest stopped;
+    stopped.set_request_id(request.request_id());
+    v1::StopMoveResponse response;
+    stub->StopMove(&context, stopped, &response);  // where it fails, the move ends by itself
+  });
   v1::MoveMonitorResponse response;
-  GW_RETURN_IF_ERROR(link.call("move its monitor", {}, [&](grpc::ClientContext& context) {
+  const absl::Status moved = link.call("move its monitor", {}, [&](grpc::ClientContext& context) {
     return stub->MoveMonitor(&context, request, &response);
-  }));
+  });
+  if (!moved.ok() && stop.stop_requested()) return absl::CancelledError("stopped");
+  GW_RETURN_IF_ERROR(moved);
   return response.position_mm();
 }
 

@@ -67,8 +67,8 @@ struct DisplayLink {
   absl::Status describe(std::stop_token stop);
   // Copies measured lag and settling into `sync`.
   void use(const CalibrationStore& store);
-  // Errors are those of DisplayService.MoveMonitor.
-  absl::StatusOr<double> move_monitor(const std::string& name, double position_mm);
+  // Errors are those of DisplayService.MoveMonitor. CANCELLED: stopped, and the rail is at rest.
+  absl::StatusOr<double> move_monitor(const std::string& name, double position_mm, std::stop_token stop);
   // Null: the display has no monitor of that name.
   const v1::DisplayMonitor* monitor(const std::string& name) const;
 

@@ -230,7 +230,7 @@ grpc::Status RigServiceImpl::PlaceMonitor(grpc::ServerContext* context,
                                           const v1::PlaceMonitorRequest* request,
                                           v1::PlaceMonitorResponse* response) {
   GW_CHECK_LIMITS(*request);
-  return run(context, "moving monitor " + request->monitor(), [&](std::stop_token) -> absl::Status {
+  return run(context, "moving monitor " + request->monitor(), [&](std::stop_token stop) -> absl::Status {
     const MonitorNames wanted{request->monitor()};
     GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(server_.rig(), server_.calibrations(), wanted));
     GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> monitors, rig.monitors());
@@ -238,7 +238,7 @@ grpc::Status RigServiceImpl::PlaceMonitor(grpc::ServerContext* context,
     for (const auto& display : rig.displays) {
       if (display->monitor(request->monitor()) == nullptr) continue;
       GW_ASSIGN_OR_RETURN(const double position_mm,
-                          display->move_monitor(request->monitor(), request->position_mm()));
+                          display->move_monitor(request->monitor(), request->position_mm(), stop));
       response->set_position_mm(position_mm);
     }
     return absl::OkStatus();

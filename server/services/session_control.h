@@ -22,6 +22,8 @@ class SessionControl {
   absl::StatusOr<v1::Session> cancel(const std::string& name, const Caller& caller);
 
  private:
+  absl::StatusOr<v1::Session> retake(const v1::ResumeSessionRequest& request, const Caller& caller);
+
   SessionStore& sessions_;
   CaptureRunner& captures_;
   SolveRunner& solves_;

@@ -12,21 +12,16 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxTileBytes = 256u << 20;
-
 std::string name_of(const v1::TileLease& lease) {
   return fmt::format("{} {} {}", lease.job(), lease.tile(), lease.attempt());
 }
 
 absl::Status complete_rows(Server& server, const v1::CompleteTileRequest& header,
                            grpc::ServerReader<v1::CompleteTileRequest>& reader) {
-  std::string matte = header.chunk();
-  for (v1::CompleteTileRequest more; reader.Read(&more);) {
-    matte += more.chunk();
-    if (matte.size() > kMaxTileBytes)
-      return absl::InvalidArgumentError(fmt::format("the tile is larger than {} bytes", kMaxTileBytes));
-  }
-  return server.tiles().complete(header, matte);
+  GW_ASSIGN_OR_RETURN(ReceivedMatte matte, server.tiles().rows_of(header.lease()));
+  absl::Status kept = matte.add(header.chunk());
+  for (v1::CompleteTileRequest more; kept.ok() && reader.Read(&more);) kept = matte.add(more.chunk());
+  return server.tiles().complete(header, std::move(matte));
 }
 
 absl::Status complete_frames(Server& server, const v1::CompleteTileRequest& header, FrameMattes mattes,

@@ -1,9 +1,11 @@
 #include "server/sessions/session_state.h"
 
+#include <absl/strings/ascii.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
+
+#include "core/pattern/plan.h"
 
 namespace glasswing {
 namespace {
@@ -16,6 +18,10 @@ bool always(const v1::Session&) {
 // An imported session has no plan, and so nothing to capture.
 bool captures_a_plan(const v1::Session& session) {
   return !rests_in_solve(session) && !session.plan().method().empty();
+}
+// A video runs once. A copy holds the frames as they were.
+bool may_be_retaken(const v1::Session& session) {
+  return captures_a_plan(session) && !is_video(session.plan()) && session.copies().empty();
 }
 // Only an import rests in this state: a capture has a plan.
 bool is_import(const v1::Session& session) {
@@ -48,6 +54,7 @@ constexpr Rule kRules[] = {
 
     {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_PAUSE},
     {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_CANCEL},
+    {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_RETAKE, may_be_retaken},
 
     {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_RESUME, rests_in_solve},
     {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_RESUME, captures_a_plan},
@@ -56,10 +63,12 @@ constexpr Rule kRules[] = {
     {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_FETCH, has_matte},
     {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_REPLICATE, rests_in_solve},
     {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_DELETE},
+    {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_RETAKE, may_be_retaken},
 
     {v1::SESSION_STATE_CAPTURED, v1::SESSION_ACTION_SOLVE, holds_object},
     {v1::SESSION_STATE_CAPTURED, v1::SESSION_ACTION_REPLICATE},
     {v1::SESSION_STATE_CAPTURED, v1::SESSION_ACTION_DELETE},
+    {v1::SESSION_STATE_CAPTURED, v1::SESSION_ACTION_RETAKE, may_be_retaken},
 
     {v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_PAUSE},
     {v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_CANCEL},
@@ -78,6 +87,7 @@ constexpr Rule kRules[] = {
     {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_FETCH, has_matte},
     {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_REPLICATE, rests_in_solve},
     {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_DELETE},
+    {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_RETAKE, may_be_retaken},
 
     {v1::SESSION_STATE_CANCELLED, v1::SESSION_ACTION_DELETE},
 };
@@ -108,6 +118,9 @@ absl::Status refusal(const v1::Session& session, v1::SessionAction action) {
       return not_now(session, "solved (it must be captured first)");
     case v1::SESSION_ACTION_FETCH:
       return not_now(session, "fetched (it must be solved first)");
+    case v1::SESSION_ACTION_RETAKE:
+      return not_now(session,
+                     "retaken (only a capture that is neither solved, copied, imported nor a video can)");
     case v1::SESSION_ACTION_REPLICATE:
       return not_now(session, "replicated (it must be captured first)");
     default:
@@ -120,10 +133,8 @@ absl::Status refusal(const v1::Session& session, v1::SessionAction action) {
 }  // namespace
 
 std::string state_of(const v1::Session& session) {
-  std::string name = v1::SessionState_Name(session.state()).substr(std::string("SESSION_STATE_").size());
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](char c) { return static_cast<char>(std::tolower(c)); });
-  return name;
+  return absl::AsciiStrToLower(
+      v1::SessionState_Name(session.state()).substr(std::string("SESSION_STATE_").size()));
 }
 
 bool rests_in_solve(const v1::Session& session) {

@@ -326,7 +326,13 @@ absl::Status Drafts::renew(const v1::TileLease& lease) {
   return draft == nullptr ? void_attempt(lease) : draft->tiles.renew(lease, monotonic_now());
 }
 
-absl::Status Drafts::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
+absl::Status Drafts::check(const v1::TileLease& lease) {
+  const std::lock_guard lock(mutex_);
+  return running(lease) == nullptr ? void_attempt(lease) : absl::OkStatus();
+}
+
+absl::Status Drafts::complete(const v1::CompleteTileRequest& header,
+                              const absl::StatusOr<MatteOutline>& outline, ReceivedMatte& matte) {
   const v1::TileLease& lease = header.lease();
   v1::Session session;
   TileRange range;
@@ -337,19 +343,11 @@ absl::Status Drafts::complete(const v1::CompleteTileRequest& header, const std::
     GW_ASSIGN_OR_RETURN(range, draft->tiles.range(lease));
     session = draft->session;
   }
-  const std::string checksum = checksum_of(matte);
-  if (header.checksum() != checksum) {
-    return absl::DataLossError(
-        fmt::format("the tile's checksum is {}, announced was {}", checksum, header.checksum()));
-  }
-  GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(matte));
-  GW_RETURN_IF_ERROR(check_rows(outline, range, session));
+  GW_RETURN_IF_ERROR(outline.status());
+  GW_RETURN_IF_ERROR(check_rows(*outline, range, session));
   GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(session.name()));
-  const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), checksum);
-  {
-    GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(directory / file));  // not flushed
-    GW_RETURN_IF_ERROR(writer.add(matte));
-  }
+  const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), matte.checksum());
+  GW_RETURN_IF_ERROR(matte.place(directory / file));  // not flushed
   std::optional<Running> done;
   {
     const std::lock_guard lock(mutex_);

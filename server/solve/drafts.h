@@ -24,6 +24,7 @@
 #include "core/base/time.h"
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/work_service.pb.h"
+#include "server/solve/received_matte.h"
 #include "server/solve/session_queue.h"
 #include "server/solve/solve_session.h"
 
@@ -88,7 +89,9 @@ class Drafts {
   // Without a lease in the answer there is nothing to do.
   v1::ClaimTileResponse claim();
   absl::Status renew(const v1::TileLease& lease);
-  absl::Status complete(const v1::CompleteTileRequest& header, const std::string& matte);
+  absl::Status check(const v1::TileLease& lease);  // ABORTED: the draft is not made any more
+  absl::Status complete(const v1::CompleteTileRequest& header, const absl::StatusOr<MatteOutline>& outline,
+                        ReceivedMatte& matte);
   void fail(const v1::FailTileRequest& request);
 
  private:

@@ -1,5 +1,4 @@
-// The mattes of one tile of a video, between solver and disk. Each file is written as it arrives, so that
-// memory holds no more than a chunk; all get their final names together.
+// The mattes of one tile of a video, between solver and disk; all get their final names together.
 #pragma once
 
 #include <absl/status/status.h>
@@ -7,12 +6,11 @@
 #include <filesystem>
 #include <functional>
 #include <map>
-#include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
-#include "core/base/checksum.h"
-#include "core/base/file.h"
+#include "server/solve/received_matte.h"
 
 namespace glasswing {
 
@@ -21,8 +19,6 @@ class FrameMattes {
   // For frames [first, first + count), in temporary files in `directory`.
   FrameMattes(std::filesystem::path directory, int first, int count)
       : directory_(std::move(directory)), first_(first), count_(count) {}
-  ~FrameMattes();  // removes files without a final name
-  FrameMattes(FrameMattes&&) = default;
 
   // Begins the file of a frame; `checksum` is the whole file's (checksum_of()). INVALID_ARGUMENT: the frame
   // is not of this tile, or does not follow the frame before. DATA_LOSS: the file before has another checksum
@@ -42,11 +38,10 @@ class FrameMattes {
  private:
   std::filesystem::path directory_;
   int first_ = 0, count_ = 0;
-  std::map<int, std::filesystem::path> files_;  // flushed, by frame
-  int frame_ = -1;                              // of the file that is written, or was last
-  std::string announced_;                       // its checksum
-  RunningChecksum written_;
-  std::unique_ptr<FileWriter> writer_;
+  std::map<int, ReceivedMatte> files_;    // flushed, by frame
+  int frame_ = -1;                        // of the file that is written, or was last
+  std::string announced_;                 // its checksum
+  std::optional<ReceivedMatte> written_;  // that is written
 };
 
 }  // namespace glasswing

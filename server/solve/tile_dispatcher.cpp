@@ -5,10 +5,10 @@
 
 #include <algorithm>
 
-#include "core/base/checksum.h"
 #include "core/base/fault_point.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/base/version.h"
 #include "core/matte/matte_file.h"
 #include "core/pattern/method_options.h"
@@ -59,6 +59,11 @@ std::vector<std::string> all_that_is_computed() {
   std::vector<std::string> all;
   for (const auto& [method, version] : method_versions()) all.push_back(computes(method));
   return all;
+}
+
+// Not the disk's errors.
+bool is_no_matte(const absl::Status& verified) {
+  return absl::IsDataLoss(verified) || absl::IsFailedPrecondition(verified);
 }
 
 // The solver's activity in `glasswing nodes`.
@@ -155,45 +160,59 @@ absl::StatusOr<std::optional<FrameMattes>> TileDispatcher::frames_of(const v1::T
   return FrameMattes(directory, tile.range.first, tile.range.count);
 }
 
-absl::Status TileDispatcher::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
+absl::StatusOr<ReceivedMatte> TileDispatcher::rows_of(const v1::TileLease& lease) {
+  if (Drafts::is_draft(lease)) {
+    GW_RETURN_IF_ERROR(drafts_.check(lease));
+  } else {
+    SessionStore::Edit edit = stores_.sessions.edit();
+    GW_RETURN_IF_ERROR(session_of(edit, lease).status());
+  }
+  GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(lease.session()));
+  return ReceivedMatte(directory);
+}
+
+absl::Status TileDispatcher::complete(const v1::CompleteTileRequest& header, ReceivedMatte matte) {
   fault_point("tile received");
-  const std::string checksum = checksum_of(matte);
-  // As whoever reads the matte will find it: the checksums of its rows, and values that can be.
-  if (const absl::Status whole = verify_matte(matte); !whole.ok() && header.checksum() == checksum)
-    return spoiled(header, whole);
-  if (Drafts::is_draft(header.lease())) return drafts_.complete(header, matte);
+  const absl::Status arrived = matte.check(header.checksum());
+  const absl::StatusOr<MatteOutline> outline = arrived.ok() ? matte.verify() : arrived;
+  if (arrived.ok() && is_no_matte(outline.status())) return spoiled(header, outline.status());
+  if (Drafts::is_draft(header.lease())) return drafts_.complete(header, outline, matte);
   const v1::TileLease& lease = header.lease();
-  const TileAttempt attempt = attempt_of(lease);
   v1::Session session;
   {
     SessionStore::Edit edit = stores_.sessions.edit();
     GW_ASSIGN_OR_RETURN(session, session_of(edit, lease));
   }
+  const TileAttempt attempt = attempt_of(lease);
   GW_ASSIGN_OR_RETURN(const TileState tile, stores_.jobs.tile(attempt));
-  const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), checksum);
+  const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), matte.checksum());
   if (!tile.is_done()) {
-    if (header.checksum() != checksum) {
-      return absl::DataLossError(
-          fmt::format("the tile's checksum is {}, announced was {}", checksum, header.checksum()));
-    }
-    GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(matte));
-    GW_RETURN_IF_ERROR(check_rows(outline, tile.range, session));
-    GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(lease.session()));
-    const absl::Status written = write_file_durably(directory / file, matte);
-    if (absl::IsResourceExhausted(written)) {
+    GW_RETURN_IF_ERROR(outline.ok() ? check_rows(*outline, tile.range, session) : absl::OkStatus());
+    const absl::Status stored = outline.ok() ? store_rows(lease.session(), file, matte) : outline.status();
+    if (absl::IsResourceExhausted(stored)) {
       SessionStore::Edit edit = stores_.sessions.edit();
-      wait_for_room(edit, session, written);  // the solver keeps the tile, and asks again
+      wait_for_room(edit, session, stored);  // the solver keeps the tile, and asks again
     }
-    GW_RETURN_IF_ERROR(written);
+    GW_RETURN_IF_ERROR(stored);
     fault_point("tile written");
   }
   return done(header, attempt, file);
 }
 
+absl::Status TileDispatcher::store_rows(const std::string& session, const std::string& file,
+                                        ReceivedMatte& matte) {
+  GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(session));
+  GW_RETURN_IF_ERROR(matte.flush());
+  GW_RETURN_IF_ERROR(matte.place(directory / file));
+  return flush_directory(directory);
+}
+
 absl::Status TileDispatcher::complete(const v1::CompleteTileRequest& header, FrameMattes mattes) {
   fault_point("tile received");
   GW_RETURN_IF_ERROR(mattes.finish());
-  if (const absl::Status whole = mattes.verify(); !whole.ok()) return spoiled(header, whole);
+  const absl::Status whole = mattes.verify();
+  if (is_no_matte(whole)) return spoiled(header, whole);
+  GW_RETURN_IF_ERROR(whole);
   GW_RETURN_IF_ERROR(place_frames(header, mattes));
   return done(header, attempt_of(header.lease()), fmt::format("attempt {}", header.lease().attempt()));
 }
@@ -295,7 +314,8 @@ absl::StatusOr<bool> TileDispatcher::note_quarantined(const v1::FailTileRequest&
     // a later retry.
     GW_RETURN_IF_ERROR(stores_.jobs.suspend(lease.job()));
     session.set_state(v1::SESSION_STATE_FAILED);
-    session.set_reason(request.error());
+    // Its author stands before it: the text is whatever the solver sends.
+    session.set_reason(fmt::format("solver {}: {}", request.solver(), printable(request.error())));
     spdlog::error("solve failed session={} tile={} reason=\"{}\"", session.name(), lease.tile(),
                   request.error());
   }

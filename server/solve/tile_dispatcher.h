@@ -14,6 +14,7 @@
 #include "server/solve/drafts.h"
 #include "server/solve/fleet.h"
 #include "server/solve/frame_mattes.h"
+#include "server/solve/received_matte.h"
 #include "server/solve/solve_progress.h"
 #include "server/solve/solve_session.h"
 
@@ -34,14 +35,16 @@ class TileDispatcher {
   absl::Status renew(const v1::TileLease& lease);
   // Where the files of a video's tile go as they come; none for a tile of rows.
   absl::StatusOr<std::optional<FrameMattes>> frames_of(const v1::TileLease& lease);
-  // `matte` is the whole file of a tile of rows.
-  absl::Status complete(const v1::CompleteTileRequest& header, const std::string& matte);
+  // Where the file of a tile of rows goes as it comes.
+  absl::StatusOr<ReceivedMatte> rows_of(const v1::TileLease& lease);
+  absl::Status complete(const v1::CompleteTileRequest& header, ReceivedMatte matte);
   absl::Status complete(const v1::CompleteTileRequest& header, FrameMattes mattes);
   absl::Status fail(const v1::FailTileRequest& request);
 
   absl::StatusOr<v1::GetFleetResponse> fleet();
 
  private:
+  absl::Status store_rows(const std::string& session, const std::string& file, ReceivedMatte& matte);
   // The attempt failed, as its result is no matte. ABORTED, so that the solver gives the tile up.
   absl::Status spoiled(const v1::CompleteTileRequest& header, const absl::Status& why);
   absl::Status place_frames(const v1::CompleteTileRequest& header, FrameMattes& mattes);

@@ -354,14 +354,17 @@ BackgroundPoint BackgroundMap::point(const EmptyPixel& pixel, const StraightView
   return point;
 }
 
-std::array<std::vector<BackgroundMap::Miss>, 2> BackgroundMap::misses(const EmptyPixel& pixel,
-                                                                      const StagePoint& place) const {
+BackgroundMap::Waves BackgroundMap::waves_of(const EmptyPixel& pixel) const {
   const Contrast contrast = contrast_of(pixel);
-  std::array<std::vector<Miss>, 2> all;
+  return {waves(pixel, 0, contrast), waves(pixel, 1, contrast)};
+}
+
+BackgroundMap::Misses BackgroundMap::misses(const Waves& waves, const StagePoint& place) const {
+  Misses all;
   for (size_t axis = 0; axis < 2; ++axis) {
     const double centre_px = axis == 0 ? place.x_px : place.y_px;
     const double sigma_px = BarDecoder::shown_sigma_px(axis == 0 ? place.xx_px2 : place.yy_px2);
-    const std::vector<BarDecoder::Sample> samples = waves(pixel, axis, contrast);
+    const std::vector<BarDecoder::Sample>& samples = waves[axis];
     for (size_t level = 0; level < samples.size(); ++level) {
       const BarDecoder::Value value = decoders_[axis].value(level, centre_px, sigma_px);
       all[axis].push_back({.value = samples[level].value - value.v,
@@ -381,7 +384,7 @@ BackgroundPoint BackgroundMap::point_on(const SmoothStage& map, const EmptyPixel
   if (!usable(pixel, contrast)) return point;
   point.seen = true;
   const StagePoint place = map.map.at(x_px, y_px);
-  const std::array<std::vector<Miss>, 2> all = misses(pixel, place);
+  const Misses all = misses(pixel, place);
   const double place_sd_px = std::hypot(std::max(map.place_sd_px, kMinPlaceSd_px), map.sd_px);
   for (size_t axis = 0; axis < 2; ++axis) {
     AxisFit& fit = point.axis[axis];
@@ -414,8 +417,9 @@ BackgroundPoint BackgroundMap::point_near(const SmoothStage& map, const EmptyPix
   constexpr double kMapInformation = 1.0 / (0.25 * 0.25);  // 1/px^2: of the map, where bars tell nothing
   const StagePoint on_map = map.map.at(x_px, y_px);
   StagePoint place = on_map;
+  const Waves waves = waves_of(pixel);
   for (int round = 0; round < 2; ++round) {
-    const std::array<std::vector<Miss>, 2> all = misses(pixel, place);
+    const Misses all = misses(waves, place);
     for (size_t axis = 0; axis < 2; ++axis) {
       double& centre_px = axis == 0 ? place.x_px : place.y_px;
       double information = kMapInformation;

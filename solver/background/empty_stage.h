@@ -114,7 +114,14 @@ class BackgroundMap {
     double value = 0.0, sd = 1.0;                // and the sd of its noise
     double by_centre = 0.0, by_log_sigma = 0.0;  // derivatives of v
   };
-  std::array<std::vector<Miss>, 2> misses(const EmptyPixel& pixel, const StagePoint& place) const;
+  using Misses = std::array<std::vector<Miss>, 2>;  // by axis and wave
+  Misses misses(const EmptyPixel& pixel, const StagePoint& place) const {
+    return misses(waves_of(pixel), place);
+  }
+  // In two parts, for many places of one pixel.
+  using Waves = std::array<std::vector<BarDecoder::Sample>, 2>;
+  Waves waves_of(const EmptyPixel& pixel) const;
+  Misses misses(const Waves& waves, const StagePoint& place) const;
 
  private:
   struct Contrast {

@@ -259,28 +259,37 @@ class MapFinder {
 
   // The spot that the bars of all pixels together fit best.
   double spot_on(StageMap map) const {
-    constexpr double kBox = 1.0 / 12.0, kLogSd = 1.0;  // of a spot as wide as a pixel: no more than a guess
-    const size_t step = looked_at_.size() / kSpotPixels + 1;
-    double best = kBox, min = INFINITY;
-    for (double log_spot = -3.0; log_spot <= 3.0; log_spot += 0.25) {
+    constexpr double kBox = 1.0 / 12.0;  // of a spot as wide as a pixel: no more than a guess
+    std::vector<std::pair<const LookedAt*, BackgroundMap::Waves>> some;
+    for (size_t i = 0; i < looked_at_.size(); i += looked_at_.size() / kSpotPixels + 1)
+      some.emplace_back(&looked_at_[i], background_.waves_of(looked_at_[i].pixel));
+    double best = 0.0, least = INFINITY;  // of log(spot / box)
+    const auto consider = [&](double log_spot) {
       map.set_spot_px2(kBox * std::exp(log_spot));
-      double sum = std::pow(log_spot / kLogSd, 2.0);
-      for (size_t i = 0; i < looked_at_.size(); i += step) {
-        const LookedAt& looked = looked_at_[i];
-        double chi_square = 0.0, count = 0.0;
-        for (const auto& axis : background_.misses(looked.pixel, map.at(looked.x_px, looked.y_px))) {
-          for (const BackgroundMap::Miss& miss : axis) {
-            chi_square += std::pow(miss.value / std::hypot(miss.sd, kVError), 2.0);
-            count += 1.0;
-          }
-        }
-        sum += std::min(chi_square, kMaxMiss * count);
+      double sum = std::pow(log_spot / kLogSpotSd, 2.0);
+      for (const auto& [looked, waves] : some)
+        sum += capped_chi_square(background_.misses(waves, map.at(looked->x_px, looked->y_px)));
+      if (sum < least) best = log_spot, least = sum;
+    };
+    for (double log_spot = -3.0; log_spot <= 3.0; log_spot += 1.0) consider(log_spot);
+    for (const double step : {0.5, 0.25}) {
+      const double middle = best;
+      for (const double log_spot : {middle - step, middle + step}) {
+        if (std::abs(log_spot) <= 3.0) consider(log_spot);
       }
-      if (sum >= min) continue;
-      min = sum;
-      best = map.spot_px2();
     }
-    return best;
+    return kBox * std::exp(best);
+  }
+
+  static double capped_chi_square(const BackgroundMap::Misses& misses) {
+    double chi_square = 0.0, count = 0.0;
+    for (const auto& axis : misses) {
+      for (const BackgroundMap::Miss& miss : axis) {
+        chi_square += miss.value * miss.value / (miss.sd * miss.sd + kVError * kVError);
+        count += 1.0;
+      }
+    }
+    return std::min(chi_square, kMaxMiss * count);
   }
 
   double rms_sd_px(const StageMap& map) const {
@@ -314,6 +323,7 @@ class MapFinder {
   }
 
   static constexpr size_t kSpotPixels = 1000;
+  static constexpr double kLogSpotSd = 1.0;
   static constexpr double kVError = 0.05;    // of v: footprints are not quite Gaussian
   static constexpr double kMaxMiss = 100.0;  // of chi-square over degrees: pixels that look elsewhere
 

@@ -83,6 +83,38 @@ std::map<int, WaveMonitor> monitors_of(const v1::CaptureManifest& manifest, cons
   return monitors;
 }
 
+void add_bars(WaveMonitor& monitor, const v1::Stimulus& stimulus, const std::array<double, 3>& light,
+              const ExposedFrame& frame) {
+  std::vector<Bars>& bars = monitor.bars[stimulus.orient() == "horizontal_bars" ? 1 : 0];
+  const auto known = std::ranges::find_if(bars, [&](const Bars& each) {
+    return each.bar_px == stimulus.bar_width_px() && each.offset_px == stimulus.offset_px() &&
+           each.light == light;
+  });
+  Bars& own = known != bars.end() ? *known : bars.emplace_back();
+  own.bar_px = stimulus.bar_width_px();
+  own.offset_px = stimulus.offset_px();
+  own.light = light;
+  (stimulus.inverse() ? own.complement : own.lit).push_back(frame);
+}
+
+// Whether bars differ between all places of the monitor that are whole periods apart.
+bool bars_tell_periods(const std::vector<Bars>& bars, double period_px, double side_px) {
+  const auto code_at = [&](double at_px) {
+    std::vector<bool> code;
+    for (const Bars& each : bars) code.push_back(each.inside_px(at_px) > 0.0);
+    return code;
+  };
+  if (bars.empty()) return false;
+  constexpr int kPlaces = 16;  // in a period, beside the edges
+  for (int place = 0; place < kPlaces; ++place) {
+    std::set<std::vector<bool>> codes;
+    for (double at_px = (place + 0.5) / kPlaces * period_px; at_px < side_px; at_px += period_px) {
+      if (!codes.insert(code_at(at_px)).second) return false;
+    }
+  }
+  return true;
+}
+
 absl::Status check_monitor(const WaveMonitor& monitor, const std::string& name) {
   if (monitor.waves.size() > kMaxWaves) {
     return absl::FailedPreconditionError(
@@ -104,10 +136,11 @@ absl::Status check_monitor(const WaveMonitor& monitor, const std::string& name) 
       if (!oblique(wave) && (wave.fx != 0.0) == along_x)
         longest_px = std::max(longest_px, 1.0 / frequency_of(wave));
     }
-    if (longest_px < side_px * (1.0 - 1e-9)) {
+    if (longest_px < side_px * (1.0 - 1e-9) &&
+        !(longest_px > 0.0 && bars_tell_periods(monitor.bars[along_x ? 0 : 1], longest_px, side_px))) {
       return absl::FailedPreconditionError(fmt::format(
           "the longest sinusoid along {} on monitor \"{}\" has a period of {:.6g} px; to tell one "
-          "period from the next it must be at least {:.6g}",
+          "period from the next it must be at least {:.6g}, or square waves must differ wherever it is alike",
           along_x ? "x" : "y", name, longest_px, side_px));
     }
   }
@@ -116,16 +149,23 @@ absl::Status check_monitor(const WaveMonitor& monitor, const std::string& name) 
 
 }  // namespace
 
+double Bars::inside_px(double at_px) const {
+  const double middle_px = offset_px + 0.5 * bar_px;
+  return 0.5 * bar_px - std::abs(std::remainder(at_px - middle_px, 2.0 * bar_px));
+}
+
 absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest) {
   GW_ASSIGN_OR_RETURN(const Exposures exposures, Exposures::of(manifest));
   FringeLayout layout;
   std::array<Waves, 2> waves;  // without the object, with it
   std::array<std::map<int, std::vector<Solid>>, 2> solids;
+  std::map<int, WaveMonitor> bars;  // with the object, by texture
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     const v1::Stimulus& stimulus = frame.stimulus();
-    const bool wave = kind_of(stimulus) == StimulusKind::kSinusoid;
-    if (!is_pattern(frame) || (!wave && kind_of(stimulus) != StimulusKind::kSolid)) continue;
+    const bool wave = kind_of(stimulus) == StimulusKind::kSinusoid,
+               square = kind_of(stimulus) == StimulusKind::kSquare && frame.object();
+    if (!is_pattern(frame) || (!wave && !square && kind_of(stimulus) != StimulusKind::kSolid)) continue;
     const int texture = texture_of(manifest, stimulus.panel());
     if (texture < 0) {
       return absl::FailedPreconditionError(fmt::format(
@@ -136,6 +176,11 @@ absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest
     for (int c = 0; c < 3; ++c)
       light[static_cast<size_t>(c)] = colour_of(stimulus, c) * (wave ? stimulus.peak() : 1.0);
     const ExposedFrame exposed = exposures.exposed(manifest, i);
+    if (square) {
+      if (stimulus.bar_width_px() >= 1.0 && std::isfinite(stimulus.offset_px()))
+        add_bars(bars[texture], stimulus, light, exposed);
+      continue;
+    }
     if (!wave) {
       const bool black = light == std::array<double, 3>{};
       if (!black) add_solid(solids[with][texture], light, exposed);
@@ -156,6 +201,7 @@ absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest
     return absl::FailedPreconditionError("the archive has no sinusoids (kind sinusoid, with the object)");
   }
   for (auto& [texture, monitor] : monitors_of(manifest, waves[1])) {
+    monitor.bars = bars[texture].bars;
     GW_RETURN_IF_ERROR(check_monitor(monitor, manifest.monitors(texture).name()));
     monitor.solids = solids[1][texture];
     layout.object.push_back(monitor);
@@ -179,6 +225,12 @@ std::vector<int> frames_of(const FringeLayout& layout) {
     for (const WaveMonitor& monitor : *monitors) {
       for (const Solid& solid : monitor.solids) need(solid.shot);
       for (const Wave& wave : monitor.waves) std::ranges::for_each(wave.shots, need);
+      for (const auto& along : monitor.bars) {
+        for (const Bars& bars : along) {
+          need(bars.lit);
+          need(bars.complement);
+        }
+      }
     }
   }
   need(layout.empty_black);

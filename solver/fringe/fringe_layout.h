@@ -19,6 +19,16 @@ struct Wave {
   std::vector<Shot> shots;  // by phase
 };
 
+// Bars along an axis, which tell one period of a wave from another: lit from offset_px, bar_px wide, as wide
+// apart.
+struct Bars {
+  double bar_px = 0.0, offset_px = 0.0;
+  std::array<double, 3> light{};  // radiance of lit bars, per channel
+  Shot lit, complement;           // either may be empty
+  // The distance from the nearest edge of a bar, px; positive: lit.
+  double inside_px(double at_px) const;
+};
+
 // A gray or coloured solid other than black.
 struct Solid {
   std::array<double, 3> light{};  // radiance, per channel
@@ -31,7 +41,8 @@ struct WaveMonitor {
   MonitorExtent extent;
   // Waves along x or y first, coarse to fine; then oblique ones, coarse to fine.
   std::vector<Wave> waves;
-  std::vector<Solid> solids;
+  std::vector<Solid> solids{};
+  std::array<std::vector<Bars>, 2> bars{};  // along x, along y
 };
 
 struct FringeLayout {
@@ -42,7 +53,8 @@ struct FringeLayout {
 };
 
 // FAILED_PRECONDITION says what is missing or invalid: no sinusoids with the object, a sinusoid at fewer than
-// three phases, a monitor without one along x and one along y as long as its side, or invalid numbers.
+// three phases, a monitor without one along x and one along y as long as its side, whose period no square
+// waves tell either, or invalid numbers.
 absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest);
 
 // Every frame that the layout names.

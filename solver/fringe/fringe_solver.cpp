@@ -135,19 +135,22 @@ SpectrumFit FringeSolver::fit_veiled(const Monitor& monitor, const Spectrum& spe
   return fit;
 }
 
-FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& spectrum,
-                                       int max_modes) const {
+FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& all, int max_modes) const {
   Found found;
-  double most = spectrum.level, min_sd = spectrum.level_sd;
-  if (!std::isfinite(spectrum.level_sd)) {
-    for (const Phasor& phasor : spectrum.phasors) {
+  double most = all.level, min_sd = all.level_sd;
+  if (!std::isfinite(all.level_sd)) {
+    for (const Phasor& phasor : all.phasors) {
       if (std::abs(phasor.value) <= most) continue;
       most = std::abs(phasor.value);
       min_sd = phasor.sd;
     }
   }
   if (!(most > kWrongPeriod * min_sd)) return found;
-  const Unwrapped place = unwrap(*monitor.layout, spectrum, tolerance_);
+  const Unwrapped place = unwrap(*monitor.layout, all, tolerance_);
+  Spectrum spectrum = all;
+  for (size_t w = 0; w < spectrum.phasors.size(); ++w) {
+    if (place.superseded[w]) spectrum.phasors[w].sd = kUnknown;
+  }
   if (!place.found) {
     found.flags = kFlagNoData;
     return found;
@@ -163,6 +166,10 @@ FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& s
   if (exceeds(found.fit.tolerated, found.fit) && found.fit.modes.size() == 1) {
     const SpectrumFit veiled = fit_veiled(monitor, spectrum, place, start);
     if (!veiled.modes.empty() && veiled.tolerated < 0.25 * found.fit.tolerated) found.fit = veiled;
+  }
+  for (int m = 0; m < found.fit.modes.size(); ++m) {
+    double& sd_px = found.fit.centre_sd_px[static_cast<size_t>(m)];
+    sd_px = std::hypot(sd_px, place.disagreement_px);
   }
   if (!found.fit.converged) found.flags |= kFlagNotConverged;
   if (exceeds(found.fit.tolerated, found.fit)) found.flags |= kFlagPoorFit;

@@ -2,20 +2,74 @@
 
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 namespace glasswing {
 namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
 
+// An edge of bars that is nearer than this share of a period does not count on either side; nor does how far
+// from 1 or -1 a pixel's answer is that sees several places.
+constexpr double kNearEdge = 0.06, kNearEdgeSd = 0.6, kAnswerSd = 0.2;
+constexpr double kMostSurprise = 4.0;  // of a bar
+
+// What an axis's bars and its other waves, down to half of this one's period, say of a place: a chi-square.
+double surprise_at(const WaveMonitor& monitor, const Spectrum& spectrum, size_t wave, size_t axis,
+                   double at_px) {
+  const auto frequency_of = [axis](const Wave& each) { return axis == 0 ? each.fx : each.fy; };
+  const double period_px = 1.0 / std::abs(frequency_of(monitor.waves[wave]));
+  double chi_square = 0.0;
+  for (size_t i = 0; i < monitor.bars[axis].size(); ++i) {
+    const BarAnswer& answer = spectrum.bars[axis][i];
+    if (!std::isfinite(answer.sd)) continue;
+    const double inside = monitor.bars[axis][i].inside_px(at_px) / (kNearEdge * period_px);
+    const double sd = std::hypot(answer.sd, std::abs(inside) < 1.0 ? kNearEdgeSd : kAnswerSd);
+    chi_square += std::pow((answer.value - std::clamp(inside, -1.0, 1.0)) / sd, 2);
+  }
+  for (size_t w = wave + 1; w < monitor.waves.size(); ++w) {
+    const Wave& other = monitor.waves[w];
+    const double f = frequency_of(other), size = std::abs(spectrum.phasors[w].value);
+    if (f == 0.0 || (other.fx != 0.0 && other.fy != 0.0) || std::abs(f) * period_px > 2.0) continue;
+    if (!(size > kWrongPeriod * spectrum.phasors[w].sd)) continue;
+    const double miss_px = std::remainder(std::arg(spectrum.phasors[w].value) / kTurn - f * at_px, 1.0) / f;
+    chi_square += std::pow(miss_px / (kNearEdge * period_px), 2);
+  }
+  return chi_square;
+}
+
+// The place on the monitor, of all that are whole periods of a wave apart, that bars and waves speak for;
+// none: not for one alone.
+std::optional<double> settled_place(const WaveMonitor& monitor, const Spectrum& spectrum, size_t wave,
+                                    size_t axis, double place_px) {
+  if (monitor.bars[axis].empty()) return std::nullopt;
+  const double period_px = 1.0 / std::abs(axis == 0 ? monitor.waves[wave].fx : monitor.waves[wave].fy);
+  const double side_px = axis == 0 ? monitor.extent.width_px : monitor.extent.height_px;
+  const double margin_px = kNearEdge * period_px;
+  double best = kUnknown, next = kUnknown;
+  std::optional<double> found;
+  const double first_px = place_px - period_px * std::floor((place_px + margin_px) / period_px);
+  for (double at_px = first_px; at_px < side_px + margin_px; at_px += period_px) {
+    const double chi_square = surprise_at(monitor, spectrum, wave, axis, at_px);
+    if (chi_square < best) found = at_px;
+    next = std::min(next, std::max(chi_square, best));
+    best = std::min(best, chi_square);
+  }
+  // Bars that contradict one another are of no place.
+  const double most = kMostSurprise * static_cast<double>(monitor.bars[axis].size());
+  return next - best > kWrongPeriod * kWrongPeriod && best < most ? found : std::nullopt;
+}
+
 }  // namespace
 
 Unwrapped unwrap(const WaveMonitor& monitor, const Spectrum& spectrum, double tolerance) {
   Unwrapped place;
   place.used.assign(monitor.waves.size(), false);
+  place.superseded.assign(monitor.waves.size(), false);
   double level = 0.0;
   for (const Phasor& phasor : spectrum.phasors) level = std::max(level, std::abs(phasor.value));
   std::array<bool, 2> known{};
+  std::array<std::optional<size_t>, 2> coded;  // the wave that gives the place, where bars settle the period
   for (size_t w = 0; w < monitor.waves.size(); ++w) {
     const Phasor& phasor = spectrum.phasors[w];
     const double sd = std::hypot(phasor.sd, tolerance * level), size = std::abs(phasor.value);
@@ -32,9 +86,14 @@ Unwrapped unwrap(const WaveMonitor& monitor, const Spectrum& spectrum, double to
         const double period_px = 1.0 / std::abs(f[at]), sd_px = std::sqrt(phase_variance) * period_px;
         // The candidate on the monitor or nearest to it.
         const double middle_px = 0.5 * side_px;
-        const double place_px = middle_px + std::remainder(cycles / f[at] - middle_px, period_px);
+        double place_px = middle_px + std::remainder(cycles / f[at] - middle_px, period_px);
         // How far the second nearest lies outside.
-        if (period_px - std::abs(place_px - middle_px) < middle_px + kWrongPeriod * sd_px) continue;
+        if (period_px - std::abs(place_px - middle_px) < middle_px + kWrongPeriod * sd_px) {
+          const std::optional<double> settled = settled_place(monitor, spectrum, w, axis, place_px);
+          if (!settled) continue;
+          place_px = *settled;
+          coded[axis] = w;
+        }
         known[axis] = true;
         place.centre_px[at] = place_px;
         place.covariance_px2(at, at) = sd_px * sd_px;
@@ -48,6 +107,17 @@ Unwrapped unwrap(const WaveMonitor& monitor, const Spectrum& spectrum, double to
     const double variance = f.dot(pull) + phase_variance;
     if (kWrongPeriod * std::sqrt(variance) > 0.5) continue;
     const double miss = std::remainder(cycles - f.dot(place.centre_px), 1.0);
+    const bool along_axis = f.x() == 0.0 || f.y() == 0.0;
+    if (const size_t axis = f.x() != 0.0 ? 0 : 1; along_axis && coded[axis]) {
+      const auto at = static_cast<Eigen::Index>(axis);
+      place.disagreement_px = std::max(place.disagreement_px, std::abs(miss / f[at]));
+      place.centre_px[at] += miss / f[at];
+      place.covariance_px2(at, at) = phase_variance / (f[at] * f[at]);
+      place.superseded[*coded[axis]] = true;
+      coded[axis] = w;
+      place.used[w] = true;
+      continue;
+    }
     place.centre_px += pull * (miss / variance);
     place.covariance_px2 -= pull * pull.transpose() / variance;
     place.used[w] = true;

@@ -1,6 +1,9 @@
 // Finds where on the monitor a pixel looks, from the phases of its phasors, coarse to fine.
 //
-// A phase gives f.c up to whole periods. The first wave along each axis is as long as the monitor's side;
+// A phase gives f.c up to whole periods. The first wave along each axis is as long as the monitor's side, or
+// square waves tell its periods apart: of all places that are whole periods apart, the one whose bars are
+// those that the pixel sees, if no other comes near it. The finest wave along such an axis alone gives the
+// place then, as these programs decode it.
 // after that the Gaussian estimate of c predicts the phase of the next wave:
 //
 //   cycles = f.c, variance f' P f + (sd / (2 pi |H|))^2
@@ -23,7 +26,11 @@ struct Unwrapped {
   bool found = false;  // along both axes
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();
-  std::vector<bool> used;  // by wave: its period is known
+  std::vector<bool> used;        // by wave: its period is known
+  std::vector<bool> superseded;  // by wave: a finer one along its axis gives the place
+  // By how much waves along an axis differ about the place, where bars tell their periods apart: the curve of
+  // a display that was not linear bends the phases of few steps.
+  double disagreement_px = 0.0;
 };
 
 // `tolerance`: the model error of each phasor relative to the level, for footprints that are not Gaussian.

@@ -72,7 +72,7 @@ PhasorMeter::Solver PhasorMeter::solver_of(const Wave& wave, const std::vector<b
 void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, const SampleNoise& noise,
                           Spectrum& spectrum) const {
   const auto c = static_cast<size_t>(channel);
-  spectrum = {.phasors = std::move(spectrum.phasors)};
+  spectrum = {.phasors = std::move(spectrum.phasors), .bars = std::move(spectrum.bars)};
   spectrum.phasors.assign(monitor_.waves.size(), {});
   Line line;
   const auto add_solid = [&](const Shot& shot, double light) {
@@ -113,6 +113,7 @@ void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, co
   };
   for (const Solid& solid : monitor_.solids) add_solid(solid.shot, solid.light[c]);
   add_solid(black_, 0.0);
+  const bool coded = !monitor_.bars[0].empty() || !monitor_.bars[1].empty();
   std::vector<size_t> cut;
   for (size_t w = 0; w < monitor_.waves.size(); ++w) {
     const Wave& wave = monitor_.waves[w];
@@ -122,7 +123,8 @@ void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, co
       continue;
     }
     const MergedSample mean = solve(w, solvers_[w], 0.0);
-    line.add(0.5 * wave.peak[c], mean.radiance, mean.variance);
+    // Beside bars, solids tell it: other people's displays are seldom linear.
+    if (!coded || !line.known()) line.add(0.5 * wave.peak[c], mean.radiance, mean.variance);
     for (size_t i = 0; i < samples.size(); ++i) {
       const std::complex<double> turn = std::polar(0.5 * wave.peak[c], -wave.phase_rad[i]);
       const double left = samples[i].radiance - mean.radiance - std::real(spectrum.phasors[w].value * turn);
@@ -138,6 +140,32 @@ void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, co
   }
   spectrum.saturated = spectrum.saturated || !cut.empty();
   set_level(line, spectrum);
+  measure_bars(stack, index, c, noise, spectrum);
+}
+
+void PhasorMeter::measure_bars(const FrameStack& stack, size_t index, size_t channel,
+                               const SampleNoise& noise, Spectrum& spectrum) const {
+  const bool level_known = std::isfinite(spectrum.level_sd) && spectrum.level > 0.0;
+  for (size_t axis = 0; axis < 2; ++axis) {
+    std::vector<BarAnswer>& answers = spectrum.bars[axis];
+    answers.assign(monitor_.bars[axis].size(), {});
+    for (size_t i = 0; level_known && i < answers.size(); ++i) {
+      const Bars& bars = monitor_.bars[axis][i];
+      const double range = spectrum.level * bars.light[channel];
+      const double dark = spectrum.mean_sample - spectrum.mean_light * spectrum.level;
+      if (!(range > 0.0) || bars.lit.empty()) continue;
+      const MergedSample lit = merge(stack, bars.lit, index, noise);
+      if (bars.complement.empty()) {
+        answers[i] = {.value = 2.0 * (lit.radiance - dark) / range - 1.0,
+                      .sd = 2.0 * std::sqrt(lit.variance) / range};
+      } else {
+        const MergedSample complement = merge(stack, bars.complement, index, noise);
+        answers[i] = {.value = (lit.radiance - complement.radiance) / range,
+                      .sd = std::sqrt(lit.variance + complement.variance) / range};
+      }
+      answers[i].value = std::clamp(answers[i].value, -1.0, 1.0);
+    }
+  }
 }
 
 }  // namespace glasswing

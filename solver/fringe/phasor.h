@@ -27,16 +27,22 @@ struct Phasor {
   double sd = kUnknown;        // of its real part, and of its imaginary part
 };
 
+// 1: the pixel sees lit bars; -1: dark ones.
+struct BarAnswer {
+  double value = 0.0, sd = kUnknown;
+};
+
 // One channel of a pixel on one monitor.
 struct Spectrum {
-  std::vector<Phasor> phasors;  // by wave
-  double level = 0.0;           // H(0)
-  double level_sd = kUnknown;   // unknown without black and other solids
-  double mean_light = 0.0;      // weighted mean of what was shown ...
-  double mean_sample = 0.0;     // ... and of what was seen
-  bool saturated = false;       // some sample was
-  double residual = 0.0;        // sum of squared residuals of the waves ...
-  int degrees = 0;              // ... and their degrees of freedom
+  std::vector<Phasor> phasors;                   // by wave
+  std::array<std::vector<BarAnswer>, 2> bars{};  // as WaveMonitor's
+  double level = 0.0;                            // H(0)
+  double level_sd = kUnknown;                    // unknown without black and other solids
+  double mean_light = 0.0;                       // weighted mean of what was shown ...
+  double mean_sample = 0.0;                      // ... and of what was seen
+  bool saturated = false;                        // some sample was
+  double residual = 0.0;                         // sum of squared residuals of the waves ...
+  int degrees = 0;                               // ... and their degrees of freedom
 };
 
 // Measures spectra on one monitor. Thread-safe.
@@ -51,6 +57,9 @@ class PhasorMeter {
                Spectrum& spectrum) const;
 
  private:
+  // What the pixel sees of the monitor's bars, by the spectrum's level.
+  void measure_bars(const FrameStack& stack, size_t index, size_t channel, const SampleNoise& noise,
+                    Spectrum& spectrum) const;
   // Mean, cosine and sine of a wave by phases, as linear sums of its samples.
   struct Solver {
     std::vector<std::array<double, 3>> row;  // by phase

@@ -173,9 +173,9 @@ SpectrumFit SpectrumFitter::fit(const Spectrum& spectrum, const std::vector<bool
   result.degrees = normal.count - static_cast<int>(oblique_ ? size : size - start.size());
   result.weight_sd.fill(kUnknown);
   result.centre_sd_px.fill(kUnknown);
-  const Eigen::LLT<FootprintMatrix> solver(normal.matrix);
-  if (solver.info() != Eigen::Success) return result;
-  const FootprintMatrix covariance = solver.solve(FootprintMatrix::Identity(size, size));
+  const FootprintCholesky factor(normal.matrix);
+  if (!factor.positive()) return result;
+  const FootprintMatrix covariance = factor.inverse();
   for (int m = 0; m < result.modes.size(); ++m) {
     const Eigen::Index at = kParameters * m;
     const auto i = static_cast<size_t>(m);

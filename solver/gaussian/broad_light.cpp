@@ -150,8 +150,9 @@ std::optional<BroadLight::Found> BroadLight::find(const PixelSamples& rest, doub
   start->light_sd *= noise;
   NormalEquations before;
   evaluate(averaged, start->modes, extent_, workspace, before);
-  const JointFit fit = fit_jointly(averaged, start->modes, extent_, kBroadIterations, workspace);
-  const bool shaped = fit.converged && is_broad(fit.modes[0]) && before.chi2 - fit.chi2 > more;
+  const JointFit fit =
+      fit_jointly(averaged, start->modes, extent_, {.max_steps = kBroadIterations}, workspace);
+  const bool shaped = fit.converged && is_broad(fit.modes[0]) && before.cost - fit.chi2 > more;
   return shaped ? Found{fit, true} : Found{*start, false};
 }
 

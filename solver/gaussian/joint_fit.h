@@ -20,9 +20,9 @@
 #include <cmath>
 #include <vector>
 
-#include "core/footprint/cone_step.h"
 #include "core/footprint/footprint.h"
 #include "core/footprint/lit_area.h"
+#include "core/footprint/minimise.h"
 #include "solver/gaussian/area_row.h"
 
 namespace glasswing {
@@ -89,17 +89,13 @@ struct PixelSamples {
   double width_weight = 0.0;  // of kUsualWidth_px, for widths below it
 };
 
-// The Gauss-Newton equations N delta = g at some footprints, in (R, cx, cy, xx, xy, yy) of each mode.
-struct NormalEquations {
-  double chi2 = 0.0;
+// The Gauss-Newton equations N delta = g at some footprints; their cost is chi2.
+struct NormalEquations : FootprintEquations {
   double floor = 0.0;  // f
   // The part of chi2 within reach of a mode (4.7 sigma_r), the number of samples there, and the sum of
   // products of neighbouring residuals there.
   double near_chi2 = 0.0, near_neighbours = 0.0;
   int near_count = 0;
-  std::array<double, kMaxParameters> gradient;  // g
-  std::array<std::array<double, kMaxParameters>, kMaxParameters>
-      matrix;  // N, symmetric, both triangles filled
 };
 
 // Scratch memory of one thread.
@@ -128,8 +124,8 @@ struct JointFit {
 // Fits from `start` (1 to 4 modes) to the nearest minimum. Sigma stays positive semi-definite: steps that
 // would leave the cone move along its boundary (cone_step.h). Weights may become negative. Converged: the
 // next step would be less than a tenth of the estimate's own standard error.
-// `held`: parameters that stay as they are, a bit each in the order of NormalEquations; their errors are 0.
+// `held`: parameters that stay as they are, a bit each in the order of the equations; their errors are 0.
 JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const MonitorExtent& extent,
-                     int max_iterations, JointWorkspace& workspace, unsigned held = 0);
+                     const StepLimits& limits, JointWorkspace& workspace, unsigned held = 0);
 
 }  // namespace glasswing

@@ -388,12 +388,11 @@ void ThreeByThree(const float* w, const float* a, const float* b, size_t stride,
       s20 = hn::MulAdd(x2, y0, s20), s21 = hn::MulAdd(x2, y1, s21), s22 = hn::MulAdd(x2, y2, s22);
     }
   }
-  double* m = &equations.matrix[static_cast<size_t>(row)][static_cast<size_t>(column)];
-  m[0] = Total(s00), m[1] = Total(s01), m[2] = Total(s02);
-  m += kMaxParameters;
-  m[0] = Total(s10), m[1] = Total(s11), m[2] = Total(s12);
-  m += kMaxParameters;
-  m[0] = Total(s20), m[1] = Total(s21), m[2] = Total(s22);
+  const auto set = [&](int i, V x, V y, V z) {
+    double* const m = &equations.matrix(column, row + i);  // of a symmetric matrix
+    m[0] = Total(x), m[1] = Total(y), m[2] = Total(z);
+  };
+  set(0, s00, s01, s02), set(1, s10, s11, s12), set(2, s20, s21, s22);
 }
 
 void Gradient(const float* w, const float* residual, const float* a, size_t stride,
@@ -429,10 +428,36 @@ Range Reach(const Footprint& mode, const SampleLayout::Sweep& sweep, const float
   return {begin, last > first ? (last + lanes - 1) / lanes * lanes : begin};
 }
 
+// The squares of residuals within a range, in standard deviations, their number, and the products of
+// neighbours.
+void AddNear(const float* w, const float* residual, Range range, NormalEquations& equations) {
+  const D d;
+  const V zero = hn::Zero(d), one = hn::Set(d, 1.0f);
+  const auto own_at = [&](int i) {
+    return hn::Mul(hn::Sqrt(hn::LoadU(d, w + i)), hn::LoadU(d, residual + i));
+  };
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  V squares = zero, products = zero, counted = zero;
+  float last = 0.0f;
+  for (int i = range.begin; i < range.end; i += lanes) {
+    const V own = own_at(i);
+    squares = hn::MulAdd(own, own, squares);
+    counted = hn::Add(counted, hn::IfThenElse(hn::Ne(hn::LoadU(d, w + i), zero), one, zero));
+    HWY_ALIGN float before[SampleLayout::kPad + 1];
+    before[0] = last;
+    hn::StoreU(own, d, before + 1);
+    products = hn::MulAdd(own, hn::LoadU(d, before), products);
+    last = before[lanes];
+  }
+  equations.near_chi2 += Total(squares);
+  equations.near_neighbours += Total(products);
+  equations.near_count += static_cast<int>(Total(counted));
+}
+
 // Computes chi2 and its part within the modes' ranges.
 void AddSquares(const float* w, const SampleLayout::Sweep& sweep, const float* residual,
                 std::span<Range> ranges, NormalEquations& equations) {
-  equations.chi2 += WeightedSquares(w, residual, {0, sweep.padded_count});
+  equations.cost += WeightedSquares(w, residual, {0, sweep.padded_count});
   for (size_t i = 1; i < ranges.size(); ++i) {
     for (size_t k = i; k > 0 && ranges[k].begin < ranges[k - 1].begin; --k)
       std::swap(ranges[k], ranges[k - 1]);
@@ -441,15 +466,7 @@ void AddSquares(const float* w, const SampleLayout::Sweep& sweep, const float* r
   for (const Range range : ranges) {
     const Range rest{std::max(range.begin, done), range.end};
     if (rest.begin >= rest.end) continue;
-    double before = 0.0;
-    equations.near_chi2 += WeightedSquares(w, residual, rest);
-    for (int i = rest.begin; i < std::min(rest.end, sweep.count); ++i) {
-      if (w[i] == 0.0f) continue;
-      ++equations.near_count;
-      const double own = static_cast<double>(std::sqrt(w[i]) * residual[i]);
-      equations.near_neighbours += own * before;
-      before = own;
-    }
+    AddNear(w, residual, rest, equations);
     done = rest.end;
   }
 }
@@ -473,8 +490,11 @@ class SumsAt {
         mode_count_(static_cast<size_t>(modes.size())) {}
 
   void Compute() {
-    equations_.chi2 = equations_.near_chi2 = equations_.near_neighbours = equations_.floor = 0.0;
+    equations_.cost = equations_.near_chi2 = equations_.near_neighbours = equations_.floor = 0.0;
     equations_.near_count = 0;
+    const auto size = static_cast<Eigen::Index>(6 * mode_count_);
+    equations_.matrix.resize(size, size);
+    equations_.gradient.resize(size);
     SubtractModes();
     if (!samples_.at_least.empty()) CountBounds();
     const double floors = std::isfinite(samples_.floor_weight) ? SubtractFloor() : 0.0;
@@ -536,7 +556,7 @@ class SumsAt {
     equations_.floor = sum / floors;
     const auto floor = static_cast<float>(equations_.floor);
     for (size_t i = 0; i < stride_; ++i) workspace_.residual[i] -= floor * u[i];
-    equations_.chi2 += samples_.floor_weight * equations_.floor * equations_.floor;
+    equations_.cost += samples_.floor_weight * equations_.floor * equations_.floor;
     return floors;
   }
 
@@ -556,7 +576,7 @@ class SumsAt {
     const float* w = weight_;
     for (size_t m = 0; m < mode_count_; ++m) {
       Gradient(w, workspace_.residual.data(), Columns(m), stride_, {reach_[m], sweep_count_},
-               &equations_.gradient[6 * m]);
+               equations_.gradient.data() + 6 * m);
       for (size_t n = m; n < mode_count_; ++n) {
         Range common[kMaxSweeps];
         for (size_t s = 0; s < sweep_count_; ++s) common[s] = Common(reach_[m][s], reach_[n][s]);
@@ -569,8 +589,8 @@ class SumsAt {
         }
       }
     }
-    for (size_t p = 0; p < 6 * mode_count_; ++p) {
-      for (size_t q = 0; q < p / 3 * 3; ++q) equations_.matrix[p][q] = equations_.matrix[q][p];
+    for (Eigen::Index p = 0; p < equations_.matrix.rows(); ++p) {
+      for (Eigen::Index q = 0; q < p / 3 * 3; ++q) equations_.matrix(q, p) = equations_.matrix(p, q);
     }
   }
 
@@ -586,9 +606,8 @@ class SumsAt {
           by[p] += WeightedProduct(w, u, Columns(m) + (p - 6 * m) * stride_, reach_[m][s]);
       }
     }
-    for (size_t p = 0; p < 6 * mode_count_; ++p) {
-      for (size_t q = 0; q < 6 * mode_count_; ++q) equations_.matrix[p][q] -= by[p] * by[q] / floors;
-    }
+    const Eigen::Map<const FootprintVector> n(by, equations_.matrix.rows());
+    equations_.matrix.noalias() -= n * n.transpose() / floors;
   }
 
   const PixelSamples& samples_;
@@ -641,19 +660,24 @@ void load_areas(const PixelSamples& samples, const Footprints& modes, const Moni
 }
 
 void add_areas(const Footprints& modes, std::vector<AreaRow>& rows, NormalEquations& equations) {
-  const auto n = static_cast<size_t>(6 * modes.size());
   for (AreaRow& row : rows) {
     row.rest -= row.floor * equations.floor;
     if (row.weight == 0.0) continue;
     const double square = row.weight * row.rest * row.rest;
-    equations.chi2 += square;
+    equations.cost += square;
     equations.near_chi2 += square;
     ++equations.near_count;
-    for (size_t p = 0; p < n; ++p) {
-      const double weighted = row.weight * row.by[p];
-      equations.gradient[p] += weighted * row.rest;
-      if (weighted == 0.0) continue;  // most bars tell nothing of most parameters
-      for (size_t q = 0; q < n; ++q) equations.matrix[p][q] += weighted * row.by[q];
+    // Most bars tell nothing of most parameters.
+    std::array<int, kMaxParameters> told;
+    size_t count = 0;
+    for (int p = 0; p < 6 * modes.size(); ++p) {
+      if (row.by[static_cast<size_t>(p)] != 0.0) told[count++] = p;
+    }
+    for (size_t i = 0; i < count; ++i) {
+      const double weighted = row.weight * row.by[static_cast<size_t>(told[i])];
+      equations.gradient[told[i]] += weighted * row.rest;
+      for (size_t j = 0; j < count; ++j)
+        equations.matrix(told[j], told[i]) += weighted * row.by[static_cast<size_t>(told[j])];
     }
   }
 }
@@ -662,10 +686,10 @@ void add_bounds(double weight, const Footprints& modes, NormalEquations& equatio
   for (int m = 0; m < modes.size(); ++m) {
     const double beyond = modes[m].weight - 1.0;
     if (beyond <= 0.0) continue;
-    const auto p = static_cast<size_t>(6 * m);
-    equations.chi2 += weight * beyond * beyond;
+    const int p = 6 * m;
+    equations.cost += weight * beyond * beyond;
     equations.gradient[p] -= weight * beyond;
-    equations.matrix[p][p] += weight;
+    equations.matrix(p, p) += weight;
   }
 }
 
@@ -676,10 +700,10 @@ void add_widths(double weight, const Footprints& modes, NormalEquations& equatio
     for (const auto& [variance, i] : {std::pair{modes[m].xx_px2, 3}, {modes[m].yy_px2, 5}}) {
       const double below = 1.0 - variance / kUsual_px2;
       if (below <= 0.0) continue;
-      const auto p = static_cast<size_t>(6 * m + i);
-      equations.chi2 += weight * kUsual_px2 * below * below;
+      const int p = 6 * m + i;
+      equations.cost += weight * kUsual_px2 * below * below;
       equations.gradient[p] += weight * below;
-      equations.matrix[p][p] += weight / kUsual_px2;
+      equations.matrix(p, p) += weight / kUsual_px2;
     }
   }
 }

@@ -17,6 +17,7 @@ constexpr int kTurns = 3;               // of finding broad light and fitting th
 constexpr int kRounds = 8;              // of fits after the first, with white and bars weighed anew
 constexpr int kLong = 60;               // iterations of one that has to leave its start behind
 constexpr int kPolish = 12;             // iterations of a fit that had converged without white
+constexpr double kGrowth = 2.0;         // within a pixel the samples bend sharply
 constexpr double kSure = 2.0;           // a weight below so many of its standard errors is doubted
 
 bool is_positive(const JointFit& fit) {
@@ -176,10 +177,9 @@ std::optional<JointFit> LaneSolver::fit_all(const LaneSamples& samples, const Fo
     return sum;
   };
   Footprints modes = start;
+  StepLimits limits{.max_steps = 1, .growth = kGrowth};  // the first step changes most
   for (int round = 0;; ++round) {
-    // The first step changes most.
-    const int iterations = round == 0 ? 1 : kPolish;
-    const JointFit fit = fit_jointly(all, modes, monitor_.extent, iterations, workspace_);
+    const JointFit fit = fit_jointly(all, modes, monitor_.extent, limits, workspace_);
     if (!is_positive(fit)) return std::nullopt;
     const double before = weights();
     weigh_areas(samples, fit, all);
@@ -187,6 +187,7 @@ std::optional<JointFit> LaneSolver::fit_all(const LaneSamples& samples, const Fo
     if (round == kRounds || (fit.converged && std::abs(weights() - before) <= 0.2 * before))
       return fit.converged ? std::optional(fit) : std::nullopt;
     modes = fit.modes;
+    limits = {.max_steps = kPolish, .growth = kGrowth};
   }
 }
 
@@ -207,7 +208,8 @@ LaneFit LaneSolver::settle(const LaneSamples& samples, LaneFit found, bool expec
   }
   if (!fit && std::any_of(found.fit.modes.begin(), found.fit.modes.end(), is_too_bright)) {
     // Sweeps alone do not know of the bound.
-    const JointFit bounded = fit_jointly(all, found.fit.modes, monitor_.extent, kLong, workspace_);
+    const JointFit bounded =
+        fit_jointly(all, found.fit.modes, monitor_.extent, {.max_steps = kLong}, workspace_);
     if (is_positive(bounded)) fit = bounded;
   }
   if (!fit) {
@@ -253,7 +255,8 @@ std::optional<JointFit> LaneSolver::with_broad_light(const LaneSamples& samples,
       const std::optional<JointFit> joint = fit_all(samples, together, trial);
       if (joint && monitor_.broad->is_broad(joint->modes[joint->modes.size() - 1])) return joint;
     }
-    fit = fit_jointly(left_by(all, broad->fit.modes), modes, monitor_.extent, kPolish, workspace_);
+    fit = fit_jointly(left_by(all, broad->fit.modes), modes, monitor_.extent, {.max_steps = kPolish},
+                      workspace_);
     if (!fit.converged || !is_positive(fit)) return std::nullopt;
     modes = fit.modes;
     const auto last = static_cast<size_t>(modes.size());
@@ -278,7 +281,7 @@ LaneFit LaneSolver::judge(const LaneSamples& samples, LaneFit settled, LaneNotes
       PixelSamples all = everything(samples, fit);
       NormalEquations now;
       evaluate(all, fit.modes, monitor_.extent, workspace_, now);
-      fit.chi2 = now.chi2, fit.near_chi2 = now.near_chi2, fit.near_count = now.near_count;
+      fit.chi2 = now.cost, fit.near_chi2 = now.near_chi2, fit.near_count = now.near_count;
       const std::optional<JointFit> without = fit_all(samples, fewer, all);
       if (without && !earns_its_place(*without, fit, samples.noise_sd)) {
         note(notes, fmt::format("refused: R {:.5f} +- {:.5f}, which the samples do not ask for",
@@ -316,8 +319,8 @@ bool LaneSolver::hold_on_monitor(const LaneSamples& samples, int m, LaneFit& set
   const PixelSamples all = everything(samples, fit);
   NormalEquations now;
   evaluate(all, fit.modes, extent, workspace_, now);
-  JointFit on = fit_jointly(all, start, extent, kLong, workspace_, held << (6 * m));
-  if (!is_positive(on) || !on.converged || on.chi2 > now.chi2 + kNoWorse * noise_of(samples)) {
+  JointFit on = fit_jointly(all, start, extent, {.max_steps = kLong}, workspace_, held << (6 * m));
+  if (!is_positive(on) || !on.converged || on.chi2 > now.cost + kNoWorse * noise_of(samples)) {
     fit.converged = false;
     return false;
   }

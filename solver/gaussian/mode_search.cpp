@@ -284,13 +284,13 @@ class Search {
     if (usual != nullptr) {
       best = *usual;
       evaluate(samples_, best.modes, extent_, workspace_, equations_);
-      best.chi2 = equations_.chi2, best.near_chi2 = equations_.near_chi2;
+      best.chi2 = equations_.cost, best.near_chi2 = equations_.near_chi2;
       best.near_neighbours = equations_.near_neighbours;
       best.near_count = equations_.near_count;
     } else if (as_many_as_peaks(peaks, max_modes, subsets, &best)) {
       return best;
     }
-    while (best.modes.size() < max_modes) {
+    while (best.modes.size() < max_modes && may_earn_more(best)) {
       starts_.clear();
       const int size = best.modes.size() + 1;
       Footprints start;
@@ -319,16 +319,26 @@ class Search {
     Footprints start;
     const int most = max_peaks(peaks);
     if (most > max_modes || !subsets.best(most, &start)) return false;
-    *fit = fit_jointly(samples_, start, extent_, kIterations / 4, workspace_);
+    *fit = fit_jointly(samples_, start, extent_, {.max_steps = kIterations / 4}, workspace_);
     if (is_sound(*fit) && explained(*fit)) return true;
     *fit = {};
     return false;
   }
 
   // Near the modes and elsewhere.
-  bool explained(const JointFit& fit) const {
-    return is_explained(fit, noise_sd_) &&
-           fit.chi2 - fit.near_chi2 < 1.5 * noise_sd_ * noise_sd_ * sample_count();
+  bool explained(const JointFit& fit) const { return is_explained(fit, noise_sd_) && is_dark_elsewhere(fit); }
+
+  bool is_dark_elsewhere(const JointFit& fit) const {
+    return fit.chi2 - fit.near_chi2 < 1.5 * noise_sd_ * noise_sd_ * sample_count();
+  }
+
+  // Whether a further mode that left nothing but noise would earn its place.
+  bool may_earn_more(const JointFit& fit) const {
+    if (fit.modes.empty() || !is_dark_elsewhere(fit)) return true;
+    JointFit best = fit;
+    best.chi2 -= fit.near_chi2;
+    best.near_chi2 = 0.0;
+    return earns_its_place(fit, best, noise_sd_);
   }
 
   double sample_count() const {
@@ -341,13 +351,14 @@ class Search {
   bool fit_best_start(JointFit* best) {
     bool found = false;
     for (const Footprints& start : starts_) {
-      const JointFit fit = fit_jointly(samples_, start, extent_, kFirstIterations, workspace_);
+      const JointFit fit = fit_jointly(samples_, start, extent_, {.max_steps = kFirstIterations}, workspace_);
       if (!physical(fit) || (found && fit.chi2 >= best->chi2)) continue;
       *best = fit;
       found = true;
     }
     if (found && !best->converged) {
-      const JointFit fit = fit_jointly(samples_, best->modes, extent_, kIterations, workspace_);
+      const JointFit fit =
+          fit_jointly(samples_, best->modes, extent_, {.max_steps = kIterations}, workspace_);
       if (physical(fit) && fit.chi2 <= best->chi2) *best = fit;
     }
     return found;
@@ -439,7 +450,7 @@ JointFit placed(const PixelSamples& samples, const JointFit& seen, const Monitor
   const double least_px = samples.layout->sweeps.front().axis.sigma_px / 8.0;
   Footprints start = seen.modes;
   for (Footprint& mode : start) mode = with_positive_covariance(mode, least_px * least_px);
-  const JointFit fit = fit_jointly(samples, start, extent, kIterations, workspace);
+  const JointFit fit = fit_jointly(samples, start, extent, {.max_steps = kIterations}, workspace);
   const bool positive = std::all_of(fit.modes.begin(), fit.modes.end(),
                                     [](const Footprint& mode) { return mode.weight > 0.0; });
   return fit.converged && positive ? fit : seen;

@@ -52,6 +52,10 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
   const float saturated = stack.radiance(kSaturatedCode) - 0.5f * stack.unit;
   std::transform(samples_.begin(), samples_.end(), weights_.begin(),
                  [=](float value) { return value >= saturated ? -1.0f : 1.0f; });
+  if (stack.full >= saturated) return;
+  for (float& value : samples_) {
+    if (value >= saturated) value = stack.full;
+  }
 }
 
 void SampleTile::need_weights() {

@@ -61,7 +61,7 @@ MergedSample merge(const FrameStack& stack, std::span<const ExposedFrame> shot, 
     if (longest == nullptr || exposed.scale < longest->scale) longest = &exposed;
   }
   const auto radiance = [&](const ExposedFrame& exposed) {
-    return static_cast<double>(stack.radiance(sample(exposed))) * exposed.scale;
+    return static_cast<double>(stack.light(sample(exposed))) * exposed.scale;
   };
   const double expected = radiance(longest != nullptr ? *longest : *shortest);
   const auto variance = [&](const ExposedFrame& exposed) {

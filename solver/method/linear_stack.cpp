@@ -5,15 +5,21 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "core/base/status.h"
+#include "core/frame/image.h"
+#include "core/import/photograph_response.h"
 #include "solver/method/exposure_merge.h"
+#include "solver/method/frame_correction.h"
 
 namespace glasswing {
 namespace {
 
 // Removing the drift raises light above 1 by at most this much, and noise around black below 0 by that much.
 constexpr float kDriftAbove = 0.25f, kDriftBelow = 0.05f;
+
+constexpr float kGraysAbove = 1.5f;  // of white that grays tell of
 
 constexpr float kMaxPedestal = 0.25f;
 constexpr double kSameCrosstalk = 0.02;
@@ -67,6 +73,12 @@ struct Owned {
   std::vector<std::vector<std::uint16_t>> frames;
 };
 
+bool has_grays(const FrameCorrections* corrections) {
+  return corrections != nullptr && std::ranges::any_of(corrections->of_frame, [](const FrameCorrection& own) {
+           return own.grays.gray >= 0;
+         });
+}
+
 constexpr std::array<float, 3> kUnchanged{1.0f, 1.0f, 1.0f};
 
 }  // namespace
@@ -81,6 +93,15 @@ absl::StatusOr<LinearStack> LinearStack::create(const v1::CaptureManifest& manif
   return linear;
 }
 
+absl::Status LinearStack::decode(const std::string& response) {
+  GW_ASSIGN_OR_RETURN(const PhotographResponse curve, PhotographResponse::create(response, 0.0));
+  Image16 codes(256, 256, 1);
+  std::iota(codes.samples.begin(), codes.samples.end(), std::uint16_t{0});
+  curve.linearise(codes);
+  light_ = FrameLight::of_samples(codes.samples);
+  return absl::OkStatus();
+}
+
 std::map<LinearStack::BlackKey, size_t> LinearStack::black_frames(const FrameStack& stack) const {
   std::map<BlackKey, size_t> black;
   for (size_t i = 0; i < stack.rows.size(); ++i) {
@@ -89,12 +110,48 @@ std::map<LinearStack::BlackKey, size_t> LinearStack::black_frames(const FrameSta
   return black;
 }
 
+std::vector<float> LinearStack::corrected(const FrameStack& stack, size_t frame) const {
+  std::vector<float> corrected;
+  if (stack.corrections == nullptr) return corrected;
+  const FrameCorrection& own = stack.corrections->of_frame[frame];
+  const std::span<const std::uint16_t> samples = stack.rows[frame];
+  corrected.resize(samples.size());
+  for (size_t at = 0; at < samples.size(); ++at)
+    corrected[at] = light_.saturated(samples[at]) ? NAN : light_.light(samples[at], stack.channel_at(at));
+  for (size_t k = 0; k < own.before.size(); ++k) {
+    const float share = stack.corrections->ghost[k];
+    if (share == 0.0f || own.before[k] < 0) continue;
+    const std::span<const std::uint16_t> last = stack.rows[static_cast<size_t>(own.before[k])];
+    if (last.size() != samples.size()) continue;
+    for (size_t at = 0; at < samples.size(); ++at)
+      corrected[at] -= share * light_.light(last[at], stack.channel_at(at));
+  }
+  for (size_t at = 0; at < samples.size(); ++at) {
+    const auto channel = static_cast<size_t>(stack.channel_at(at));
+    corrected[at] = (corrected[at] - own.offset[channel]) / own.gain[channel];
+  }
+  if (own.grays.gray >= 0 && std::ranges::any_of(corrected, [](float light) { return std::isnan(light); })) {
+    const std::vector<float> gray = this->corrected(stack, static_cast<size_t>(own.grays.gray)),
+                             black = this->corrected(stack, static_cast<size_t>(own.grays.black));
+    if (gray.size() != samples.size() || black.size() != samples.size()) return corrected;
+    for (size_t at = 0; at < samples.size(); ++at) {
+      if (std::isnan(corrected[at])) corrected[at] = black[at] + (gray[at] - black[at]) / own.grays.level;
+    }
+  }
+  return corrected;
+}
+
 FrameStack LinearStack::of(FrameStack stack) const {
-  const bool drifts = !stack.brightness.empty();
+  const bool drifts = !stack.brightness.empty() || stack.corrections != nullptr;
   if (light_.is_identity() && !drifts) return stack;
-  const float low = lowest(light_) - (drifts ? kDriftBelow : 0.0f), high = drifts ? 1.0f + kDriftAbove : 1.0f;
+  // What is saturated keeps the light of full scale: monitors' white often is just that.
+  const float low = lowest(light_) - (drifts ? kDriftBelow : 0.0f),
+              high = has_grays(stack.corrections.get()) ? kGraysAbove
+                     : stack.brightness.empty()         ? 1.0f
+                                                        : 1.0f + kDriftAbove;
   stack.unit = (high - low) / static_cast<float>(kSaturatedCode - 1);
   stack.zero = -low / stack.unit;
+  stack.full = 1.0f;
   stack.cut_off = cut_off(light_) + stack.unit;
   const auto code_of = [&](float light) {
     const float code = stack.zero + light / stack.unit + 0.5f;
@@ -103,24 +160,27 @@ FrameStack LinearStack::of(FrameStack stack) const {
   const auto owned = std::make_shared<Owned>();
   owned->source = stack.owner;
   owned->frames.resize(stack.rows.size());
-  const auto black = drifts ? black_frames(stack) : std::map<BlackKey, size_t>();
+  const auto black = !stack.brightness.empty() ? black_frames(stack) : std::map<BlackKey, size_t>();
   for (size_t i = 0; i < stack.rows.size(); ++i) {
     const std::span<const std::uint16_t> samples = stack.rows[i];
-    const std::array<float, 3> brightness = drifts ? stack.brightness[i] : kUnchanged;
-    const auto dark = drifts ? black.find(frames_[i].key) : black.end();
+    const std::array<float, 3> brightness = stack.brightness.empty() ? kUnchanged : stack.brightness[i];
+    const auto dark = black.find(frames_[i].key);
     const bool changed = brightness != kUnchanged;
     const bool drifted = changed && dark != black.end(), exposed = changed && black.empty();
+    const std::vector<float> light_of_frame = corrected(stack, i);
     std::vector<std::uint16_t>& to = owned->frames[i];
     to.resize(samples.size());
     for (size_t at = 0; at < samples.size(); ++at) {
       const int channel = stack.channel_at(at);
-      float light = light_.light(samples[at], channel);
+      float light = light_of_frame.empty() ? light_.light(samples[at], channel) : light_of_frame[at];
       if (drifted) {
         const float below = light_.light(stack.rows[dark->second][at], channel);
         light = below + (light - below) / brightness[static_cast<size_t>(channel)];
       }
       if (exposed) light /= brightness[static_cast<size_t>(channel)];
-      to[at] = light_.saturated(samples[at]) ? std::uint16_t{65535} : code_of(light);
+      const bool saturated =
+          light_of_frame.empty() ? light_.saturated(samples[at]) : !(light_of_frame[at] < kGraysAbove);
+      to[at] = saturated ? std::uint16_t{65535} : code_of(light);
     }
   }
   for (size_t i = 0; i < stack.rows.size(); ++i) stack.rows[i] = owned->frames[i];

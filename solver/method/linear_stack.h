@@ -4,7 +4,8 @@
 //   light = black + (seen - black) / brightness
 //         = seen / brightness                      in archives without black frames (exposure_changes.h)
 //
-// where black is the same pixel before black monitors, with the same object and exposure.
+// where black is the same pixel before black monitors, with the same object and exposure. What the rig did to
+// the frames is taken off first (frame_correction.h).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -24,6 +25,10 @@ class LinearStack {
  public:
   // Converts every stack of this session. INVALID_ARGUMENT: an invalid calibration.
   static absl::StatusOr<LinearStack> create(const v1::CaptureManifest& manifest);
+
+  // Takes samples for codes of this response (core/import/photograph_response.h) from now on, whatever the
+  // manifest says. INVALID_ARGUMENT: no such response.
+  absl::Status decode(const std::string& response);
 
   // The same rows as light on 16 bits, above a pedestal that keeps what noise brings below 0: without it
   // means around black would be too bright. A stack whose samples are already light and that has no drift is
@@ -45,6 +50,8 @@ class LinearStack {
   };
 
   LinearStack(FrameLight light, PrimaryMix mix) : light_(std::move(light)), mix_(std::move(mix)) {}
+  // A frame's light with FrameStack::corrections; empty without.
+  std::vector<float> corrected(const FrameStack& stack, size_t frame) const;
   // The first black frame that has rows, by key.
   std::map<BlackKey, size_t> black_frames(const FrameStack& stack) const;
 

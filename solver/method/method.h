@@ -19,7 +19,8 @@
 
 namespace glasswing {
 
-struct StageMaps;  // solver/background/stage_maps.h
+struct FrameCorrections;  // solver/method/frame_correction.h
+struct StageMaps;         // solver/background/stage_maps.h
 
 // Samples from this code on are saturated: 0.9995 of full scale.
 inline constexpr std::uint16_t kSaturatedCode = 65502;
@@ -54,11 +55,15 @@ struct FrameStack {
   std::shared_ptr<const void> owner;
   // Radiance = (sample - zero) * unit.
   float zero = 0.0f, unit = 1.0f / 65535.0f;
+  float full = INFINITY;  // the light of what is saturated, where codes reach beyond
   // The camera cuts off noise below this light: samples down here are at most that.
   float cut_off = 0.0f;
   // By index in manifest.frames and channel: the brightness of its monitor relative to the session's first
   // white (brightness_drift.h). Empty: constant.
   std::vector<std::array<float, 3>> brightness = {};
+  // Of the whole session; the frames before those of `rows` that ghosts come from are in `rows`, too. Null:
+  // nothing is corrected.
+  std::shared_ptr<const FrameCorrections> corrections = nullptr;
   // Of the whole session. Null: not measured.
   std::shared_ptr<const StageMaps> stage_maps = nullptr;
   int column_step = 1;  // the stack's columns are every so-manyth of the picture's; odd
@@ -83,9 +88,12 @@ struct FrameStack {
     return channels(static_cast<int>(index % width), static_cast<int>(index / width)).first;
   }
   float radiance(std::uint16_t sample) const { return (static_cast<float>(sample) - zero) * unit; }
+  float light(std::uint16_t sample) const {
+    return sample >= kSaturatedCode ? std::min(radiance(sample), full) : radiance(sample);
+  }
   // Radiance; x counts from the left, y from first_row.
   float at(int frame, int x, int y, int channel) const {
-    return radiance(rows[static_cast<size_t>(frame)][sample_index(x, y, channel)]);
+    return light(rows[static_cast<size_t>(frame)][sample_index(x, y, channel)]);
   }
 };
 

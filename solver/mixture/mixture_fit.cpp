@@ -22,7 +22,7 @@ struct Equations : FootprintEquations {
 
 // The answers of all modes, and what they leave of the samples.
 struct Columns {
-  Columns(const LaneSamples& samples, const Footprints& modes, bool through_pixels)
+  Columns(const MixtureLanes& samples, const Footprints& modes, bool through_pixels)
       : size(samples.patterns->size()),
         answers(std::make_unique_for_overwrite<float[]>(PatternLanes::kColumns * size *
                                                         static_cast<size_t>(modes.size()))),
@@ -45,7 +45,7 @@ struct Columns {
   double floor = 0.0;
 };
 
-void evaluate(const LaneSamples& samples, const Footprints& modes, bool through_pixels,
+void evaluate(const MixtureLanes& samples, const Footprints& modes, bool through_pixels,
               Equations& equations) {
   Columns columns(samples, modes, through_pixels);
   const int parameters = 6 * modes.size();
@@ -75,6 +75,8 @@ void evaluate(const LaneSamples& samples, const Footprints& modes, bool through_
   }
   // A hundredth of one sample's residual, or of its noise.
   equations.enough = 0.01 * std::max(equations.chi2 / samples.count, 1.0);
+  equations.little = kLittle * equations.cost;
+  equations.rounding = kRounding;
 }
 
 bool sane(const Footprints& modes, const MonitorExtent& extent) {
@@ -87,7 +89,7 @@ bool sane(const Footprints& modes, const MonitorExtent& extent) {
 
 }  // namespace
 
-LaneSamples::LaneSamples(const MixtureSamples& samples)
+MixtureLanes::MixtureLanes(const MixtureSamples& samples)
     : patterns(samples.patterns),
       count(static_cast<int>(samples.size())),
       information(samples.weight.sum()),
@@ -104,7 +106,7 @@ LaneSamples::LaneSamples(const MixtureSamples& samples)
   }
 }
 
-Residual residual_of(const LaneSamples& samples, const Footprints& modes, bool through_pixels) {
+Residual residual_of(const MixtureLanes& samples, const Footprints& modes, bool through_pixels) {
   Columns columns(samples, modes, through_pixels);
   float* const residual = columns.residual.data();
   internal::centre(samples.root.data(), samples.information, {&residual, 1}, columns.size);
@@ -126,17 +128,16 @@ std::vector<double> model_of(const MixtureSamples& samples, const Footprints& mo
   return model;
 }
 
-MixtureFit fit_mixture(const LaneSamples& samples, const Footprints& start, bool through_pixels,
+MixtureFit fit_mixture(const MixtureLanes& samples, const Footprints& start, bool through_pixels,
                        int max_steps) {
   const MonitorExtent& extent = samples.patterns->answers().extent();
   const Minimum<Equations> found = minimise<Equations>(
       start, [&](const Footprints& modes, Equations& at) { evaluate(samples, modes, through_pixels, at); },
-      [&](const Footprints& modes) { return sane(modes, extent); },
-      {.max_steps = max_steps, .little = kLittle, .rounding = kRounding});
+      [&](const Footprints& modes) { return sane(modes, extent); }, {.max_steps = max_steps});
   return {.modes = found.modes, .chi2 = found.at.chi2, .floor = found.at.floor, .converged = found.converged};
 }
 
-void find_errors(const LaneSamples& samples, MixtureFit& fit) {
+void find_errors(const MixtureLanes& samples, MixtureFit& fit) {
   fit.weight_sd.fill(std::numeric_limits<double>::infinity());
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
   const Eigen::Index size = 6 * fit.modes.size();
@@ -160,10 +161,9 @@ void find_errors(const LaneSamples& samples, MixtureFit& fit) {
   const FootprintVector unit = information.diagonal().cwiseSqrt().cwiseInverse();
   FootprintMatrix scaled = unit.asDiagonal() * information * unit.asDiagonal();
   scaled.diagonal().array() += kLeastInformation;
-  const Eigen::LLT<FootprintMatrix> solver(scaled);
-  if (solver.info() != Eigen::Success) return;
-  const FootprintMatrix covariance =
-      unit.asDiagonal() * solver.solve(FootprintMatrix::Identity(size, size)) * unit.asDiagonal();
+  const FootprintCholesky factor(scaled);
+  if (!factor.positive()) return;
+  const FootprintMatrix covariance = unit.asDiagonal() * factor.inverse() * unit.asDiagonal();
   for (int m = 0; m < fit.modes.size(); ++m) {
     const Eigen::Index k = 6 * m;
     const auto i = static_cast<size_t>(m);

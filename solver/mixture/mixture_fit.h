@@ -26,8 +26,8 @@ struct MixtureSamples {
 };
 
 // The same in lanes of float (pattern_lanes.h).
-struct LaneSamples {
-  explicit LaneSamples(const MixtureSamples& samples);
+struct MixtureLanes {
+  explicit MixtureLanes(const MixtureSamples& samples);
 
   const PatternLanes* patterns;
   int count;                         // with black
@@ -49,16 +49,16 @@ struct Residual {
   double floor = 0.0;  // F
   double chi2 = 0.0;   // without the bound's part
 };
-Residual residual_of(const LaneSamples& samples, const Footprints& modes, bool through_pixels);
+Residual residual_of(const MixtureLanes& samples, const Footprints& modes, bool through_pixels);
 
 // sum_m y_m by pattern, black included.
 std::vector<double> model_of(const MixtureSamples& samples, const Footprints& modes, bool through_pixels);
 
 // Levenberg-Marquardt from `start`; Sigma stays positive semi-definite (minimise.h).
-MixtureFit fit_mixture(const LaneSamples& samples, const Footprints& start, bool through_pixels,
+MixtureFit fit_mixture(const MixtureLanes& samples, const Footprints& start, bool through_pixels,
                        int max_steps);
 
 // Sets the standard errors, from the inverse of the normal matrix; infinite where that is singular.
-void find_errors(const LaneSamples& samples, MixtureFit& fit);
+void find_errors(const MixtureLanes& samples, MixtureFit& fit);
 
 }  // namespace glasswing

@@ -95,7 +95,7 @@ FootprintDictionary::FootprintDictionary(const PatternLanes& patterns) : pattern
   }
 }
 
-FootprintDictionary::Norms FootprintDictionary::norms(const LaneSamples& samples) const {
+FootprintDictionary::Norms FootprintDictionary::norms(const MixtureLanes& samples) const {
   std::vector<float> first(patterns_.pattern_count()), second(first);
   for (size_t p = 0; p < first.size(); ++p) {
     const size_t k = patterns_.lane(p);
@@ -109,7 +109,7 @@ FootprintDictionary::Norms FootprintDictionary::norms(const LaneSamples& samples
   return norms;
 }
 
-Footprint FootprintDictionary::best(const LaneSamples& samples, const Residual& residual,
+Footprint FootprintDictionary::best(const MixtureLanes& samples, const Residual& residual,
                                     const Norms& norms) const {
   std::vector<float> wanted(patterns_.pattern_count()), both(stride_);
   for (size_t p = 0; p < wanted.size(); ++p) {
@@ -134,14 +134,14 @@ bool MixtureSearch::explains(const MixtureFit& fit, int samples) {
   return excess(fit, samples) < 1.0;
 }
 
-Footprints MixtureSearch::with_best(const LaneSamples& samples, const FootprintDictionary::Norms& norms,
+Footprints MixtureSearch::with_best(const MixtureLanes& samples, const FootprintDictionary::Norms& norms,
                                     Footprints modes) const {
   const Footprint found = dictionary_.best(samples, residual_of(samples, modes, false), norms);
   if (found.weight > 0.0) modes.push_back(found);
   return modes;
 }
 
-MixtureFit MixtureSearch::best_of(const LaneSamples& samples, int size,
+MixtureFit MixtureSearch::best_of(const MixtureLanes& samples, int size,
                                   std::span<const Footprints> starts) const {
   std::vector<MixtureFit> fits;
   for (const Footprints& start : starts) {
@@ -162,7 +162,7 @@ MixtureFit MixtureSearch::best_of(const LaneSamples& samples, int size,
 }
 
 MixtureFit MixtureSearch::run(const MixtureSamples& samples, std::span<const Footprints> neighbours) const {
-  const LaneSamples lanes(samples);
+  const MixtureLanes lanes(samples);
   const Footprints* likeliest = nullptr;
   double least = INFINITY;
   for (const Footprints& own : neighbours) {
@@ -189,7 +189,7 @@ MixtureFit MixtureSearch::run(const MixtureSamples& samples, std::span<const Foo
   return search(lanes, norms, neighbours);
 }
 
-MixtureFit MixtureSearch::fewest(const LaneSamples& samples, MixtureFit fit) const {
+MixtureFit MixtureSearch::fewest(const MixtureLanes& samples, MixtureFit fit) const {
   sort(fit);
   while (fit.modes.size() > 1) {
     Footprints fewer = fit.modes;
@@ -202,7 +202,7 @@ MixtureFit MixtureSearch::fewest(const LaneSamples& samples, MixtureFit fit) con
   return fit;
 }
 
-MixtureFit MixtureSearch::search(const LaneSamples& samples, const FootprintDictionary::Norms& norms,
+MixtureFit MixtureSearch::search(const MixtureLanes& samples, const FootprintDictionary::Norms& norms,
                                  std::span<const Footprints> neighbours) const {
   const Residual empty = residual_of(samples, {}, false);
   MixtureFit best{.modes = {}, .chi2 = empty.chi2, .floor = empty.floor, .converged = true};

@@ -26,10 +26,10 @@ class FootprintDictionary {
     std::vector<float> sums;     // by footprint: sum_i w a
     std::vector<float> squares;  // sum_i w a^2, less what F takes
   };
-  Norms norms(const LaneSamples& samples) const;
+  Norms norms(const MixtureLanes& samples) const;
 
   // The footprint that, added with its best weight, explains most of the residual. Of weight 0 if none does.
-  Footprint best(const LaneSamples& samples, const Residual& residual, const Norms& norms) const;
+  Footprint best(const MixtureLanes& samples, const Residual& residual, const Norms& norms) const;
 
  private:
   const PatternLanes& patterns_;
@@ -53,13 +53,13 @@ class MixtureSearch {
   static bool explains(const MixtureFit& fit, int samples);
 
  private:
-  MixtureFit search(const LaneSamples& samples, const FootprintDictionary::Norms& norms,
+  MixtureFit search(const MixtureLanes& samples, const FootprintDictionary::Norms& norms,
                     std::span<const Footprints> neighbours) const;
   // Without the weakest modes, as long as the others explain the samples as well.
-  MixtureFit fewest(const LaneSamples& samples, MixtureFit fit) const;
-  MixtureFit best_of(const LaneSamples& samples, int size, std::span<const Footprints> starts) const;
+  MixtureFit fewest(const MixtureLanes& samples, MixtureFit fit) const;
+  MixtureFit best_of(const MixtureLanes& samples, int size, std::span<const Footprints> starts) const;
   // The last fit with the best footprint of its residual.
-  Footprints with_best(const LaneSamples& samples, const FootprintDictionary::Norms& norms,
+  Footprints with_best(const MixtureLanes& samples, const FootprintDictionary::Norms& norms,
                        Footprints modes) const;
 
   const FootprintDictionary& dictionary_;

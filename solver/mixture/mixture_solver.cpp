@@ -176,7 +176,7 @@ MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours
   if (fit.modes.empty()) return fit;
   for (int round = 0; round < kRounds; ++round) {
     reweigh(m, fit.modes, fit.floor);
-    const MixtureFit next = fit_mixture(LaneSamples(samples_), fit.modes, true, kPolish);
+    const MixtureFit next = fit_mixture(MixtureLanes(samples_), fit.modes, true, kPolish);
     const bool settled =
         stayed(fit.modes, next.modes) || (round > 0 && std::abs(next.chi2 - fit.chi2) < 0.01 * next.chi2);
     fit = next;
@@ -185,7 +185,7 @@ MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours
     fit.converged = true;
     break;
   }
-  find_errors(LaneSamples(samples_), fit);
+  find_errors(MixtureLanes(samples_), fit);
   return fit;
 }
 

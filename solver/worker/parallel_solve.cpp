@@ -8,13 +8,18 @@
 #include <thread>
 
 #include "core/base/status.h"
+#include "core/edit/fill.h"
 #include "core/matte/matte_rounding.h"
 #include "solver/background/stage_maps.h"
+#include "solver/frames/code_response.h"
+#include "solver/method/frame_registration.h"
 #include "solver/mosaic/interpolated_stack.h"
 #include "solver/mosaic/mosaic_matte.h"
 
 namespace glasswing {
 namespace {
+
+constexpr int kBadPixelReach = 3;  // rows: bad pixels are rarely taller
 
 FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int first, int count) {
   FrameStack band = stack;
@@ -66,47 +71,84 @@ absl::StatusOr<PreparedSolve> PreparedSolve::create(const Method& method,
   return solve;
 }
 
-absl::Status PreparedSolve::map_stage(const RowReader& read,
-                                      const std::vector<std::array<float, 3>>& brightness) {
-  const auto read_light = [&](int row, const std::vector<int>& frames) -> absl::StatusOr<FrameStack> {
-    const int first = interpolated_ ? std::max(row - kInterpolationReach, 0) : row;
-    const int end =
-        interpolated_ ? std::min(row + kInterpolationReach + 1, manifest_.camera().height_px()) : row + 1;
-    FrameStack stack{.width_px = manifest_.camera().width_px(),
-                     .first_row = first,
-                     .row_count = end - first,
-                     .rows = {},
-                     .owner = nullptr,
-                     .brightness = brightness,
-                     .mosaic = interpolated_ ? interpolated_ : mosaic_of(manifest_.camera())};
-    stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
-    const auto count = static_cast<size_t>(stack.width_px) * static_cast<size_t>(stack.samples_per_pixel());
-    const size_t frame_samples = count * static_cast<size_t>(stack.row_count);
-    const auto owner = std::make_shared<std::vector<std::uint16_t>>(frames.size() * frame_samples);
-    for (int y = 0; y < stack.row_count; ++y) {
-      GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples, read(first + y, frames));
-      for (size_t i = 0; i < frames.size(); ++i) {
-        std::copy_n(
-            samples.begin() + static_cast<std::ptrdiff_t>(i * count), count,
-            owner->begin() + static_cast<std::ptrdiff_t>(i * frame_samples + static_cast<size_t>(y) * count));
-      }
-    }
+absl::StatusOr<FrameStack> PreparedSolve::light_row(
+    const RowReader& read, int row, const std::vector<int>& wanted,
+    const std::vector<std::array<float, 3>>& brightness,
+    const std::shared_ptr<const FrameCorrections>& corrections) const {
+  const std::vector<int> frames = with_needed(wanted, corrections.get(), frames_needed());
+  const int moved = registration_reach(corrections.get());
+  const int reach = interpolated_ ? kInterpolationReach : moved;
+  const int first = std::max(row - reach, 0), end = std::min(row + reach + 1, manifest_.camera().height_px());
+  FrameStack stack{.width_px = manifest_.camera().width_px(),
+                   .first_row = first,
+                   .row_count = end - first,
+                   .rows = {},
+                   .owner = nullptr,
+                   .brightness = brightness,
+                   .corrections = corrections,
+                   .mosaic = interpolated_ ? interpolated_ : mosaic_of(manifest_.camera())};
+  stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
+  const auto count = static_cast<size_t>(stack.width_px) * static_cast<size_t>(stack.samples_per_pixel());
+  const size_t frame_samples = count * static_cast<size_t>(stack.row_count);
+  const auto owner = std::make_shared<std::vector<std::uint16_t>>(frames.size() * frame_samples);
+  for (int y = 0; y < stack.row_count; ++y) {
+    GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples, read(first + y, frames));
     for (size_t i = 0; i < frames.size(); ++i) {
-      stack.rows[static_cast<size_t>(frames[i])] =
-          std::span<const std::uint16_t>(*owner).subspan(i * frame_samples, frame_samples);
+      std::copy_n(
+          samples.begin() + static_cast<std::ptrdiff_t>(i * count), count,
+          owner->begin() + static_cast<std::ptrdiff_t>(i * frame_samples + static_cast<size_t>(y) * count));
     }
-    stack.owner = owner;
-    if (interpolated_) stack = interpolated_rows(stack, frames, row - first, 1);
-    return linear_.of(std::move(stack));
+  }
+  for (size_t i = 0; i < frames.size(); ++i) {
+    stack.rows[static_cast<size_t>(frames[i])] =
+        std::span<const std::uint16_t>(*owner).subspan(i * frame_samples, frame_samples);
+  }
+  stack.owner = owner;
+  if (interpolated_) stack = interpolated_rows(stack, frames, row - first, 1);
+  stack = linear_.of(std::move(stack));
+  return moved > 0 ? registered_rows(stack, *corrections, row - first, 1) : stack;
+}
+
+absl::Status PreparedSolve::map_stage(const RowReader& read,
+                                      const std::vector<std::array<float, 3>>& brightness, bool correct) {
+  const auto reader = [&](std::shared_ptr<const FrameCorrections> corrections) -> LightReader {
+    return [&, corrections](int row, const std::vector<int>& frames) {
+      return light_row(read, row, frames, brightness, corrections);
+    };
   };
-  GW_ASSIGN_OR_RETURN(StageMaps maps, measure_stage_maps(manifest_, frames_needed(), read_light));
+  if (correct) {
+    GW_ASSIGN_OR_RETURN(const CodeResponse codes,
+                        find_code_response(manifest_, frames_needed(), reader(nullptr)));
+    if (!codes.response.empty()) GW_RETURN_IF_ERROR(linear_.decode(codes.response));
+    GW_ASSIGN_OR_RETURN(faults_, find_faults(manifest_, frames_needed(), reader));
+    if (!codes.warning.empty()) faults_.warnings.push_back(codes.warning);
+  }
+  stage_maps_ = faults_.maps;
+  if (stage_maps_ != nullptr) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(StageMaps maps,
+                      measure_stage_maps(manifest_, frames_needed(), reader(faults_.corrections)));
   stage_maps_ = std::make_shared<const StageMaps>(std::move(maps));
   return absl::OkStatus();
 }
 
 int PreparedSolve::margin_rows() const {
-  if (interpolated_) return kInterpolationReach;
-  return manifest_.camera().mosaic().empty() ? 0 : kMosaicReach;
+  const int bad = std::max(faults_.bad_pixels.empty() ? 0 : kBadPixelReach,
+                           registration_reach(faults_.corrections.get()));
+  if (interpolated_) return std::max(kInterpolationReach, bad);
+  return std::max(manifest_.camera().mosaic().empty() ? 0 : kMosaicReach, bad);
+}
+
+void PreparedSolve::fill_bad_pixels(Matte& matte) const {
+  constexpr std::uint8_t kBad = 128;  // none of PixelFlag
+  const int width = manifest_.camera().width_px();
+  bool any = false;
+  for (const int pixel : faults_.bad_pixels) {
+    const int x = pixel % width - matte.x0_px(), y = pixel / width - matte.y0_px();
+    if (x < 0 || x >= matte.width_px() || y < 0 || y >= matte.height_px()) continue;
+    matte.flags(x, y) = kBad;
+    any = true;
+  }
+  if (any) fill(matte, kBad);
 }
 
 absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int thread_count,
@@ -147,6 +189,8 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
   // Small enough that the last bands keep all threads busy, large enough to amortise a solver's set-up.
   const int band_rows = thread_count == 1 ? 16 : std::clamp(row_count / (8 * thread_count), 2, 16);
   const int band_count = (row_count + band_rows - 1) / band_rows;
+  // Every so-manyth column alone cannot be moved: drafts are not.
+  const int moved = column_step == 1 ? registration_reach(faults_.corrections.get()) : 0;
   std::vector<std::optional<absl::StatusOr<Matte>>> bands(static_cast<size_t>(band_count));
   std::atomic<int> next = 0, done = 0;
   std::atomic<bool> failed = false;
@@ -155,9 +199,14 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
       const int first = band * band_rows;
       auto& solved = bands[static_cast<size_t>(band)];
       solved = [&]() -> absl::StatusOr<Matte> {
-        GW_ASSIGN_OR_RETURN(FrameStack rows, read(first, std::min(band_rows, row_count - first)));
+        const int count = std::min(band_rows, row_count - first);
+        const int begin = std::max(first - moved, 0), end = std::min(first + count + moved, row_count);
+        GW_ASSIGN_OR_RETURN(FrameStack rows, read(begin, end - begin));
+        rows.corrections = faults_.corrections;
         rows.stage_maps = stage_maps_;
-        return method_->solve(linear_.of(std::move(rows)));
+        rows = linear_.of(std::move(rows));
+        if (moved > 0) rows = registered_rows(rows, *faults_.corrections, first - begin, count);
+        return method_->solve(rows);
       }();
       if (!solved->ok()) failed = true;
       ++done;
@@ -177,6 +226,7 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
   Matte whole(first.x0_px(), first.y0_px(), first.width_px(), row_count, first.modes_per_channel());
   whole.metadata = first.metadata;
   linear_.describe(whole.metadata);
+  for (const std::string& warning : faults_.warnings) whole.metadata.add_warnings(warning);
   if (stage_maps_ != nullptr) {
     for (const std::string& warning : stage_maps_->warnings) whole.metadata.add_warnings(warning);
   }
@@ -190,6 +240,7 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
     whole.metadata.set_mosaic(manifest_.camera().mosaic());
     fill_channels(whole, *mosaic, thread_count);
   }
+  if (column_step == 1) fill_bad_pixels(whole);
   round_to_errors(whole);
   return whole;
 }
@@ -215,7 +266,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
 }
 
 absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count,
-                                    const std::function<void(double)>& progress) {
+                                    const std::function<void(double)>& progress, bool correct) {
   const v1::CaptureManifest& manifest = archive.manifest();
   const auto read_row = [&](int row,
                             const std::vector<int>& frames) -> absl::StatusOr<std::vector<std::uint16_t>> {
@@ -228,7 +279,7 @@ absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& a
   };
   GW_ASSIGN_OR_RETURN(const auto brightness, measure_brightness_drift(manifest, read_row));
   GW_ASSIGN_OR_RETURN(PreparedSolve prepared, PreparedSolve::create(method, manifest));
-  GW_RETURN_IF_ERROR(prepared.map_stage(read_row, brightness));
+  GW_RETURN_IF_ERROR(prepared.map_stage(read_row, brightness, correct));
   const auto read = [&](int first_row, int row_count) -> absl::StatusOr<FrameStack> {
     FrameStack stack{.width_px = manifest.camera().width_px(),
                      .first_row = first_row,

@@ -10,6 +10,7 @@
 
 #include "core/import/mapped_archive.h"
 #include "core/radiometry/shading.h"
+#include "solver/frames/frame_corrections.h"
 #include "solver/method/brightness_drift.h"
 #include "solver/method/linear_stack.h"
 #include "solver/method/method.h"
@@ -25,11 +26,13 @@ class PreparedSolve {
   const std::vector<int>& frames_needed() const { return method_->frames_needed(); }
 
   // Measures the smooth maps of the empty stage, on which pixels outside the object will be solved. `read`
-  // reads rows as they are stored; `brightness` is FrameStack's. Errors are those of `read`.
-  absl::Status map_stage(const RowReader& read, const std::vector<std::array<float, 3>>& brightness);
+  // reads rows as they are stored; `brightness` is FrameStack's. Errors are those of `read`. `correct`: what
+  // the rig did to the frames is measured first, warned of, and corrected from then on (solver/frames).
+  absl::Status map_stage(const RowReader& read, const std::vector<std::array<float, 3>>& brightness,
+                         bool correct = true);
 
   // How many rows of the stack on either side of those that are wanted a matte needs, where the picture has
-  // them: of a mosaic, whose missing channels come from pixels around (solver/mosaic).
+  // them: of a mosaic, whose missing channels come from pixels around (solver/mosaic), and beside bad pixels.
   int margin_rows() const;
 
   // The matte of all rows of the stack, of which margin_rows() at either end are right at the picture's edge
@@ -50,6 +53,9 @@ class PreparedSolve {
   absl::StatusOr<Matte> solve_bands(int row_count, int column_step, const ReadStack& read, int thread_count,
                                     std::stop_token stop, const std::function<void(double)>& progress) const;
 
+  // The pixels that the camera does not see are made of their neighbours.
+  void fill_bad_pixels(Matte& matte) const;
+
   PreparedSolve(v1::CaptureManifest manifest, LinearStack linear, Shading shading,
                 std::unique_ptr<PreparedMethod> method)
       : manifest_(std::move(manifest)),
@@ -57,10 +63,16 @@ class PreparedSolve {
         shading_(std::move(shading)),
         method_(std::move(method)) {}
 
+  // A row of frames as light, by `read`, with these corrections.
+  absl::StatusOr<FrameStack> light_row(const RowReader& read, int row, const std::vector<int>& frames,
+                                       const std::vector<std::array<float, 3>>& brightness,
+                                       const std::shared_ptr<const FrameCorrections>& corrections) const;
+
   v1::CaptureManifest manifest_;  // of light
   LinearStack linear_;
   Shading shading_;
   std::unique_ptr<PreparedMethod> method_;
+  FrameFaults faults_;
   std::shared_ptr<const StageMaps> stage_maps_;
   std::optional<Mosaic> interpolated_;  // of frames whose colours the method wants at every pixel
 };
@@ -71,7 +83,9 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
                                      const std::function<void(double)>& progress = nullptr);
 
 // Solves a whole archive. No more of its compressed frames than the bands that are being solved is in memory.
+// `correct`: map_stage()'s.
 absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count = 0,
-                                    const std::function<void(double)>& progress = nullptr);
+                                    const std::function<void(double)>& progress = nullptr,
+                                    bool correct = true);
 
 }  // namespace glasswing

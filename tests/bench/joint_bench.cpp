@@ -61,7 +61,7 @@ void general_ours(benchmark::State& state, int modes) {
   for (auto _ : state) {
     const auto i = static_cast<size_t>(fits++ % kPixels);
     benchmark::DoNotOptimize(
-        fit_jointly(pixels.samples[i], pixels.starts[i], kSimulatedExtent, 50, workspace));
+        fit_jointly(pixels.samples[i], pixels.starts[i], kSimulatedExtent, {.max_steps = 50}, workspace));
   }
   state.SetItemsProcessed(fits);
 }
@@ -168,8 +168,8 @@ class JointPeers {
       starts.push_back(Model::factored(pixels.starts[i]));
       sd.push_back(kNoise * Answer(cramer_rao_bound(pixels.truths[i], pixels.layout).data()));
       batch.push_back(batch_pixel(pixels.samples[i], pixels.starts[i]));
-      single.push_back(
-          stored(fit_jointly(pixels.samples[i], pixels.starts[i], kSimulatedExtent, 50, workspace)));
+      single.push_back(stored(
+          fit_jointly(pixels.samples[i], pixels.starts[i], kSimulatedExtent, {.max_steps = 50}, workspace)));
     }
     fit_batch({.layout = pixels.layout}, batch, fits);
     for (const BatchFit& fit : fits) together.push_back(stored(fit.sweeps));

@@ -20,6 +20,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "processes"
 os.environ["GRPC_CLIENT_CHANNEL_BACKUP_POLL_INTERVAL_MS"] = "100"
 
 import callers  # noqa: E402
+import callers_tiles  # noqa: E402, F401  adds its case to those of callers
 import clocks  # noqa: E402
 import crashes  # noqa: E402
 import damage  # noqa: E402

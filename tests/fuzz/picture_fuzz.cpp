@@ -6,7 +6,7 @@
 #include "camera-node/backends/pixel_format.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
-#include "core/frame/jpeg_header.h"
+#include "core/frame/picture_header.h"
 #include "core/frame/radiance_hdr.h"
 #include "tests/fuzz/fuzz_target.h"
 
@@ -42,6 +42,8 @@ std::vector<std::string> seeds() {
     light.samples[i] = i % 3 == 0 ? 4.0f : static_cast<float>(i);
   seeds.push_back(encode_hdr(light));
   seeds.push_back(encode_hdr(RadianceImage(2, 2)));
+  seeds.emplace_back("RIFF\x1a\0\0\0WEBPVP8L\x0d\0\0\0/\0\0\0\x10\x07\x10\x11\x11\x88\x88\xfe\x07\0",
+                     34);  // 1x1
   return seeds;
 }
 
@@ -58,10 +60,7 @@ void try_input(std::string_view input) {
     FUZZ_CHECK(size->width_px >= 1 && size->width_px <= kMaxSide_px);
     FUZZ_CHECK(size->height_px >= 1 && size->height_px <= kMaxSide_px);
   }
-  if (is_jpeg(input)) {
-    (void)jpeg_size(input);
-    FUZZ_CHECK(check_jpeg(input).ok() || !size.ok() || !decode_radiance(input, Encoding::kDisplay).ok());
-  }
+  FUZZ_CHECK(check_picture(input).ok() || !size.ok() || !decode_radiance(input, Encoding::kDisplay).ok());
 
   RawPicture raw;
   raw.format = find_pixel_format("MJPEG");

@@ -38,8 +38,7 @@ for command in "${commands[@]}"; do
     "deploy/local-rig up"*) says "export GLASSWING_SERVER=$server" ;;
     "glasswing nodes") for node in display-1 camera-1 solver-1 solver-2; do says "$node"; done ;;
     "glasswing doctor") says "proof" ;;
-    # The stage is dark until a pattern is shown.
-    "glasswing preview"*) says "too dark to judge focus" ;;
+    "glasswing preview"*) says "; focus " ;;
     *"calibrate all"*) says "back has codes of 16 bits" ;;
     *--dry-run) says "steps     385" && says "rig       free" ;;
     "glasswing capture"*) says "session vase is captured: 385 steps" ;;

@@ -18,6 +18,9 @@ head -n 1 "$work/live.y4m" | grep -q "^YUV4MPEG2 W$width H$height F60000:1000 " 
 bytes=$(($(stat -c %s "$work/live.y4m") - $(head -n 1 "$work/live.y4m" | wc -c)))
 ((bytes == 3 * (6 + 3 * width * height))) || fail "a stream of three frames has $bytes bytes"
 
+live --output - --frames 1 --json >"$work/live.y4m" 2>"$work/live.json" || fail "a stream with --json failed"
+[[ $(field frames "$work/live.json") == 1 ]] || fail "beside a stream it reports: $(cat "$work/live.json")"
+
 refused() { # WORDS OPTIONS...: live fails and prints WORDS
   local words=$1
   shift
@@ -26,7 +29,6 @@ refused() { # WORDS OPTIONS...: live fails and prints WORDS
 }
 refused "there is no X display" --background "$back"
 refused "no.such.png" --background "$work/no.such.png" --output /dev/null
-refused "--json and --output -" --background "$back" --output - --json
 refused 'there is no monitor "front"' --background "$back" --output /dev/null --monitor front
 refused "exposure_ms" --background "$back" --output /dev/null --exposure-ms 500
 refused "no_such_option" --background "$back" --output /dev/null --set no_such_option=1

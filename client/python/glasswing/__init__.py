@@ -17,7 +17,17 @@ Every failure raises an ``Error`` whose text is one line and says what to do.
 """
 
 # First: a message that Python has made already would be another than the one that this module brings.
-from glasswing import _native as _native
+try:
+    from glasswing import _native as _native
+    from glasswing import matte as matte
+    from glasswing import rig as rig
+except ModuleNotFoundError as missing:
+    import sys
+
+    raise ImportError(
+        f"{missing}: glasswing runs in Debian's Python, /usr/bin/python3, with its python3-grpcio and python3-numpy; this is "
+        f"{sys.executable}"
+    ) from None
 from glasswing.errors import (
     AlreadyExists,
     Damaged,
@@ -54,7 +64,7 @@ from glasswing.plan import (
 )
 from glasswing.rays import Correspondences, Rays, RayState, read_geometry
 from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Preparation, Rig, connect
-from glasswing.session import Action, Session, SessionInfo, State, Stopped, UnprovenStep, Waiting
+from glasswing.session import Action, RigChange, Session, SessionInfo, State, Stopped, UnprovenStep, Waiting
 
 __version__ = "@glasswing_VERSION@"
 
@@ -99,6 +109,7 @@ __all__ = [
     "Rays",
     "Refused",
     "Rig",
+    "RigChange",
     "Round",
     "Session",
     "SessionInfo",

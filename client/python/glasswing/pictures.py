@@ -18,7 +18,7 @@ Picture = npt.NDArray[np.float32]
 
 
 def read_picture(path: str | os.PathLike[str]) -> Picture:
-    """Reads a PNG, JPEG or TIFF (sRGB) or an OpenEXR file (linear). NotFound, or Damaged naming the file."""
+    """Reads a PNG, JPEG, TIFF or WebP (sRGB) or an OpenEXR file (linear). NotFound, or Damaged naming the file."""
     return _native.read_picture(os.fspath(path))
 
 

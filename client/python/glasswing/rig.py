@@ -182,6 +182,9 @@ class Rig:
         self._rig = connection.stub(RigServiceStub)
         self._sessions = connection.stub(SessionServiceStub)
 
+    def __repr__(self) -> str:
+        return f"<rig of the {self._connection.title}>"
+
     def __enter__(self) -> Rig:
         return self
 
@@ -395,13 +398,15 @@ class Rig:
         monitors: Iterable[str] = (),
         camera: str = "",
         blur_px: float = 0.0,
+        object: str = "clear",
     ) -> Plan:
         """Makes a plan of method ``gaussian`` that fits the rig's monitors and camera, as ``glasswing plan make --for-rig``.
 
         ``quality``: "draft" (about a hundred images), "good", or "best" (finer stripes, and a second exposure for highlights).
         ``images``: at most so many with the object at each exposure, 1 to 20000. ``monitors``: default all. ``blur_px``: how
-        far camera and monitor blur (sigma on the monitor, 0 to 200), as ``glasswing blur`` tells. InvalidInput: ``images`` are
-        too few.
+        far camera and monitor blur (sigma on the monitor, 0 to 200), as ``glasswing blur`` tells. ``object``: "clear",
+        "frosted" (wider stripes), "metal" (a second exposure for highlights), or "dark" (a second, longer exposure).
+        InvalidInput: ``images`` are too few.
         """
         request = rig_service_pb2.MakePlanRequest(
             purpose=rig_service_pb2.PLAN_PURPOSE_CAPTURE,
@@ -410,6 +415,7 @@ class Rig:
             quality=quality,
             image_count=images or 0,
             blur_px=blur_px,
+            object=object,
         )
         answer: rig_service_pb2.MakePlanResponse = self._connection.call(self._rig.MakePlan, request, LONG_CALL_SECONDS)
         return Plan.from_message(answer.plan)

@@ -16,7 +16,7 @@ from glasswing.connection import LONG_CALL_SECONDS, Connection
 from glasswing.errors import Error, InvalidInput, TimedOut
 from glasswing.matte import Matte
 from glasswing.plan import Plan
-from glasswing.v1 import session_pb2
+from glasswing.v1 import plan_pb2, session_pb2
 from glasswing.v1 import session_service_pb2 as pb
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
@@ -61,6 +61,7 @@ class Action(enum.Enum):
     FETCH = session_pb2.SESSION_ACTION_FETCH
     REPLICATE = session_pb2.SESSION_ACTION_REPLICATE
     DELETE = session_pb2.SESSION_ACTION_DELETE
+    RETAKE = session_pb2.SESSION_ACTION_RETAKE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,6 +95,28 @@ class Waiting:
 
 
 @dataclasses.dataclass(frozen=True)
+class RigChange:
+    """Something that happened to the rig in the middle of a capture, in the server's words."""
+
+    what: str
+    advice: str
+    """What to do."""
+    seconds: float
+    """Of the capture, when it was seen."""
+    lost: tuple[range, ...]
+    """The steps to capture again (``Session.retake()``); empty: that would not help."""
+
+    @classmethod
+    def from_message(cls, message: session_pb2.RigChange) -> RigChange:
+        """Converts a wire message."""
+        lost = tuple(range(each.first, each.last + 1) for each in message.lost)
+        return cls(message.what, message.advice, message.seconds, lost)
+
+    def __str__(self) -> str:
+        return f"{self.what}; {self.advice}"
+
+
+@dataclasses.dataclass(frozen=True)
 class SessionInfo:
     """A snapshot of a session, also the type of the events of ``Session.events()``.
 
@@ -109,6 +132,8 @@ class SessionInfo:
     """What keeps its work from going on; None: nothing."""
     warning: str
     """What makes the capture less reliable; else empty."""
+    rig_changes: tuple[RigChange, ...]
+    """What happened to the rig while it was captured, the first first."""
     created: datetime.datetime
     started_by: str
     note: str
@@ -160,6 +185,7 @@ class SessionInfo:
             reason=message.reason,
             waiting=Waiting.from_message(message.waiting) if message.HasField("waiting") else None,
             warning=message.warning,
+            rig_changes=tuple(RigChange.from_message(each) for each in message.rig_changes),
             created=datetime.datetime.fromisoformat(message.created),
             started_by=message.started_by,
             note=message.note,
@@ -263,6 +289,19 @@ class Session:
         ``retries``: how often a step may be shown again from now on; default: the plan's.
         """
         return self._ask(self._stub.ResumeSession, pb.ResumeSessionRequest(name=self.name, retries=retries))
+
+    def retake(self, steps: Iterable[range] | None = None) -> SessionInfo:
+        """Drops the frames of these steps and captures them again; a running capture is stopped for it.
+
+        ``steps``: ranges of step 1; default: those that ``rig_changes`` names. InvalidInput: there are none, or the
+        session has no such steps. Refused: it is solved, copied, imported or a video.
+        """
+        if steps is None:
+            steps = [lost for change in self.refresh().rig_changes for lost in change.lost]
+        ranges = [plan_pb2.StepRange(first=each.start, last=each.stop - 1) for each in steps if len(each) > 0]
+        if not ranges:
+            raise InvalidInput(f"no steps of session {self.name} are to be captured again")
+        return self._ask(self._stub.ResumeSession, pb.ResumeSessionRequest(name=self.name, retake=ranges))
 
     def cancel(self) -> SessionInfo:
         """Ends a capture or a solve for good."""

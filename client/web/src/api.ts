@@ -1,5 +1,6 @@
 // Calls to the server that the page came from: the rig's own services, in protobuf's JSON mapping.
 import { computed, signal } from "@preact/signals";
+import { parsed } from "./parts/json";
 
 export interface Me {
   name: string;
@@ -38,7 +39,7 @@ export interface CallOptions {
 const kHeaders = { "Content-Type": "application/json", "X-Glasswing": "console" };
 
 async function refusal(response: Response): Promise<ApiError> {
-  const said = (await response.json().catch(() => ({}))) as { code?: string; message?: string };
+  const said = await response.text().then(parsed).catch(() => ({})) as { code?: string; message?: string };
   const error = new ApiError(
     said.code ?? "UNKNOWN",
     said.message ?? `the server answered ${response.status} ${response.statusText}`,
@@ -93,10 +94,10 @@ export async function call<Answer>(
   request: object = {},
   options: CallOptions = {},
 ): Promise<Answer> {
-  const answer = (await (await post(method, request, options)).json()) as Page;
+  const answer = parsed(await (await post(method, request, options)).text()) as Page;
   let token = answer.nextPageToken;
   while (token !== undefined) {
-    const page = (await (await post(method, { ...request, pageToken: token }, options)).json()) as Page;
+    const page = parsed(await (await post(method, { ...request, pageToken: token }, options)).text()) as Page;
     token = page.nextPageToken;
     for (const [key, value] of Object.entries(page))
       answer[key] = Array.isArray(value) ? [...((answer[key] ?? []) as unknown[]), ...value] : value;
@@ -117,12 +118,12 @@ export async function* stream<Answer>(
   if (!response.body) return;
   for await (const event of events(response.body)) {
     if (event.kind === "end") {
-      const end = JSON.parse(event.data) as { code: string; message: string };
+      const end = parsed(event.data) as { code: string; message: string };
       if (end.code === 'UNAVAILABLE' && options.node === undefined) throw unanswered();
       if (end.code !== "OK") throw new ApiError(end.code, end.message);
       return;
     }
-    yield JSON.parse(event.data) as Answer;
+    yield parsed(event.data) as Answer;
   }
   throw unanswered();
 }

@@ -1,5 +1,5 @@
-import { expect, test } from "vitest";
-import { events, tokenIn } from "../src/api";
+import { afterEach, expect, test, vi } from "vitest";
+import { call, events, stream, tokenIn } from "../src/api";
 
 const kText =
   ': alive\n\ndata: {"step":1}\n\ndata: {"what":"größer"}\n\nevent: end\ndata: {"code":"OK","message":""}\n\n';
@@ -31,4 +31,23 @@ test("a link's token is all that follows #token=", () => {
   expect(tokenIn("#token=")).toBe("");
   expect(tokenIn("#/session/token=5f3a")).toBeUndefined();
   expect(tokenIn("5f3a")).toBeUndefined();
+});
+
+afterEach(() => vi.unstubAllGlobals());
+
+// U+202E would show "exe.gnp" for "png.exe".
+test("texts of others cannot turn the direction of writing, nor hide characters", async () => {
+  const text = "gläsern שלום \u202egnp\u2066\u001b[2J\u0000\u2028\n\t";
+  const shown = "gläsern שלום \\u202egnp\\u2066\\u001b[2J\\u0000\\u2028\n\t";
+  const json = (value: unknown): string => JSON.stringify(value);
+  const answers = (body: string, status = 200) =>
+    vi.stubGlobal("fetch", () => Promise.resolve(new Response(body, { status })));
+  answers(json({ nodes: [{ detail: text, disks: 3 }], note: text }));
+  expect(await call("NodeService/ListNodes")).toEqual({ nodes: [{ detail: shown, disks: 3 }], note: shown });
+  answers(json({ code: "ABORTED", message: text }), 409);
+  await expect(call("NodeService/ListNodes")).rejects.toThrow(expect.objectContaining({ message: shown }));
+  answers(`data: ${json({ what: text })}\n\nevent: end\ndata: ${json({ code: "ABORTED", message: text })}\n\n`);
+  const watched = stream("SessionService/WatchSteps");
+  expect((await watched.next()).value).toEqual({ what: shown });
+  await expect(watched.next()).rejects.toThrow(expect.objectContaining({ message: shown }));
 });

@@ -58,13 +58,42 @@ TEST_F(CommandLine, AnOutputThatCannotBeWrittenIsNamedBeforeAnyWork) {
   EXPECT_THAT(said((scratch_ / "sheet.jpg").string()), testing::HasSubstr("must end in .png"));
   EXPECT_THAT(said((scratch_ / "sheet.png").string()), testing::HasSubstr("is a directory"));
   EXPECT_THAT(said((scratch_ / "nowhere/sheet.png").string()), testing::HasSubstr("there is no directory"));
-  EXPECT_THAT(said("-"), testing::HasSubstr("must end in .png"));
   EXPECT_THAT(said((scratch_ / "other.png").string()), testing::HasSubstr("no.exr"));
+}
+
+TEST_F(CommandLine, EndingsOfOutputsAreTheirFormats) {
+  const auto said = [](std::vector<std::string> words) { return run_glasswing(words).err; };
+  EXPECT_THAT(said({"preview", "-o", "live.png"}), testing::HasSubstr("must end in .jpg or .jpeg"));
+  EXPECT_THAT(said({"plan", "make", "--monitor", "back:64x48", "-o", "plan.exr"}),
+              testing::HasSubstr("must end in .txtpb"));
+  EXPECT_THAT(said({"calibrate", "geometry", "a.exr", "--pitch-mm", "1", "-o", "rig.json"}),
+              testing::HasSubstr("must end in .txtpb"));
+  EXPECT_THAT(said({"composite", "vase.exr", "--background", "sea.png", "-o", "out.png", "--error", "e.png"}),
+              testing::HasSubstr("--error e.png must be an .exr"));
+  EXPECT_THAT(said({"web", "vase.exr", "-o", "-"}), testing::HasSubstr("it must be a directory"));
+  EXPECT_THAT(said({"convert", "a.png", "-"}), testing::HasSubstr("the output is -; its name must end in"));
+  const std::string file = write("file", "");
+  EXPECT_THAT(said({"web", "vase.exr", "-o", file + "/web"}), testing::HasSubstr(file + " is none"));
+}
+
+TEST_F(CommandLine, APictureIsNoPlanAndNoMatte) {
+  const std::string picture = write("picture.png", "\x89PNG\r\n\x1a\n");
+  expect_one_line_error(run_glasswing({"plan", "check", picture}),
+                        picture + ": it is no text; a plan is a text file, as glasswing plan make writes it");
+  expect_one_line_error(run_glasswing({"view", picture, "-o", (scratch_ / "sheet.png").string()}),
+                        picture + ": it is damaged or no matte: it is no OpenEXR file");
 }
 
 TEST_F(CommandLine, AnAnswerThatCannotBeWrittenIsAFailure) {
   EXPECT_EQ(output_of("(" + program_path() + " config > /dev/full; echo $?)"),
             "glasswing: the answer could not be written to standard output\n1\n");
+  EXPECT_EQ(output_of("(" + program_path() + " --help > /dev/full; echo $?)"),
+            "glasswing: the answer could not be written to standard output\n1\n");
+}
+
+TEST_F(CommandLine, APlanThatCannotBeWrittenIsAFailure) {
+  EXPECT_EQ(output_of("(" + program_path() + " plan make --monitor back:64x48 > /dev/full; echo $?)"),
+            "glasswing: cannot write to standard output: No space left on device\n1\n");
 }
 
 TEST_F(CommandLine, EverythingIsDescribedAndHasAnExample) {

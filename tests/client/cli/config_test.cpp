@@ -109,6 +109,8 @@ TEST_F(Configuration, WrongCertificatesStopCallsButNoWorkOnThisMachine) {
 }
 
 TEST_F(Configuration, AServerElsewhereNeedsTls) {
+  expect_one_line_error(run_glasswing({"nodes", "--server", "127.0.0.1:7440x"}),
+                        "--server: the address is \"127.0.0.1:7440x\"; it must be HOST:PORT");
   expect_one_line_error(run_glasswing({"nodes", "--server", "192.0.2.1:7440"}),
                         "server at 192.0.2.1:7440 is beyond this machine, where calls need TLS; set --ca");
 }

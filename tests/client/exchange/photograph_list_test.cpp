@@ -107,7 +107,7 @@ TEST_F(PhotographLists, ComplaintsNameLineValueAndWhatIsAccepted) {
             "WIDTHxHEIGHT, each side 1 to 16384 px"},
            {"#scene gl\xe4ser\n", ":1: it is not UTF-8"},
            {"#exposure 3\n",
-            ":1: there is no \"#exposure\"; it must be #monitor, #response, #black or #scene"},
+            ":1: there is no \"#exposure\"; it must be #monitor, #response, #black, #white or #scene"},
            {"#black -1\n", ":1: black is \"-1\"; it must be 0 or more codes"},
            {"#response srgb\nfile\tobject\tkind\n",
             ":2: no monitor is named before the header row; add #monitor"},
@@ -182,6 +182,36 @@ TEST_F(PhotographLists, CodesBecomeLight) {
     const double u = std::max(0.0, (picture(0).samples[i] / 65535.0 - 0.01) / 0.99);
     EXPECT_NEAR(rows[i], 65535.0 * u * u, 0.51);
   }
+}
+
+TEST_F(PhotographLists, CodesOfFewerBitsAreAskedFor) {
+  Image16 codes = picture(0);  // of 12 bits
+  for (std::uint16_t& code : codes.samples) code >>= 4;
+  codes.samples.back() = 4095;
+  put("0.png", encode_png16(codes).value());
+  const std::string table = kHeaders + "file\tobject\tkind\n0.png\ttrue\tramp\n";
+  const auto imported = [&](const std::string& text, const std::vector<std::string>& more) {
+    std::filesystem::remove_all(archive_);
+    std::vector<std::string> words{"--archive", archive_.string()};
+    words.insert(words.end(), more.begin(), more.end());
+    return import(text, words);
+  };
+  expect_one_line_error(
+      imported(table, {}),
+      "the largest code of all photographs is 4095: 12 bits in 16? If so, pass --white 4095; "
+      "if not, --white 65535");
+  expect_one_line_error(imported(table, {"--white", "4094"}), "its largest code is 4095, above white, 4094");
+  expect_one_line_error(imported("#white many\n" + table, {}), "white is \"many\"; it must be a code");
+  ASSERT_EQ(imported("#white 4095\n#black 64\n" + table, {}).status, 0);
+  const auto archive = MappedArchive::open_interpolated(archive_).value();
+  EXPECT_EQ(archive->manifest().camera().bits(), 12);
+  const std::span<const std::uint16_t> rows = archive->rows(0, 0, kHeight);
+  for (size_t i = 0; i < rows.size(); ++i) {
+    // The codes are rounded to 16 bits before black is taken off.
+    EXPECT_NEAR(rows[i], std::max(0.0, 65535.0 * (codes.samples[i] - 64.0) / (4095.0 - 64.0)), 1.1);
+  }
+  ASSERT_EQ(imported(table, {"--white", "65535"}).status, 0);
+  EXPECT_EQ(MappedArchive::open_interpolated(archive_).value()->rows(0, 0, 1)[1], codes.samples[1]);
 }
 
 TEST_F(PhotographLists, WhatIsWrongWithAPhotographIsOneLineAndNothingIsSent) {

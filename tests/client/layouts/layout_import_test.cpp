@@ -80,6 +80,30 @@ TEST_F(LayoutImport, AnUndeclaredResponseIsEstimated) {
   }
 }
 
+TEST_F(LayoutImport, PhotographsOfTenBitsInSixteenAreStretchedWhereToldSo) {
+  write(gray_stack());
+  const auto at_ten_bits = [&](int brightest) {
+    for (const std::string& file : files_) {
+      Image16 image = read_frame_file(folder_ / file).value();
+      for (std::uint16_t& sample : image.samples) sample = static_cast<std::uint16_t>(sample >> 6);
+      image.samples.front() = static_cast<std::uint16_t>(brightest);
+      ASSERT_TRUE(write_file_flushed(folder_ / file, encode_png16(image).value()).ok());
+    }
+  };
+  const std::vector<std::string> options{"--layout", "auto", "--monitor", "64x48", "--response", "linear"};
+  at_ten_bits(1023);
+  expect_one_line_error(import(options), "the largest code of all photographs is 1023: 10 bits in 16?");
+  std::vector<std::string> all = options;
+  all.insert(all.end(), {"--white", "1023"});
+  const Outcome outcome = import(all);
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("auto: this is --layout opencv-graycode"), std::string::npos) << outcome.err;
+  EXPECT_EQ(manifest().camera().bits(), 10);
+  at_ten_bits(15);  // once more, so that next to nothing is seen
+  EXPECT_NE(import(options).err.find("No code is above 15 of 65535"), std::string::npos)
+      << import(options).err;
+}
+
 TEST_F(LayoutImport, AResponseThatPhotographsDoNotTellIsAskedFor) {
   std::vector<Shown> stack{uniform(1.0)};
   add_bits(stack, false, 1, 0);
@@ -114,11 +138,11 @@ TEST_F(LayoutImport, WhatIsWrongIsOneLine) {
   refused({"--layout", "auto"}, "--monitor is given 0 times; --layout needs it once, as 1920x1080");
   refused({"--layout", "auto", "--monitor", "64"}, "monitor is \"64\"; it must be NAME:WIDTHxHEIGHT");
   refused({"--layout", "auto", "--monitor", "64x48", "--order", "rows"},
-          "--layout auto takes only --periods and");
+          "--layout auto takes only --periods, --shift and --cell");
   refused({"--layout", "gray", "--monitor", "64x48"}, "--layout is \"gray\"; it must be opencv-graycode");
   refused({"--layout", "binary", "--monitor", "64x48"}, "there are 2 photographs; --layout binary");
   refused({"--layout", "binary", "--monitor", "64x48", "--files", "x*"},
-          "holds no PNG, JPEG or TIFF that fits");
+          "holds no PNG, JPEG, TIFF, BMP, PGM or PPM that fits");
   EXPECT_EQ(import({"--order", "rows"}).status, kUsageError);
   EXPECT_EQ(import({"--layout", "auto", "--list", "list.tsv"}).status, kUsageError);
 }

@@ -5,11 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <numbers>
 
 #include "core/pattern/pattern.h"
-#include "tests/client/run_glasswing.h"
 
 namespace glasswing {
 namespace {
@@ -148,18 +146,19 @@ TEST(PhotographLayout, ComplaintsNameTheOptionAndWhatIsAccepted) {
            {{.layout = "binary", .order = "white,black"}, "with columns or rows among them"},
            {{.layout = "binary", .order = "left"}, "--order is \"left\""},
            {{.layout = "binary", .inverse = "yes"}, "--inverse is \"yes\"; it must be after, before or none"},
-           {{.layout = "binary", .steps = 4}, "--steps, --periods and --shift are for phase-shift"},
-           {{.layout = "phase-shift", .periods = "1"},
-            "--steps is not given; --layout phase-shift needs the number"},
+           {{.layout = "binary", .steps = 4}, "--steps, --periods, --shift and --phase are for fringes"},
+           {{.layout = "phase-shift", .periods = "1"}, "--steps is not given; fringes need the number"},
            {{.layout = "phase-shift", .periods = "1", .steps = 2}, "--steps is 2;"},
-           {{.layout = "phase-shift", .steps = 4}, "needs --periods, the number of fringes along a side"},
+           {{.layout = "phase-shift", .steps = 4},
+            "fringes need --periods, the number of fringes along a side"},
            {{.layout = "phase-shift", .periods = "1,,8", .steps = 4},
             "--periods is \"1,,8\"; it must be numbers"},
            {{.layout = "phase-shift", .periods = "0", .steps = 4}, "--periods is \"0\""},
            {{.layout = "phase-shift", .periods = "nan", .steps = 4}, "--periods is \"nan\""},
            {{.layout = "phase-shift", .periods = "1", .shift = "up", .steps = 4},
             "--shift is \"up\"; it must be"},
-           {{.layout = "phase-shift", .inverse = "after", .periods = "1", .steps = 4}, "--inverse is for"},
+           {{.layout = "phase-shift", .inverse = "after", .periods = "1", .steps = 4},
+            "--inverse and --cell are for"},
        }) {
     const absl::Status status = layout_of(each.options).status();
     EXPECT_NE(status.message().find(each.complaint), std::string::npos) << status;
@@ -170,42 +169,6 @@ TEST(PhotographLayout, ComplaintsNameTheOptionAndWhatIsAccepted) {
             "there are 41 photographs; --layout opencv-graycode --order columns,rows,white,black --inverse "
             "after has "
             "42 on a monitor of 1024x768 px: 20 columns, 20 rows, 1 white, 1 black");
-}
-
-TEST(PhotographLayout, NumbersInNamesCountByTheirValue) {
-  const std::vector<std::string> sorted{"1_Color.png", "2_Color.png", "10_Color.png", "a",     "a0",    "a00",
-                                        "a01",         "a1",          "a1b",          "b12c3", "b12c20"};
-  for (size_t i = 0; i < sorted.size(); ++i) {
-    for (size_t j = 0; j < sorted.size(); ++j)
-      EXPECT_EQ(natural_less(sorted[i], sorted[j]), i < j) << sorted[i] << " " << sorted[j];
-  }
-}
-
-class PhotographFolder : public ScratchTest {
- protected:
-  void put(const std::string& file) const {
-    std::filesystem::create_directories((scratch_ / file).parent_path());
-    std::ofstream(scratch_ / file) << "x";
-  }
-  std::vector<std::string> found(const std::string& glob) const {
-    return photographs_in(scratch_, glob).value_or(std::vector<std::string>{});
-  }
-};
-
-TEST_F(PhotographFolder, PicturesAreChosenByAPattern) {
-  for (const char* file :
-       {"c0_10.png", "c0_2.PNG", "c1_2.jpeg", "list.tsv", "more/c0_11.tif", "more/c1_11.tif"})
-    put(file);
-  using Files = std::vector<std::string>;
-  EXPECT_EQ(found(""), (Files{"c0_2.PNG", "c0_10.png", "c1_2.jpeg"}));
-  EXPECT_EQ(found("c0*"), (Files{"c0_2.PNG", "c0_10.png"}));
-  EXPECT_EQ(found("*c0_*"), (Files{"c0_2.PNG", "c0_10.png", "more/c0_11.tif"}));
-  EXPECT_EQ(photographs_in(scratch_, "left*").status().message(),
-            scratch_.string() + " holds no PNG, JPEG or TIFF that fits --files left*");
-  EXPECT_TRUE(absl::IsNotFound(photographs_in(scratch_ / "none", "").status()));
-  for (size_t i = 0; i <= kMaxPhotographs; ++i) put(fmt::format("many/{}.png", i));
-  EXPECT_NE(photographs_in(scratch_ / "many", "").status().message().find("more than 512 photographs"),
-            std::string::npos);
 }
 
 }  // namespace

@@ -99,6 +99,40 @@ TEST_F(CompositeCommand, ExrIsForegroundPlusWeightedBackground) {
   }
 }
 
+TEST_F(CompositeCommand, StandardOutputTakesTheSameBytesAsAFile) {
+  struct {
+    std::vector<std::string> words;
+    std::string ending;
+  } const commands[] = {{{"composite", matte_, "--background", background_}, ".exr"},
+                        {{"composite", matte_, "--background", background_, "--format", "png"}, ".png"},
+                        {{"view", matte_}, ".png"},
+                        {{"stmap", matte_}, ".exr"},
+                        {{"nuke", matte_}, ".nk"},
+                        {{"matte", "flip", matte_, "x"}, ".exr"},
+                        {{"matte", "deliver", matte_}, ".exr"}};
+  for (const auto& [words, ending] : commands) {
+    SCOPED_TRACE(words[0] + " " + words[1] + ending);
+    const auto with_output = [&](const std::string& output) {
+      std::vector<std::string> all = words;
+      all.insert(all.end(), {"-o", output});
+      return run_glasswing(all);
+    };
+    const std::string file = path("out" + ending);
+    const Outcome filed = with_output(file), piped = with_output("-");
+    ASSERT_EQ(filed.status, 0) << filed.err;
+    ASSERT_EQ(piped.status, 0) << piped.err;
+    EXPECT_TRUE(piped.out == read_file(file).value());
+    // What is said of it goes aside.
+    EXPECT_EQ(filed.out.substr(file.size()), piped.err.substr(1));
+  }
+}
+
+TEST_F(CompositeCommand, StandardOutputTakesOnePicture) {
+  expect_one_line_error(
+      run_glasswing({"composite", matte_, "--background", background_, "--frames", "2", "-o", "-"}),
+      "for several pictures it must be a directory");
+}
+
 TEST_F(CompositeCommand, LinearPngHoldsRadiance) {
   ASSERT_EQ(
       run_glasswing({"composite", matte_, "--background", background_, "-o", path("out.png"), "--linear"})

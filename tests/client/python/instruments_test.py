@@ -187,10 +187,10 @@ class InstrumentsTest(unittest.TestCase):
             next(self.rig.preview())
 
     def test_a_plan_is_made_for_the_rig(self) -> None:
-        plan = self.rig.make_plan("best", images=800, blur_px=1.5)
+        plan = self.rig.make_plan("best", images=800, blur_px=1.5, object="metal")
         self.assertEqual((plan.method, plan.monitors[0].name), ("gaussian", "back"))
         (asked,) = self.server.asked
-        self.assertEqual((asked.quality, asked.image_count, asked.blur_px), ("best", 800, 1.5))
+        self.assertEqual((asked.quality, asked.image_count, asked.blur_px, asked.object), ("best", 800, 1.5, "metal"))
 
     def test_live_composites_are_of_the_object_alone(self) -> None:
         self.server.needs_operator = True

@@ -23,6 +23,14 @@ except Damaged:
 
 
 class NativeTest(unittest.TestCase):
+    def test_another_python_is_named(self):
+        for lacking in ("google", "grpc", "numpy"):
+            program = f"import sys\nsys.modules['{lacking}'] = None\nimport glasswing"
+            done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+            self.assertIn("glasswing runs in Debian's Python, /usr/bin/python3, with its python3-grpcio", done.stderr)
+            self.assertIn(lacking, done.stderr.splitlines()[-1])
+            self.assertTrue(done.stderr.splitlines()[-1].endswith(sys.executable), done.stderr)
+
     def test_every_order_of_loading(self):
         for order in itertools.permutations(MODULES):
             with self.subTest(order=order):

@@ -133,7 +133,8 @@ TEST_F(FleetCommand, ListsNothingButTitlesToScriptsWhereThereIsNothing) {
 TEST_F(FleetCommand, WatchesOnATerminalOnly) {
   expect_one_line_error(run({"--watch"}), "--watch draws on a terminal");
   expect_one_line_error(run({"--watch", "--json"}), "--json");
-  expect_one_line_error(run_glasswing({"fleet", "--server", "127.0.0.1:1"}), "does not answer");
+  expect_one_line_error(run_glasswing({"fleet", "--server", "127.0.0.1:1"}),
+                        "server at 127.0.0.1:1 does not answer; start glasswing-server there");
 }
 
 }  // namespace

@@ -161,6 +161,14 @@ TEST_F(SessionCommands, ExportLeavesNothingOfADamagedArchive) {
   EXPECT_TRUE(std::filesystem::is_empty(scratch_ / "out"));
 }
 
+TEST_F(SessionCommands, ExportBeginsOnlyWhereThereIsRoom) {
+  ASSERT_EQ(run({"import", archive_.string()}).status, 0);
+  server_.sessions_.session.set_state(v1::SESSION_STATE_CAPTURED);
+  server_.sessions_.session.set_archive_bytes(std::int64_t{1} << 60);
+  expect_one_line_error(run({"export", "vase", (scratch_ / "out" / "vase").string()}), "MB are missing in");
+  EXPECT_TRUE(std::filesystem::is_empty(scratch_ / "out"));
+}
+
 TEST_F(SessionCommands, ExportWaitsForTheCapture) {
   server_.sessions_.session.set_state(v1::SESSION_STATE_CAPTURING);
   expect_one_line_error(run({"export", "vase", (scratch_ / "out").string()}), "must be captured");
@@ -212,6 +220,12 @@ TEST_F(SessionCommands, FetchWritesOnlyAWholeMatte) {
   const std::string path = (scratch_ / "vase.exr").string();
   ASSERT_EQ(run({"fetch", "vase", "-o", path}).status, 0);
   EXPECT_EQ(read_file(path).value(), server_.sessions_.matte);
+  expect_one_line_error(run({"fetch", "vase", "-o", "vase.png"}), "must end in .exr");
+
+  const Outcome piped = run({"fetch", "vase", "-o", "-"});
+  EXPECT_EQ(piped.status, 0);
+  EXPECT_TRUE(piped.out == server_.sessions_.matte);
+  EXPECT_EQ(piped.err, "-: the matte of session vase, 9x7\n");
 
   server_.sessions_.matte.resize(server_.sessions_.matte.size() / 2);
   const std::string other = (scratch_ / "other.exr").string();
@@ -322,7 +336,10 @@ TEST_F(VideoFetch, WhatIsNotSolvedIsNamedAndTheRestIsThere) {
 
 TEST_F(VideoFetch, OneFrameIsAFile) {
   const std::string path = (scratch_ / "seven.exr").string();
-  expect_one_line_error(run({"fetch", "vase", "-o", path}), "session vase is a video of 7 frames");
+  for (const std::string& file : {path, (scratch_ / "vase.png").string()}) {
+    expect_one_line_error(run({"fetch", "vase", "-o", file}), "session vase is a video of 7 frames");
+    EXPECT_FALSE(std::filesystem::exists(file));
+  }
   ASSERT_EQ(run({"fetch", "vase", "-o", path, "--frame", "6"}).status, 0);
   EXPECT_EQ(read_file(path).value(), matte_of_frame(6));
 }
@@ -370,6 +387,26 @@ TEST_F(SessionCommands, ASeriesHasNamesBeforeItBegins) {
                         "-200");
   expect_one_line_error(run({"capture", plan, "--session", "vase", "--rail-mm", "far"}),
                         "--rail-mm is \"far\"");
+}
+
+// Nothing that others wrote moves the cursor, changes colours or turns the direction of writing.
+TEST_F(SessionCommands, TextsOfOthersAreEscaped) {
+  const std::string text = "good\u202etxet\x1b[2J\rgone\u2066";
+  const std::string escaped = R"(good\xe2\x80\xaetxet\x1b[2J\x0dgone\xe2\x81\xa6)";
+  v1::Session& session = server_.sessions_.session;
+  session.set_name("vase");
+  session.set_state(v1::SESSION_STATE_FAILED);
+  session.set_note(text);
+  session.set_warning(text);
+  session.set_reason(text);
+  const Outcome shown = run({"show", "vase"});
+  for (const char* label : {"reason   ", "note     ", "warning  "})
+    EXPECT_NE(shown.out.find(label + (" " + escaped) + "\n"), std::string::npos) << shown.out;
+  expect_one_line_error(run({"watch", "vase"}), escaped);
+  for (const Outcome& outcome : {shown, run({"watch", "vase"})}) {
+    for (const char* raw : {"\u202e", "\x1b", "\r", "\u2066"})
+      EXPECT_EQ((outcome.out + outcome.err).find(raw), std::string::npos) << outcome.out << outcome.err;
+  }
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "core/base/address.h"
 
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 
 namespace glasswing {
 namespace {
@@ -28,6 +29,16 @@ TEST(Address, AnythingElseIsRefusedByName) {
     EXPECT_TRUE(absl::IsInvalidArgument(status)) << text;
     EXPECT_NE(status.message().find(text), std::string::npos) << status;
   }
+}
+
+TEST(Address, LeadsToSockets) {
+  const absl::StatusOr<SocketAddresses> six = socket_addresses("[::1]:7440");
+  ASSERT_TRUE(six.ok()) << six.status();
+  ASSERT_EQ((*six)->ai_family, AF_INET6);
+  EXPECT_EQ(reinterpret_cast<const sockaddr_in6*>((*six)->ai_addr)->sin6_port, htons(7440));
+  EXPECT_TRUE(absl::IsInvalidArgument(socket_addresses("127.0.0.1:80x").status()));
+  const absl::Status nowhere = socket_addresses("no-host.invalid:80").status();
+  EXPECT_NE(nowhere.message().find("host \"no-host.invalid\" has no address"), std::string::npos) << nowhere;
 }
 
 }  // namespace

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <random>
+
 namespace glasswing {
 namespace {
 
@@ -58,6 +61,46 @@ TEST(FillUnsolved, NothingIsMadeOfNothing) {
   EXPECT_EQ(none.picture.at(3, 3, 0), 0.0f);
   Scene all(0, 0, 0, 0, [](int, int, int) { return 1.0f; });
   EXPECT_EQ(all.fill(), 0);
+}
+
+// Round by round over all pixels, each from what was there before the round.
+TEST(FillUnsolved, HolesOfAnyShapeAreFilledFromTheirRims) {
+  std::mt19937 random(1);
+  for (int trial = 0; trial < 20; ++trial) {
+    Scene scene(0, 0, 0, 0, [&](int, int, int) { return static_cast<float>(random() % 1000); });
+    std::bernoulli_distribution is_hole(0.05 * trial);
+    std::vector<bool> known(static_cast<size_t>(kWidth * kHeight));
+    const auto at = [](int x, int y) { return static_cast<size_t>(y * kWidth + x); };
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        known[at(x, y)] = !is_hole(random);
+        if (!known[at(x, y)]) scene.matte.flags(x, y) = kFlagNoData;
+      }
+    }
+    RadianceImage expected = scene.picture;
+    for (int round = 0; round < kWidth + kHeight; ++round) {
+      const std::vector<bool> before = known;
+      const RadianceImage picture = expected;
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          float sum = 0.0f, count = 0.0f;
+          for (int v = std::max(y - 1, 0); v <= std::min(y + 1, kHeight - 1); ++v) {
+            for (int u = std::max(x - 1, 0); u <= std::min(x + 1, kWidth - 1); ++u) {
+              if (before[at(u, v)]) sum += picture.at(u, v, 0), count += 1.0f;
+            }
+          }
+          if (before[at(x, y)] || count == 0.0f) continue;
+          expected.at(x, y, 0) = sum / count;
+          known[at(x, y)] = true;
+        }
+      }
+    }
+    scene.fill();
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x)
+        EXPECT_EQ(scene.picture.at(x, y, 0), expected.at(x, y, 0)) << x << " " << y;
+    }
+  }
 }
 
 }  // namespace

@@ -43,5 +43,45 @@ TEST(NormalOnRectangles, ShareIsTheDensitysSum) {
   }
 }
 
+TEST(NormalOnRectangles, CellsOfAGridAreItsRectangles) {
+  for (const double rho : {0.0, 0.6, -0.85, 0.9985}) {
+    const NormalDensity density{0.3, -0.2, 0.49, rho * 0.7 * 0.4, 0.16};
+    const NormalOnRectangles normal(density);
+    const std::vector<NormalShare> cells = normal.cells(-2.0, 1.0, 5, -2.0, 0.5, 7);
+    ASSERT_EQ(cells.size(), 35u);
+    for (int j = 0; j < 7; ++j) {
+      for (int i = 0; i < 5; ++i) {
+        const double x = i - 2.0, y = 0.5 * j - 2.0;
+        EXPECT_NEAR(cells[static_cast<size_t>(5 * j + i)].share, summed(density, {x, y, x + 1.0, y + 0.5}),
+                    1.6e-5)
+            << "rho " << rho << " at " << i << ", " << j;
+      }
+    }
+  }
+}
+
+// Against central differences; steps of 1e-4 leave an error of their square, and of 4e-6 over 1e-4 of the
+// quadrature, whose own error is smooth.
+TEST(NormalOnRectangles, DerivativesAreThoseOfTheShare) {
+  constexpr double kStep = 1e-4;
+  const Rectangle rectangle{-0.4, -0.7, 0.8, 0.5};
+  for (const double rho : {0.0, 0.4, -0.6}) {
+    const NormalDensity at{0.3, -0.2, 0.49, rho * 0.7 * 0.4, 0.16};
+    const NormalShare own = NormalOnRectangles(at).share(rectangle);
+    const auto slope = [&](double NormalDensity::*part) {
+      NormalDensity low = at, high = at;
+      low.*part -= kStep, high.*part += kStep;
+      return (NormalOnRectangles(high).share(rectangle).share -
+              NormalOnRectangles(low).share(rectangle).share) /
+             (2.0 * kStep);
+    };
+    EXPECT_NEAR(own.by_x, slope(&NormalDensity::x), 1e-4);
+    EXPECT_NEAR(own.by_y, slope(&NormalDensity::y), 1e-4);
+    EXPECT_NEAR(own.by_xx, slope(&NormalDensity::xx), 1e-4);
+    EXPECT_NEAR(own.by_xy, slope(&NormalDensity::xy), 1e-4);
+    EXPECT_NEAR(own.by_yy, slope(&NormalDensity::yy), 1e-4);
+  }
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -195,6 +195,34 @@ TEST_F(ArchiveTest, ASealedArchiveTakesNoNewFrames) {
   EXPECT_FALSE(fs::exists(directory_ / "frames/000001.tif"));
 }
 
+TEST_F(ArchiveTest, DroppedFramesAreTakenAgain) {
+  const auto archive = Archive::create(directory_, header_).value();
+  ASSERT_TRUE(archive->add({frame(0), frame(1), frame(2)}).ok());
+  ASSERT_TRUE(archive->map("frames/000001.tif").ok());
+  const std::string before = archive->manifest().frames(1).checksum();
+  ASSERT_TRUE(archive->seal().ok());
+  const auto dropped = archive->drop([](int step) { return step == 1; });
+  ASSERT_TRUE(dropped.ok()) << dropped;
+  EXPECT_FALSE(fs::exists(directory_ / "frames/000001.tif"));
+  EXPECT_FALSE(archive->map("frames/000001.tif").ok());
+  for (const v1::CaptureManifest& manifest :
+       {archive->manifest(), Archive::open(directory_).value()->manifest()}) {
+    ASSERT_EQ(manifest.frames_size(), 2);
+    EXPECT_EQ(manifest.frames(0).step(), 0);
+    EXPECT_EQ(manifest.frames(1).step(), 2);
+  }
+  Archive::NewFrame again = frame(1);
+  again.image = noise(5, 4, 77);
+  const auto added = archive->add({again});
+  ASSERT_TRUE(added.ok()) << added.status();
+  EXPECT_NE(added->front().checksum(), before);
+  ASSERT_TRUE(archive->seal().ok());
+  const auto reopened = Archive::open(directory_).value();
+  EXPECT_EQ(reopened->manifest().frames_size(), 3);
+  EXPECT_EQ(decode_tiff(reopened->read_frame_bytes("frames/000001.tif").value()).value().samples,
+            again.image.samples);
+}
+
 TEST_F(ArchiveTest, DamageIsNamed) {
   std::string file;
   {

@@ -7,15 +7,19 @@
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfStringAttribute.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 #include <zlib.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <random>
 
 #include "core/base/file.h"
 #include "core/frame/archive.h"
+#include "core/frame/exr_limits.h"
+#include "tests/core/frame/exr_of_parts.h"
 
 namespace glasswing {
 namespace {
@@ -130,7 +134,7 @@ TEST_F(ImageFile, OpenExrIsReadInAllItsDigits) {
     return image;
   }();
   const auto write = [&](const char* name, std::vector<const char*> channels) {
-    Imf::Header header({{0, 0}, {99, 49}}, {{-3, 20}, {0, 22}});
+    Imf::Header header({{-3, 20}, {0, 22}}, {{-3, 20}, {0, 22}});
     Imf::FrameBuffer frame;
     for (size_t c = 0; c < channels.size(); ++c) {
       header.channels().insert(channels[c], Imf::Channel(Imf::FLOAT));
@@ -152,7 +156,53 @@ TEST_F(ImageFile, OpenExrIsReadInAllItsDigits) {
   for (int c = 0; c < 3; ++c) EXPECT_EQ(gray.at(2, 1, c), 1.25e6f);
 }
 
+TEST_F(ImageFile, OpenExrOfTooManyPartsIsRefusedBeforeItIsRead) {
+  const fs::path path = directory_ / "parts.exr";
+  const auto read = [&](const std::string& bytes) {
+    EXPECT_EQ(write_file_durably(path, bytes), absl::OkStatus());
+    return read_radiance(path, Encoding::kLinear).status();
+  };
+  EXPECT_EQ(read(exr_of_parts(1)), absl::OkStatus());
+  EXPECT_EQ(read(exr_of_parts(kMaxExrParts)), absl::OkStatus());
+  EXPECT_EQ(read(exr_of_parts(1, kMaxExrChannels - 3)), absl::OkStatus());
+  const std::string name = path.string();
+  for (const int parts : {kMaxExrParts + 1, 20'000})
+    EXPECT_EQ(read(exr_of_parts(parts)),
+              absl::InvalidArgumentError(fmt::format("{}: it has more than {} parts", name, kMaxExrParts)));
+  const auto channels =
+      absl::InvalidArgumentError(fmt::format("{}: it has more than {} channels", name, kMaxExrChannels));
+  EXPECT_EQ(read(exr_of_parts(1, kMaxExrChannels - 2)), channels);
+  EXPECT_EQ(read(exr_of_parts(2, kMaxExrChannels / 2)), channels);
+  EXPECT_EQ(read_radiance(path, Encoding::kLinear).status(), channels);
+  // The library would allocate the two gigabytes that an attribute is said to have.
+  const std::string good = exr_of_parts(1);
+  const size_t size_at = good.find("box2i") + 6;
+  const std::string lying = good.substr(0, size_at) + "\xff\xff\xff\x7f" + good.substr(size_at + 4);
+  EXPECT_EQ(read(lying), absl::DataLossError(name + ": its headers do not end within it"));
+  for (size_t size = 0; size < good.size(); ++size) EXPECT_FALSE(read(good.substr(0, size)).ok()) << size;
+}
+
 // Rec. 709 and D65, ITU-R BT.709-6.
+// Layers and parts that another program names.
+TEST_F(ImageFile, OpenExrSaysWhichLayerIsRead) {
+  const auto made = [&](const std::string& words) {
+    const fs::path path = directory_ / "layers.exr";
+    const std::string command = fmt::format("oiiotool --create 8x8 3 {} -o {}", words, path.string());
+    EXPECT_EQ(std::system(command.c_str()), 0) << command;
+    return layer_of_file(path);
+  };
+  EXPECT_EQ(made(""), "");
+  EXPECT_EQ(made("--chnames Y,Z,mask --ch Y"), "");
+  EXPECT_EQ(made("--chnames 'View Layer.Combined.R,View Layer.Combined.G,View Layer.Combined.B'"),
+            "layer View Layer.Combined");
+  const std::string depth_first =
+      "--chnames r.x,r.y,r.z --attrib oiio:subimagename depth --create 8x8 3 --attrib oiio:subimagename "
+      "beauty "
+      "--siappend";
+  EXPECT_EQ(made(depth_first), "part 2, beauty");
+  EXPECT_EQ(layer_of_file(directory_ / "none.exr"), "");
+}
+
 TEST_F(ImageFile, OpenExrSaysItsPrimaries) {
   ASSERT_TRUE(
       write_radiance(directory_ / "p.exr", random_picture(9, 5), Encoding::kLinear, 0, linear_rec709()).ok());
@@ -183,6 +233,29 @@ TEST_F(ImageFile, PhotographsKeepTheirCodes) {
   ASSERT_TRUE(write_radiance(directory_ / "photo.exr", random_picture(9, 5), Encoding::kLinear).ok());
   EXPECT_TRUE(absl::IsDataLoss(read_photograph(directory_ / "photo.exr").status()));
   EXPECT_TRUE(absl::IsDataLoss(read_photograph(directory_ / "missing.png").status()));
+}
+
+TEST_F(ImageFile, CodesOfFewerBitsAreStretchedToTheirWhite) {
+  const fs::path path = directory_ / "photo.png";
+  struct {
+    int white, bits, shift;
+  } const kinds[] = {{1023, 10, 0},  {4095, 12, 0},  {16383, 14, 0},
+                     {65472, 10, 6}, {65520, 12, 4}, {1000, 10, 0}};
+  for (const auto& [white, bits, shift] : kinds) {
+    Image16 codes(4, 1);
+    for (size_t i = 0; i < codes.samples.size(); ++i)
+      codes.samples[i] = static_cast<std::uint16_t>(static_cast<size_t>(white >> shift) * i / 11 << shift);
+    ASSERT_TRUE(write_file_durably(path, encode_png16(codes).value()).ok());
+    const CodedPhotograph photograph = read_photograph(path, white).value();
+    EXPECT_EQ(photograph.bits, bits) << white;
+    for (size_t i = 0; i < codes.samples.size(); ++i)
+      EXPECT_NEAR(photograph.codes.samples[i], 65535.0 * codes.samples[i] / white, 0.51) << white;
+    EXPECT_EQ(photograph.codes.samples.back(), 65535);
+    EXPECT_EQ(read_photograph(path, white - 1).status().message(),
+              fmt::format("{}: its largest code is {}, above white, {}", path.string(), white, white - 1));
+  }
+  ASSERT_TRUE(write_radiance(path, random_picture(9, 5), Encoding::kDisplay).ok());
+  EXPECT_TRUE(absl::IsInvalidArgument(read_photograph(path, 256).status()));
 }
 
 // OpenCV alone decodes the missing part as grey.

@@ -64,9 +64,11 @@ TEST(RadianceHdr, RefusesDamage) {
   const std::string bytes = encode_hdr(image);
   for (size_t length = 0; length < bytes.size(); ++length)
     EXPECT_EQ(decode_hdr(bytes.substr(0, length)).status().code(), absl::StatusCode::kDataLoss) << length;
-  std::string large = bytes;
-  large.replace(large.find("-Y 3"), 4, "-Y 16384");
-  EXPECT_EQ(decode_hdr(large).status().code(), absl::StatusCode::kDataLoss);
+  for (const char* height : {"-Y 16384", "-Y 4294967299"}) {  // 2^32 + 3
+    std::string other = bytes;
+    other.replace(other.find("-Y 3"), 4, height);
+    EXPECT_EQ(decode_hdr(other).status().code(), absl::StatusCode::kDataLoss) << height;
+  }
   EXPECT_THAT(std::string(decode_hdr("#?RADIANCE\n\n+Y 3 +X 40\n").status().message()),
               testing::HasSubstr("-Y HEIGHT +X WIDTH"));
 }

@@ -46,7 +46,8 @@ TEST(PhotographResponse, IsItsEquation) {
 }
 
 TEST(PhotographResponse, ComplaintsSayWhatIsAccepted) {
-  for (const char* name : {"", "sRGB", "gamma:", "gamma:0.1", "gamma:6", "gamma:2.2x", "gamma:nan", "log"}) {
+  for (const char* name : {"", "sRGB", "gamma:", "gamma:0.1", "gamma:6", "gamma:2.2x", "gamma:nan",
+                           "gamma: 2", "gamma:1e999", "log"}) {
     EXPECT_EQ(
         PhotographResponse::create(name, 0.0).status().message(),
         "response is \"" + std::string(name) + "\"; it must be linear, srgb, or gamma:G with G 0.2 to 5");

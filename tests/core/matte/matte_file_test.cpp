@@ -7,6 +7,7 @@
 
 #include "core/matte/matte_layers.h"
 #include "tests/core/base/flipped.h"
+#include "tests/core/frame/exr_of_parts.h"
 #include "tests/core/matte/random_matte.h"
 
 namespace glasswing {
@@ -46,6 +47,10 @@ TEST(MatteFile, DamageIsSeen) {
     const absl::StatusOr<Matte> read = decode_matte(bad);
     if (read.ok()) expect_same(matte, *read);
   }
+}
+
+TEST(MatteFile, ThousandsOfPartsAreRefusedBeforeTheyAreRead) {
+  EXPECT_EQ(decode_matte(exr_of_parts(20'000)).status(), absl::DataLossError("it has more than 64 parts"));
 }
 
 // With matching checksums: only the headers are wrong.

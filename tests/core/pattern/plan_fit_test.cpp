@@ -150,6 +150,26 @@ TEST(PlanFit, ExposuresAndHoldFitTheCamera) {
   EXPECT_FALSE(make_plan({}, rig).ok());
 }
 
+TEST(PlanFit, ObjectsChooseStripesAndExposures) {
+  RigLimits rig{
+      .monitors = {monitor("back", 128, 96, 60.0)}, .camera = camera(200.0, 0.1, 20.0, 0.0), .blur_px = 0.0};
+  const auto plan_of = [&](ObjectKind object) {
+    return *make_plan({.quality = PlanQuality::kGood, .images = {}, .object = object}, rig);
+  };
+  const v1::Plan clear = plan_of(ObjectKind::kClear);
+  EXPECT_EQ(plan_of(ObjectKind::kFrosted).sweeps(0).sigma_px(), 2.0 * clear.sweeps(0).sigma_px());
+  const v1::Plan metal = plan_of(ObjectKind::kMetal), dark = plan_of(ObjectKind::kDark);
+  ASSERT_EQ(metal.exposure_ms_size(), 2);
+  EXPECT_EQ(metal.exposure_ms(1), clear.exposure_ms(0) / 8.0);
+  // As long as the camera exposes; 20 ms and 5 ms a frame are two refreshes.
+  ASSERT_EQ(dark.exposure_ms_size(), 2);
+  EXPECT_EQ(dark.exposure_ms(0), 20.0);
+  EXPECT_EQ(dark.exposure_ms(1), clear.exposure_ms(0));
+  EXPECT_EQ(dark.hold_refreshes(), 2);
+  rig.camera = camera(200.0, 0.1, 100.0, 0.0);
+  EXPECT_EQ(plan_of(ObjectKind::kDark).hold_refreshes(), 3);  // 32 + 5 ms
+}
+
 TEST(PlanFit, StripesAreNotNarrowerThanTheBlur) {
   const RigLimits rig{.monitors = {monitor("back", 128, 96)}, .camera = {}, .blur_px = 6.2};
   EXPECT_EQ(make_plan({.quality = PlanQuality::kGood, .images = {}}, rig)->sweeps(0).sigma_px(), 6.5);

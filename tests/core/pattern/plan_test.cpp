@@ -257,6 +257,14 @@ TEST(Plan, TheRigMustHaveWhatThePlanNames) {
   EXPECT_NE(std::string(status.message()).find("it is 8x8"), std::string::npos) << status;
 }
 
+TEST(Plan, APlanHasNoMorePartsThanASessionHasSteps) {
+  v1::Plan plan;
+  plan.set_method("gaussian");
+  for (int i = 0; i <= 20000; ++i) plan.add_solids();
+  const absl::Status status = check_plan(plan);
+  EXPECT_EQ(std::string(status.message()), "the plan has 20001 solids; at most 20000 are shown in a session");
+}
+
 TEST(Plan, FewBytesAskForNoMoreThanAProgram) {
   // 500,000 periods of 32 phases fit into one message.
   v1::Plan plan;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "core/edit/fill.h"
 #include "core/rays/cube.h"
 #include "tests/core/web/made_for_web.h"
 
@@ -42,12 +43,20 @@ std::vector<int> numbers_of(const std::string& low, const std::string& high) {
   return numbers;
 }
 
+TEST(WebMatte, HolesAreFilledAsByMatteFill) {
+  Matte filled = a_matte();
+  EXPECT_GE(fill(filled), 1);
+  const WebMatte holed = encode_web_matte(a_matte()).value();
+  const auto planes = planes_of(holed), expected = planes_of(encode_web_matte(filled).value());
+  for (const auto& [name, bytes] : planes)  // the filled matte has a row more, which sees no monitor
+    EXPECT_EQ(bytes.substr(0, 2 * kWidth), expected.at(name).substr(0, 2 * kWidth)) << name;
+}
+
 TEST(WebMatte, HoldsWhatTheMatteHas) {
   const WebMatte web = encode_web_matte(a_matte()).value();
   EXPECT_EQ(web.region, (MatteRegion{0, 0, kWidth, kHeight - 1}));
   const auto planes = planes_of(web);
-  // Two footprints in the first column, elsewhere one that the channels share; (1, 1) is as one of its
-  // neighbours, each of which is as near.
+  // Two footprints in the first column, elsewhere one that the channels share; (1, 1) is filled.
   std::string counts;
   for (int y = 0; y < kHeight - 1; ++y) counts += "\2\1\1\1\1";
   counts[kWidth + 1] = planes.at("count")[kWidth + 1];

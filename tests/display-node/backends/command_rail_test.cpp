@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <poll.h>
+#include <signal.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -9,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include "core/base/descriptor.h"
 
@@ -85,7 +87,36 @@ TEST_F(CommandRailTest, EndsWhenItIsStopped) {
   stop.request_stop();
   const absl::Status status =
       CommandRail::create("sleep {mm}", "back").value()->move(1000.0, stop.get_token());
-  EXPECT_NE(std::string(status.message()).find("killed before"), std::string::npos) << status;
+  EXPECT_NE(std::string(status.message()).find("ended before"), std::string::npos) << status;
+}
+
+TEST_F(CommandRailTest, LetsAStoppedProgramStopItsMotor) {
+  const std::string moved = (folder_ / "moved").string();
+  const std::string move =
+      program("trap 'echo at rest > " + moved + "; exit 1' TERM; echo $$ > " + moved + "; sleep 1000 & wait");
+  std::stop_source stop;
+  std::jthread stopper([&] {
+    while (written().empty()) std::this_thread::yield();
+    stop.request_stop();
+  });
+  const absl::Status status =
+      CommandRail::create(move + " {mm}", "back").value()->move(1.0, stop.get_token());
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_EQ(written(), "at rest\n");
+}
+
+TEST_F(CommandRailTest, KillsAStoppedProgramThatGoesOn) {
+  const std::string moved = (folder_ / "moved").string();
+  const std::string move = program("trap '' TERM; echo $$ > " + moved + "; while :; do sleep 0.01; done");
+  std::stop_source stop;
+  std::jthread stopper([&] {
+    while (!written().ends_with('\n')) std::this_thread::yield();
+    stop.request_stop();
+  });
+  const absl::Status status =
+      CommandRail::create(move + " {mm}", "back").value()->move(1.0, stop.get_token());
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_NE(::kill(std::stoi(written()), 0), 0) << "it still runs";  // move() has collected it
 }
 
 TEST_F(CommandRailTest, NeedsAPlaceForThePosition) {

@@ -7,6 +7,7 @@
 #include <future>
 #include <latch>
 #include <limits>
+#include <semaphore>
 #include <thread>
 
 #include "core/base/fault_point.h"
@@ -25,16 +26,22 @@ using std::chrono::milliseconds;
 // Every call of these tests is short; the deadline turns a hang into a failure.
 constexpr milliseconds kPatience(20'000);
 
-// Of which the test decides whether it works.
+// Of which the test decides whether it works, or moves until it is stopped.
 class TestRail final : public Rail {
  public:
-  explicit TestRail(const bool& works) : works_(works) {}
-  absl::Status move(double, std::stop_token) override {
-    return works_ ? absl::OkStatus() : absl::FailedPreconditionError("the belt has slipped");
+  enum Way { kWorks, kFails, kNeverArrives };
+  TestRail(const std::atomic<Way>& way, std::binary_semaphore& begun) : way_(way), begun_(begun) {}
+  absl::Status move(double, std::stop_token stop) override {
+    if (way_ == kWorks) return absl::OkStatus();
+    if (way_ == kFails) return absl::FailedPreconditionError("the belt has slipped");
+    begun_.release();
+    while (!stop.stop_requested()) std::this_thread::yield();
+    return absl::FailedPreconditionError("stopped");
   }
 
  private:
-  const bool& works_;
+  const std::atomic<Way>& way_;
+  std::binary_semaphore& begun_;  // released by a move that never arrives
 };
 
 class DisplayServiceTest : public testing::Test {
@@ -56,19 +63,28 @@ class DisplayServiceTest : public testing::Test {
                      .min_mm = 100.0,
                      .max_mm = 300.0,
                      .position_mm = 200.0,
-                     .rail = std::make_unique<TestRail>(rail_works_)});
+                     .rail = std::make_unique<TestRail>(rail_, rail_begun_)});
     return rails;
   }
-  absl::StatusOr<double> move(const std::string& monitor, double position_mm) {
+  absl::StatusOr<double> move(const std::string& monitor, double position_mm, const std::string& id = "") {
     grpc::ClientContext context;
     set_deadline(context, kPatience);
     v1::MoveMonitorRequest request;
+    request.set_request_id(id);
     request.set_monitor(monitor);
     request.set_position_mm(position_mm);
     v1::MoveMonitorResponse response;
     const grpc::Status status = stub_->MoveMonitor(&context, request, &response);
     if (!status.ok()) return from_grpc(status);
     return response.position_mm();
+  }
+  absl::Status stop_move(const std::string& id) {
+    grpc::ClientContext context;
+    set_deadline(context, kPatience);
+    v1::StopMoveRequest request;
+    request.set_request_id(id);
+    v1::StopMoveResponse response;
+    return from_grpc(stub_->StopMove(&context, request, &response));
   }
   v1::GetDisplayResponse described() {
     grpc::ClientContext context;
@@ -149,7 +165,8 @@ class DisplayServiceTest : public testing::Test {
                     .settle = milliseconds(1)}},
                   {}};
   LightTap display_{sim_};
-  bool rail_works_ = true;
+  std::atomic<TestRail::Way> rail_ = TestRail::kWorks;
+  std::binary_semaphore rail_begun_{0};
   DisplayServiceImpl service_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<v1::DisplayService::Stub> stub_;
@@ -350,15 +367,34 @@ TEST_F(DisplayServiceTest, AMonitorThatCannotBeMovedStaysWhereItIs) {
 }
 
 TEST_F(DisplayServiceTest, NobodyKnowsWhereAFailedRailStands) {
-  rail_works_ = false;
+  rail_ = TestRail::kFails;
   const absl::Status status = move("back", 250.0).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
   EXPECT_NE(std::string(status.message()).find("the belt has slipped"), std::string::npos) << status;
   EXPECT_TRUE(described().monitors(0).has_rail());
   EXPECT_FALSE(described().monitors(0).rail().has_position_mm());
-  rail_works_ = true;
+  rail_ = TestRail::kWorks;
   EXPECT_EQ(move("back", 100.0).value(), 100.0);
   EXPECT_EQ(described().monitors(0).rail().position_mm(), 100.0);
+}
+
+TEST_F(DisplayServiceTest, AStoppedMoveLeavesARailThatCanBeMoved) {
+  rail_ = TestRail::kNeverArrives;
+  auto first = std::async(std::launch::async, [&] { return move("back", 250.0, "first").status(); });
+  rail_begun_.acquire();
+  EXPECT_EQ(stop_move("another"), absl::OkStatus());
+  const absl::Status busy = move("back", 260.0, "second").status();
+  EXPECT_NE(std::string(busy.message()).find("moves a monitor"), std::string::npos) << busy;
+  EXPECT_EQ(stop_move("first"), absl::OkStatus());
+  const absl::Status stopped = first.get();
+  EXPECT_TRUE(absl::IsFailedPrecondition(stopped)) << stopped;
+  EXPECT_FALSE(described().monitors(0).rail().has_position_mm());
+  EXPECT_EQ(stop_move("second"), absl::OkStatus());
+  const absl::Status late = move("back", 260.0, "second").status();
+  EXPECT_NE(std::string(late.message()).find("before it began"), std::string::npos) << late;
+  rail_ = TestRail::kWorks;
+  EXPECT_EQ(move("back", 260.0, "third").value(), 260.0);
+  EXPECT_EQ(described().monitors(0).rail().position_mm(), 260.0);
 }
 
 TEST_F(DisplayServiceTest, AMonitorWithoutARailIsNotMoved) {

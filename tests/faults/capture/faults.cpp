@@ -99,34 +99,20 @@ v1::Plan plan_of(const Settings& settings, int hold_refreshes, double& step_px) 
 
 // Runs the session to its end. Restarts a node, if wanted, when a third of the steps is proven.
 v1::Session run(FaultyRig& rig, const RigFaults& faults, const v1::Plan& plan) {
-  v1::CreateSessionRequest create;
-  create.set_name("s");
-  *create.mutable_plan() = plan;
-  v1::CreateSessionResponse created;
-  grpc::ClientContext create_context;
-  set_deadline(create_context, seconds(30));
-  const grpc::Status status = rig.sessions().CreateSession(&create_context, create, &created);
-  if (!status.ok()) {
-    created.mutable_session()->set_reason(status.error_message());
-    return created.session();
+  if (const grpc::Status status = rig.create(plan); !status.ok()) {
+    v1::Session none;
+    none.set_reason(status.error_message());
+    return none;
   }
-  v1::WatchSessionRequest watch;
-  watch.set_name("s");
-  grpc::ClientContext context;
-  const auto reader = rig.sessions().WatchSession(&context, watch);
-  v1::WatchSessionResponse response;
   bool restarted = !faults.restart_camera && !faults.restart_display;
-  while (reader->Read(&response)) {
-    if (restarted || response.session().proven_count() < response.session().step_count() / 3 ||
-        response.session().proven_count() == 0)
-      continue;
+  v1::Session session = rig.watch([&](const v1::Session& now) {
+    if (restarted || now.proven_count() < now.step_count() / 3 || now.proven_count() == 0) return;
     restarted = true;
     if (faults.restart_camera) rig.restart_camera();
     if (faults.restart_display) rig.restart_display();
-  }
-  (void)reader->Finish();
-  if (!restarted) response.mutable_session()->set_step_count(0);  // the restart was never tried
-  return response.session();
+  });
+  if (!restarted) session.set_step_count(0);  // the restart was never tried
+  return session;
 }
 
 struct Judged {

@@ -175,6 +175,29 @@ void FaultyRig::restart_display() {
   display_ = std::make_unique<DisplayNode>(faults, seed_, patch_rows_, address);
 }
 
+grpc::Status FaultyRig::create(const v1::Plan& plan) {
+  v1::CreateSessionRequest request;
+  request.set_name("s");
+  *request.mutable_plan() = plan;
+  v1::CreateSessionResponse created;
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::seconds(30));
+  return sessions_->CreateSession(&context, request, &created);
+}
+
+v1::Session FaultyRig::watch(const std::function<void(const v1::Session&)>& seen) {
+  v1::WatchSessionRequest request;
+  request.set_name("s");
+  grpc::ClientContext context;
+  const auto reader = sessions_->WatchSession(&context, request);
+  v1::WatchSessionResponse response;
+  while (reader->Read(&response)) {
+    if (seen) seen(response.session());
+  }
+  (void)reader->Finish();
+  return response.session();
+}
+
 void FaultyRig::restart_camera() {
   const std::string address = camera_ == nullptr ? "127.0.0.1:0" : camera_->host->address();
   camera_.reset();
@@ -192,6 +215,7 @@ void FaultyRig::restart_camera() {
   options.late = faults_.late;
   options.stamp_jitter = faults_.stamp_jitter;
   options.stamp_shift = faults_.stamp_shift;
+  options.disturbances = faults_.disturbances;
   camera_ = std::make_unique<CameraNode>(options, data_ / "archives", faults_.space,
                                          display_->host->address(), address);
   if (!camera_->timeline.wait_known_until(monotonic_now(), kSoon)) {

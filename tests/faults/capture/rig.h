@@ -2,11 +2,13 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
 #include "camera-node/backends/sim_camera.h"
 #include "core/archive/disk_room.h"
+#include "core/sim/disturbances.h"
 #include "display-node/backends/sim_display.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "server/services/server.h"
@@ -24,6 +26,7 @@ struct RigFaults {
   double clock_drift_ppm = 0.0;
   double frame_rate_hz = 1000.0;
   nanoseconds network_delay{};                           // at most, each way between the server and the nodes
+  Disturbances disturbances = {};                        // of the camera
   bool restart_camera = false, restart_display = false;  // in mid-session
   SpaceOf space = space_of;                              // of the camera node's disk
   std::chrono::milliseconds node_call = kNodeCall;       // ServerOptions
@@ -40,6 +43,9 @@ class FaultyRig {
   ~FaultyRig();
 
   v1::SessionService::Stub& sessions() { return *sessions_; }
+  // Session "s". watch() returns it once it rests, and calls `seen` with every change.
+  grpc::Status create(const v1::Plan& plan);
+  v1::Session watch(const std::function<void(const v1::Session&)>& seen = nullptr);
   Server& server();
   const std::string& address() const;  // of the server
   std::filesystem::path archive(const std::string& session) const;

@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <future>
 #include <latch>
 #include <map>
 #include <set>
@@ -58,6 +60,22 @@ struct SlowFits final : v1::CalibrationService::Service {
   }
 };
 
+// Moves as SimRail does; if it is held up, only once it is stopped, and in vain.
+class HeldRail final : public Rail {
+ public:
+  HeldRail(LightTap& tap, std::atomic<bool>& held) : rail_(tap, 0, 200.0, PanelPose()), held_(held) {}
+  absl::Status move(double position_mm, std::stop_token stop) override {
+    if (!held_) return rail_.move(position_mm, stop);
+    held_ = false;
+    while (!stop.stop_requested()) std::this_thread::yield();
+    return absl::FailedPreconditionError("ended before it had moved the monitor");
+  }
+
+ private:
+  SimRail rail_;
+  std::atomic<bool>& held_;
+};
+
 class RigTest : public testing::Test {
  protected:
   void start(const SimDisplay::Faults& faults = {}, const SensorCurve& response = {}) {
@@ -79,7 +97,7 @@ class RigTest : public testing::Test {
                      .min_mm = 200.0,
                      .max_mm = 400.0,
                      .position_mm = 200.0,
-                     .rail = std::make_unique<SimRail>(*tap_, 0, 200.0, PanelPose())});
+                     .rail = std::make_unique<HeldRail>(*tap_, rail_is_held_)});
     display_service_ = std::make_unique<DisplayServiceImpl>("display-1", *tap_, 0, std::move(rails));
     emission_ = std::make_unique<EmissionServiceImpl>(*tap_);
     display_host_ = ServiceHost::start({}, {display_service_.get(), emission_.get()}).value();
@@ -156,6 +174,7 @@ class RigTest : public testing::Test {
   }
 
   const fs::path data_ = fs::path(testing::TempDir()) / ("rig_service." + std::to_string(::getpid()));
+  std::atomic<bool> rail_is_held_ = false;
   bool is_lit_ = true;  // from the start on
   EmissionTimeline timeline_;
   std::unique_ptr<Server> server_;
@@ -290,6 +309,12 @@ TEST_F(RigTest, PlansAreMadeForTheRig) {
   EXPECT_EQ(
       make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_quality("fine"); }).status().message(),
       "quality is \"fine\"; it must be draft, good or best");
+  const auto metal = make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_object("metal"); });
+  ASSERT_TRUE(metal.ok()) << metal.status();
+  EXPECT_EQ(metal->plan().exposure_ms_size(), 2);
+  EXPECT_EQ(
+      make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_object("wood"); }).status().message(),
+      "object is \"wood\"; it must be clear, frosted, metal or dark");
 }
 
 TEST_F(RigTest, AFitIsListedWhileItRunsAndRunsOnce) {
@@ -605,6 +630,29 @@ TEST_F(RigTest, PlacesAMonitorOnItsRail) {
   EXPECT_TRUE(place("back", 300.0, held.token()).ok());
   holding.TryCancel();
   (void)reader->Finish();
+}
+
+TEST_F(RigTest, ACancelledMoveFreesTheRig) {
+  start();
+  rail_is_held_ = true;
+  grpc::ClientContext cancelled, next;
+  set_deadline(cancelled, milliseconds(20'000));
+  set_deadline(next, milliseconds(20'000));
+  v1::PlaceMonitorRequest request;
+  request.set_monitor("back");
+  request.set_position_mm(250.0);
+  auto moved = std::async(std::launch::async, [&] {
+    v1::PlaceMonitorResponse response;
+    return stub_->PlaceMonitor(&cancelled, request, &response).error_code();
+  });
+  while (rail_is_held_) std::this_thread::yield();  // until it moves
+  cancelled.TryCancel();
+  EXPECT_EQ(moved.get(), grpc::StatusCode::CANCELLED);
+  while (server_->rig_lock().holder()) std::this_thread::yield();
+  v1::PlaceMonitorResponse response;
+  request.set_position_mm(300.0);
+  EXPECT_EQ(from_grpc(stub_->PlaceMonitor(&next, request, &response)), absl::OkStatus());
+  EXPECT_EQ(response.position_mm(), 300.0);
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ namespace {
 constexpr v1::SessionAction kActions[] = {
     v1::SESSION_ACTION_PAUSE,     v1::SESSION_ACTION_RESUME, v1::SESSION_ACTION_RETRY,
     v1::SESSION_ACTION_CANCEL,    v1::SESSION_ACTION_SOLVE,  v1::SESSION_ACTION_FETCH,
-    v1::SESSION_ACTION_REPLICATE, v1::SESSION_ACTION_DELETE,
+    v1::SESSION_ACTION_REPLICATE, v1::SESSION_ACTION_DELETE, v1::SESSION_ACTION_RETAKE,
 };
 
 v1::Session captured_by_plan(v1::SessionState state) {
@@ -52,42 +52,55 @@ v1::Session calibration(v1::Session session) {
   return session;
 }
 
+v1::Session with_copy(v1::Session session) {
+  session.add_copies()->set_node("store-1");
+  return session;
+}
+
+v1::Session video(v1::Session session) {
+  session.mutable_plan()->set_method("ramp");
+  session.mutable_plan()->mutable_ramp()->set_frames(10);
+  return session;
+}
+
 struct Row {
   const char* name;
   v1::Session session;
   // A letter for each action that is allowed, in the order of kActions: pause, resume, retry, cancel, solve,
-  // fetch, replicate, delete; '.' where it is not.
+  // fetch, replicate, delete, retake; '.' where it is not.
   const char* allowed;
 };
 
 std::vector<Row> truth_table() {
   return {
-      {"created", captured_by_plan(v1::SESSION_STATE_CREATED), "...C...."},
-      {"being imported", imported(captured_by_plan(v1::SESSION_STATE_CREATED)), "...C...D"},
-      {"capturing", captured_by_plan(v1::SESSION_STATE_CAPTURING), "P..C...."},
-      {"capturing a calibration", calibration(captured_by_plan(v1::SESSION_STATE_CAPTURING)), "P..C...."},
-      {"capture paused", captured_by_plan(v1::SESSION_STATE_PAUSED), ".R.C...D"},
-      {"paused without a plan", imported(captured_by_plan(v1::SESSION_STATE_PAUSED)), "...C...D"},
-      {"solve paused", in_solve(v1::SESSION_STATE_PAUSED), ".R.CS.MD"},
-      {"solve of an import paused", imported(in_solve(v1::SESSION_STATE_PAUSED)), ".R.CS.MD"},
-      {"solve paused, with a matte", with_matte(in_solve(v1::SESSION_STATE_PAUSED)), ".R.CSFMD"},
-      {"solve paused, with a frame", with_frame(in_solve(v1::SESSION_STATE_PAUSED)), ".R.CSFMD"},
-      {"captured", captured_by_plan(v1::SESSION_STATE_CAPTURED), "....S.MD"},
-      {"imported", imported(captured_by_plan(v1::SESSION_STATE_CAPTURED)), "....S.MD"},
-      {"calibration captured", calibration(captured_by_plan(v1::SESSION_STATE_CAPTURED)), "......MD"},
-      {"solving", in_solve(v1::SESSION_STATE_SOLVING), "P..C..M."},
-      {"solving again", with_matte(in_solve(v1::SESSION_STATE_SOLVING)), "P..C.FM."},
-      {"solving, with a frame", with_frame(in_solve(v1::SESSION_STATE_SOLVING)), "P..C.FM."},
-      {"done", with_matte(in_solve(v1::SESSION_STATE_DONE)), "....SFMD"},
-      {"import done", imported(with_matte(in_solve(v1::SESSION_STATE_DONE))), "....SFMD"},
-      {"capture failed", captured_by_plan(v1::SESSION_STATE_FAILED), "..T....D"},
-      {"failed without a plan", imported(captured_by_plan(v1::SESSION_STATE_FAILED)), ".......D"},
-      {"solve failed", in_solve(v1::SESSION_STATE_FAILED), "..T.S.MD"},
-      {"solve failed, with a frame", with_frame(in_solve(v1::SESSION_STATE_FAILED)), "..T.SFMD"},
-      {"solve failed, with a matte", with_matte(in_solve(v1::SESSION_STATE_FAILED)), "..TCSFMD"},
-      {"cancelled", captured_by_plan(v1::SESSION_STATE_CANCELLED), ".......D"},
-      {"damaged", captured_by_plan(v1::SESSION_STATE_DAMAGED), "........"},
-      {"unknown", captured_by_plan(v1::SESSION_STATE_UNSPECIFIED), "........"},
+      {"created", captured_by_plan(v1::SESSION_STATE_CREATED), "...C....."},
+      {"being imported", imported(captured_by_plan(v1::SESSION_STATE_CREATED)), "...C...D."},
+      {"capturing", captured_by_plan(v1::SESSION_STATE_CAPTURING), "P..C....A"},
+      {"capturing a calibration", calibration(captured_by_plan(v1::SESSION_STATE_CAPTURING)), "P..C....A"},
+      {"capture paused", captured_by_plan(v1::SESSION_STATE_PAUSED), ".R.C...DA"},
+      {"paused without a plan", imported(captured_by_plan(v1::SESSION_STATE_PAUSED)), "...C...D."},
+      {"solve paused", in_solve(v1::SESSION_STATE_PAUSED), ".R.CS.MD."},
+      {"solve of an import paused", imported(in_solve(v1::SESSION_STATE_PAUSED)), ".R.CS.MD."},
+      {"solve paused, with a matte", with_matte(in_solve(v1::SESSION_STATE_PAUSED)), ".R.CSFMD."},
+      {"solve paused, with a frame", with_frame(in_solve(v1::SESSION_STATE_PAUSED)), ".R.CSFMD."},
+      {"captured", captured_by_plan(v1::SESSION_STATE_CAPTURED), "....S.MDA"},
+      {"imported", imported(captured_by_plan(v1::SESSION_STATE_CAPTURED)), "....S.MD."},
+      {"calibration captured", calibration(captured_by_plan(v1::SESSION_STATE_CAPTURED)), "......MDA"},
+      {"solving", in_solve(v1::SESSION_STATE_SOLVING), "P..C..M.."},
+      {"solving again", with_matte(in_solve(v1::SESSION_STATE_SOLVING)), "P..C.FM.."},
+      {"solving, with a frame", with_frame(in_solve(v1::SESSION_STATE_SOLVING)), "P..C.FM.."},
+      {"done", with_matte(in_solve(v1::SESSION_STATE_DONE)), "....SFMD."},
+      {"import done", imported(with_matte(in_solve(v1::SESSION_STATE_DONE))), "....SFMD."},
+      {"capture failed", captured_by_plan(v1::SESSION_STATE_FAILED), "..T....DA"},
+      {"failed without a plan", imported(captured_by_plan(v1::SESSION_STATE_FAILED)), ".......D."},
+      {"solve failed", in_solve(v1::SESSION_STATE_FAILED), "..T.S.MD."},
+      {"solve failed, with a frame", with_frame(in_solve(v1::SESSION_STATE_FAILED)), "..T.SFMD."},
+      {"solve failed, with a matte", with_matte(in_solve(v1::SESSION_STATE_FAILED)), "..TCSFMD."},
+      {"captured, copied", with_copy(captured_by_plan(v1::SESSION_STATE_CAPTURED)), "....S.MD."},
+      {"video captured", video(captured_by_plan(v1::SESSION_STATE_CAPTURED)), "....S.MD."},
+      {"cancelled", captured_by_plan(v1::SESSION_STATE_CANCELLED), ".......D."},
+      {"damaged", captured_by_plan(v1::SESSION_STATE_DAMAGED), "........."},
+      {"unknown", captured_by_plan(v1::SESSION_STATE_UNSPECIFIED), "........."},
   };
 }
 
@@ -95,7 +108,7 @@ TEST(SessionState, AllowsWhatTheTruthTableSays) {
   for (const Row& row : truth_table()) {
     std::string allowed;
     for (size_t i = 0; i < std::size(kActions); ++i)
-      allowed += allows(row.session, kActions[i]) ? "PRTCSFMD"[i] : '.';
+      allowed += allows(row.session, kActions[i]) ? "PRTCSFMDA"[i] : '.';
     EXPECT_EQ(allowed, row.allowed) << row.name;
   }
 }

@@ -218,6 +218,41 @@ TEST(Unwrap, IsNeverInAnotherPeriodThanItSays) {
   EXPECT_GT(finest, 1000);  // not by rejecting all
 }
 
+// Waves of 16 px and a Gray code of 16 px cells, as they show beside one another.
+TEST(Unwrap, BarsTellOnePeriodFromTheNext) {
+  WaveMonitor coded{.texture = 0, .extent = {.width_px = 128.0, .height_px = 96.0}, .waves = {}};
+  for (const double degrees : {0.0, 90.0}) coded.waves.push_back(wave_of(degrees, 16.0));
+  for (std::vector<Bars>& bars : coded.bars) {
+    for (const double first_px : {64.0, 32.0, 16.0}) {
+      bars.emplace_back();
+      bars.back().bar_px = 2.0 * first_px;
+      bars.back().offset_px = first_px;
+    }
+  }
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> x(0.0, 128.0), y(0.0, 96.0), answer(-0.1, 0.1);
+  int found = 0, tried = 0;
+  for (int i = 0; i < 5000; ++i) {
+    const Footprint truth{.weight = 0.7, .x_px = x(random), .y_px = y(random), .xx_px2 = 0.5, .yy_px2 = 0.5};
+    if (near_edge(truth, coded.extent)) continue;
+    Spectrum spectrum = seen(coded, one(truth), 0.005, random);
+    for (size_t axis = 0; axis < 2; ++axis) {
+      const auto cell = static_cast<int>((axis == 0 ? truth.x_px : truth.y_px) / 16.0);
+      for (int bit = 2; bit >= 0; --bit) {
+        const double shown = ((cell ^ (cell >> 1)) >> bit & 1) != 0 ? 0.9 : -0.9;
+        spectrum.bars[axis].push_back({.value = shown + answer(random), .sd = 0.02});
+      }
+    }
+    ++tried;
+    const Unwrapped place = unwrap(coded, spectrum, 0.0);
+    if (!place.found) continue;
+    ++found;
+    EXPECT_NEAR(place.centre_px.x(), truth.x_px, 4.0) << i;  // a wrong period is 16 px off
+    EXPECT_NEAR(place.centre_px.y(), truth.y_px, 4.0) << i;
+  }
+  EXPECT_GT(found, tried * 3 / 4);  // beside edges of bars, where one bar says nothing, some are left out
+}
+
 TEST(SpectrumFit, TwoPlacesAreToldFromOneAndFound) {
   const WaveMonitor waves = monitor();
   std::mt19937 random(5);

@@ -67,7 +67,7 @@ Matte solved_again_and_again(const Footprints& truth) {
       for (float& y : samples.y) y -= static_cast<float>(black);
       samples.floor_weight = 1.0;
       samples.floor_answer.assign(samples.y.size(), 1.0f);
-      const JointFit fit = fit_jointly(samples, found, kSimulatedExtent, 20, workspace);
+      const JointFit fit = fit_jointly(samples, found, kSimulatedExtent, {.max_steps = 20}, workspace);
       matte.foreground(x, 0)[static_cast<size_t>(c)] = static_cast<float>(black + fit.floor);
       for (int m = 0; m < fit.modes.size(); ++m) {
         const auto i = static_cast<size_t>(m);

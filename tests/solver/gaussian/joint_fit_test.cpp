@@ -29,38 +29,35 @@ TEST_P(EdgeOrMiddle, NormalEquationsAreThoseOfTheModel) {
   NormalEquations got;
   JointWorkspace workspace;
   evaluate(samples, at, kExtent, workspace, got);
-  std::array<std::array<double, 12>, 12> matrix{};
-  std::array<double, 12> gradient{};
+  FootprintMatrix matrix = FootprintMatrix::Zero(12, 12);
+  FootprintVector gradient = FootprintVector::Zero(12);
   double chi2 = 0.0;
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
     for (int i = 0; i < sweep.count; ++i) {
       const double residual =
           static_cast<double>(samples.y[static_cast<size_t>(sweep.first + i)]) - answer(at, layout, sweep, i);
       chi2 += residual * residual;
-      std::array<double, 12> derivative;
+      FootprintVector derivative(12);
       for (int p = 0; p < 12; ++p) {
         Footprints up = at, down = at;
         const double h = 1e-5;
         parameter(up[p / 6], p % 6) += h;
         parameter(down[p / 6], p % 6) -= h;
-        derivative[static_cast<size_t>(p)] =
-            (answer(up, layout, sweep, i) - answer(down, layout, sweep, i)) / (2.0 * h);
+        derivative[p] = (answer(up, layout, sweep, i) - answer(down, layout, sweep, i)) / (2.0 * h);
       }
-      for (size_t p = 0; p < 12; ++p) {
-        gradient[p] += derivative[p] * residual;
-        for (size_t q = 0; q < 12; ++q) matrix[p][q] += derivative[p] * derivative[q];
-      }
+      gradient += derivative * residual;
+      matrix += derivative * derivative.transpose();
     }
   }
   // Beyond reach a mode is below 2e-5 of its peak, and sums are in floats. The light of the edges' pixels, up
   // to 2e-3 of these footprints' answers, is left out of the derivatives but that by R.
   const double off = near_edge(at[0], kExtent) ? 2e-3 : 0.0;
-  EXPECT_NEAR(got.chi2, chi2, 1e-4 * chi2);
-  for (size_t p = 0; p < 12; ++p) {
-    const double scale = std::sqrt(matrix[p][p] * chi2);
+  EXPECT_NEAR(got.cost, chi2, 1e-4 * chi2);
+  for (int p = 0; p < 12; ++p) {
+    const double scale = std::sqrt(matrix(p, p) * chi2);
     EXPECT_NEAR(got.gradient[p], gradient[p], (1e-4 + off) * scale) << p;
-    for (size_t q = 0; q < 12; ++q) {
-      EXPECT_NEAR(got.matrix[p][q], matrix[p][q], 2.0 * (1e-4 + off) * std::sqrt(matrix[p][p] * matrix[q][q]))
+    for (int q = 0; q < 12; ++q) {
+      EXPECT_NEAR(got.matrix(p, q), matrix(p, q), 2.0 * (1e-4 + off) * std::sqrt(matrix(p, p) * matrix(q, q)))
           << p << " " << q;
     }
   }
@@ -99,7 +96,7 @@ TEST(JointFit, APlaceWithinAPixelIsUncertainByThePixel) {
     Footprints start;
     start.push_back(
         {.weight = 0.8, .x_px = 60.3, .y_px = 45.8, .xx_px2 = 0.05, .xy_px2 = 0.0, .yy_px2 = 0.05});
-    const JointFit fit = fit_jointly(samples, start, kExtent, 60, workspace);
+    const JointFit fit = fit_jointly(samples, start, kExtent, {.max_steps = 60}, workspace);
     ASSERT_EQ(fit.modes.size(), 1);
     EXPECT_GT(fit.centre_sd_px[0], 0.0);
     EXPECT_LE(fit.centre_sd_px[0], std::sqrt(1.0 / 12.0) + 1e-6);
@@ -130,7 +127,7 @@ TEST(JointFit, SaturatedSamplesAreBounds) {
   }
   ASSERT_GT(cut, 8);
   JointWorkspace workspace;
-  const JointFit fit = fit_jointly(samples, truth, kExtent, 60, workspace);
+  const JointFit fit = fit_jointly(samples, truth, kExtent, {.max_steps = 60}, workspace);
   ASSERT_TRUE(fit.converged);
   EXPECT_NEAR(fit.modes[0].weight, 0.9, 4.0 * fit.weight_sd[0]);
   EXPECT_LT(fit.weight_sd[0], 0.02);
@@ -154,7 +151,7 @@ TEST(JointFit, SaturatedSamplesAreBounds) {
     }
   }
   EXPECT_EQ(bounds_met, cut);
-  EXPECT_EQ(at.chi2, 0.0);
+  EXPECT_EQ(at.cost, 0.0);
 }
 
 double residual_sd(const JointFit& fit) {
@@ -211,7 +208,7 @@ TEST_P(FitBatch, AgreesWithTheJointFit) {
   for (size_t i = 0; i < fits.size(); ++i) {
     if (!fits[i].converged) continue;
     ++settled;
-    JointFit joint = fit_jointly(samples[i], starts[i], kExtent, 50, workspace);
+    JointFit joint = fit_jointly(samples[i], starts[i], kExtent, {.max_steps = 50}, workspace);
     // Each converges to within a tenth of a standard error; the windows' ends differ by one sample, which
     // matters less. The standard error is 0.005 times the bound, or more where samples are lost.
     const std::vector<double> bound = cramer_rao_bound(truths[i], layout);
@@ -256,14 +253,14 @@ TEST(FitBatch, ReachesTheBoundaryOfPositiveSigma) {
     // From a point within a pixel it could not move; batches widen their starts themselves.
     Footprints start;
     start.push_back(with_positive_covariance(starts[i][0], 0.25));
-    const JointFit joint = fit_jointly(samples[i], start, kExtent, 50, workspace);
+    const JointFit joint = fit_jointly(samples[i], start, kExtent, {.max_steps = 50}, workspace);
     if (!fits[i].converged) continue;
     ++settled;
     NormalEquations there;
     evaluate(samples[i], fits[i].modes, kExtent, workspace, there);
     // More than two standard errors away: noise makes several minima of a footprint within a pixel, and each
     // prefers the usual width in its own parameters.
-    apart += std::abs(there.chi2 - joint.chi2) > 4.0 * 0.005 * 0.005;
+    apart += std::abs(there.cost - joint.chi2) > 4.0 * 0.005 * 0.005;
   }
   EXPECT_GT(settled, 150);
   EXPECT_LE(apart, settled / 20);

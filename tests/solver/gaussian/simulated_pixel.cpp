@@ -82,15 +82,9 @@ std::vector<double> cramer_rao_bound(const Footprints& truth, const SampleLayout
   NormalEquations equations;
   JointWorkspace workspace;
   evaluate(samples, truth, kSimulatedExtent, workspace, equations);
-  const int n = 6 * truth.size();
-  Eigen::MatrixXd matrix(n, n);
-  for (int p = 0; p < n; ++p) {
-    for (int q = 0; q < n; ++q)
-      matrix(p, q) = equations.matrix[static_cast<size_t>(p)][static_cast<size_t>(q)];
-  }
-  const Eigen::VectorXd variance = matrix.inverse().diagonal();
+  const Eigen::MatrixXd covariance = equations.matrix.inverse();
   std::vector<double> sd;
-  for (int p = 0; p < n; ++p) sd.push_back(std::sqrt(variance[p]));
+  for (const double variance : covariance.diagonal()) sd.push_back(std::sqrt(variance));
   return sd;
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "solver/method/frame_correction.h"
 #include "tests/solver/stack_of.h"
 
 namespace glasswing {
@@ -127,6 +128,26 @@ void add_display(v1::CaptureManifest& manifest, const std::string& monitor, doub
   for (int c = 0; c < 3; ++c) {
     for (int p = 0; p < 3; ++p) display.add_crosstalk(kCrosstalk[c][p] + (p == 1 ? more_green : 0.0));
   }
+}
+
+TEST(LinearStack, GraysTellWhatSaturatedWhiteShouldBe) {
+  const v1::CaptureManifest manifest = manifest_of(2, 1, 4);
+  std::vector<Image16> frames = {even_frame(2, 1, {0.02, 0.02, 0.02}), even_frame(2, 1, {0.4, 0.6, 0.2}),
+                                 even_frame(2, 1, {0.78, 1.0, 0.38}), even_frame(2, 1, {1.0, 1.0, 0.5})};
+  const auto corrections = std::make_shared<FrameCorrections>();
+  corrections->of_frame.resize(4);
+  corrections->of_frame[2].grays = {.gray = 1, .black = 0, .level = 0.5f};
+  FrameStack stack = stack_of(manifest, frames);
+  stack.corrections = corrections;
+  stack = LinearStack::create(manifest).value().of(stack);
+  constexpr double kCode = 1.6 / 65535.0;  // of light to 1.5, and noise below 0
+  EXPECT_NEAR(stack.at(2, 0, 0, 0), 0.78, kCode);
+  EXPECT_NEAR(stack.at(2, 0, 0, 1), 0.02 + (0.6 - 0.02) / 0.5, kCode);
+  EXPECT_NEAR(stack.at(2, 0, 0, 2), 0.38, kCode);
+  EXPECT_LT(stack.rows[2][1], kSaturatedCode);
+  // What no gray tells keeps the light of full scale, and is known to be saturated.
+  EXPECT_EQ(stack.at(3, 0, 0, 0), 1.0f);
+  EXPECT_GE(stack.rows[3][0], kSaturatedCode);
 }
 
 TEST(LinearStack, ChannelsStayTheCamerasAndTheMatteSaysWhatTheySee) {

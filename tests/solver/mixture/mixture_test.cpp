@@ -75,7 +75,7 @@ TEST(Mixture, FitsScatterAsTheDesignExpects) {
   double covered = 0.0;  // share of weights within one standard error
   for (int i = 0; i < kTries; ++i) {
     const MixtureSamples samples = pixel.seen(truth, noise, random);
-    const LaneSamples lanes(samples);
+    const MixtureLanes lanes(samples);
     MixtureFit fit = fit_mixture(lanes, truth, false, 60);
     ASSERT_TRUE(fit.converged);
     find_errors(lanes, fit);

@@ -19,25 +19,44 @@ export function fillUnsolved(picture: Pick<ImageData, "width" | "height" | "data
   const { width, height, data } = picture;
   const known = new Uint8Array(width * height).fill(1);
   for (const pixel of unsolved) known[pixel] = 0;
-  const fill = (pixel: number): boolean => {
-    const sum = [0, 0, 0];
-    let count = 0;
+  const forNeighbours = (pixel: number, each: (at: number) => void): void => {
     const [x, y] = [pixel % width, Math.floor(pixel / width)];
     for (let v = Math.max(0, y - 1); v <= Math.min(height - 1, y + 1); ++v) {
-      for (let u = Math.max(0, x - 1); u <= Math.min(width - 1, x + 1); ++u) {
-        const at = v * width + u;
-        if (!known[at]) continue;
-        ++count;
-        for (let c = 0; c < 3; ++c) sum[c]! += kLights[data[4 * at + c]!]!;
-      }
+      for (let u = Math.max(0, x - 1); u <= Math.min(width - 1, x + 1); ++u) each(v * width + u);
     }
-    if (count > 0) data.set([...sum.map((light) => Math.round(255 * codeOf(light / count))), 255], 4 * pixel);
-    return count > 0;
   };
-  for (let open = [...unsolved]; open.length > 0; ) {
-    const filled = open.filter(fill);
-    if (filled.length === 0) return;
-    for (const pixel of filled) known[pixel] = 1;
-    open = open.filter((pixel) => !known[pixel]);
+  const fill = (pixel: number): void => {
+    const sum = [0, 0, 0];
+    let count = 0;
+    forNeighbours(pixel, (at) => {
+      if (!known[at]) return;
+      ++count;
+      for (let c = 0; c < 3; ++c) sum[c]! += kLights[data[4 * at + c]!]!;
+    });
+    data.set([...sum.map((light) => Math.round(255 * codeOf(light / count))), 255], 4 * pixel);
+  };
+  // Each round fills the unsolved pixels beside known ones: at first, and then beside those just filled.
+  const onRim = new Uint8Array(width * height);
+  const beside = (pixels: number[]): number[] => {
+    const found: number[] = [];
+    for (const pixel of pixels) {
+      forNeighbours(pixel, (at) => {
+        if (known[at] || onRim[at]) return;
+        onRim[at] = 1;
+        found.push(at);
+      });
+    }
+    return found;
+  };
+  const isBesideKnown = (pixel: number): boolean => {
+    let found = false;
+    forNeighbours(pixel, (at) => (found ||= known[at] === 1));
+    return found;
+  };
+  let rim = [...unsolved].filter(isBesideKnown);
+  for (const pixel of rim) onRim[pixel] = 1;
+  for (; rim.length > 0; rim = beside(rim)) {
+    rim.forEach(fill);
+    for (const pixel of rim) known[pixel] = 1;
   }
 }

@@ -1,4 +1,5 @@
 // Fetches and decodes a matte and makes the compositor's footprints in a worker, so that the page stays responsive.
+import { parsed } from "../parts/json";
 import { unsolvedPixels } from "./fill_unsolved";
 import { packFootprints } from "./footprints";
 import type { LoadMessage, LoadRequest } from "./load";
@@ -8,7 +9,7 @@ import { readMatte, seeingBox } from "./matte";
 async function fetchBytes(url: string, report: (done: number) => void): Promise<Uint8Array<ArrayBuffer>> {
   const response = await fetch(url, { headers: { "X-Glasswing": "console" } });
   if (!response.ok) {
-    const said = (await response.json().catch(() => ({}))) as { message?: string };
+    const said = (await response.text().then(parsed).catch(() => ({}))) as { message?: string };
     throw new Error(said.message ?? `the server answered ${response.status} for ${url}`);
   }
   const total = Number(response.headers.get("Content-Length") ?? 0);

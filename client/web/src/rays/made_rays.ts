@@ -2,6 +2,7 @@
 import { ask } from "../api";
 import type { RigGeometryJson } from "../gen/glasswing/v1/rays_pb";
 import type { Drawable } from "../light/compositor";
+import { parsed } from "../parts/json";
 import { checkedDescription, readWebMatte, type WebDescription } from "../light/web_matte";
 import { kRayStates, rigOf, type RayState, type Rig, type SampledRay } from "./geometry";
 
@@ -55,7 +56,7 @@ const post = (path: string, geometry: string, signal?: AbortSignal): Promise<Res
 
 /** Errors name the line, or the value. */
 export async function readGeometry(text: string): Promise<Rig> {
-  return rigOf((await (await post("/geometries", text)).json()) as RigGeometryJson);
+  return rigOf(parsed(await (await post("/geometries", text)).text()) as RigGeometryJson);
 }
 
 export async function makeRays(choice: RayChoice, signal: AbortSignal): Promise<MadeRays> {

@@ -137,9 +137,9 @@ export function ImportDialog({ dropped, close }: { dropped: Promise<Files> | und
             )}
           </>
         )}
-        {stored !== undefined && error !== undefined && (
+        {stored !== undefined && stored > 0 && error !== undefined && (
           <p class="note">
-            What arrived is kept: import the archive again under the same name to go on, or delete the session.
+            The frames that arrived are kept: import the archive again under the same name to go on, or delete the session.
           </p>
         )}
         <FormEnd action="Import" busy={busy || !archive} error={error} close={close} />

@@ -8,8 +8,9 @@ import { Failure } from "../parts/failure";
 import { Message } from "../parts/message";
 import { useAction } from "../parts/use_action";
 import { bytesText, countText, secondsText, timeText } from "../parts/words";
+import { MadePlan } from "./made_plan";
 import { missingPhotos, withPhotos } from "./photos";
-import { bestPlan, fitText, kFirstPlan, kPlanNames, planText, useFits } from "./ready_plans";
+import { fitText, kPlanNames, planText, useFits } from "./ready_plans";
 import { usePlan } from "./use_plan";
 
 function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
@@ -84,8 +85,10 @@ function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
   );
 }
 
+const kMade = "+made", kOwn = "+own"; // no plan's name has a plus
+
 export function NewSession() {
-  const [chosen, setChosen] = useState<string>(); // a ready plan; empty: the user's own; undefined: no choice yet
+  const [chosen, setChosen] = useState(kMade); // or the name of a ready plan
   const [text, setText] = useState("");
   const [name, setName] = useState("");
   const [note, setNote] = useState("");
@@ -97,15 +100,16 @@ export function NewSession() {
   const { plan, estimate, error } = usePlan(text, name);
   const start = useAction();
   const fits = useFits();
-  const ready = chosen ?? bestPlan(fits) ?? kFirstPlan;
-  useEffect(() => void (ready && planText(ready).then(setText)), [ready]);
+  useEffect(() => {
+    if (kPlanNames.includes(chosen)) void planText(chosen).then(setText);
+  }, [chosen]);
   if (!mayOperate.value) return <p>Only operators can start sessions; you are logged in as a viewer.</p>;
 
   const mayAdapt = plan?.method === "gaussian";
   const missing = plan ? missingPhotos(plan, photos) : [];
   const open = async (file: File | undefined): Promise<void> => {
     if (!file) return;
-    setChosen("");
+    setChosen(kOwn);
     setText(await file.text());
   };
   const create = async (event: Event): Promise<void> => {
@@ -135,8 +139,9 @@ export function NewSession() {
         <div class="row">
           <label>
             Plan
-            <select value={ready} onChange={(event) => setChosen(event.currentTarget.value)}>
-              {ready === "" && <option value="">your own</option>}
+            <select value={chosen} onChange={(event) => setChosen(event.currentTarget.value)}>
+              <option value={kMade}>made for this rig</option>
+              {chosen === kOwn && <option value={kOwn}>your own</option>}
               {kPlanNames.map((each) => (
                 <option key={each} value={each}>
                   {fitText(fits, each)}
@@ -164,6 +169,7 @@ export function NewSession() {
             />
           </label>
         </div>
+        {chosen === kMade && <MadePlan onText={setText} />}
         <div class="row">
           <label class="grows">
             Note
@@ -186,17 +192,20 @@ export function NewSession() {
             />
           </label>
         </div>
-        <textarea
-          class="plan"
-          aria-label="The plan's text"
-          spellcheck={false}
-          rows={18}
-          value={text}
-          onInput={(event) => {
-            setChosen(ready); // so that nothing replaces it
-            setText(event.currentTarget.value);
-          }}
-        />
+        <details>
+          <summary>Edit the plan's text</summary>
+          <textarea
+            class="plan"
+            aria-label="The plan's text"
+            spellcheck={false}
+            rows={18}
+            value={text}
+            onInput={(event) => {
+              setChosen(kOwn);
+              setText(event.currentTarget.value);
+            }}
+          />
+        </details>
         {plan?.photos && plan.photos.length > 0 && (
           <div class="row">
             <label class="button">

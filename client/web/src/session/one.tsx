@@ -14,6 +14,7 @@ import { framesBySteps, newestOf, placeOfStep, showpieceOf } from "./frames";
 import { Progress } from "./progress";
 import { stepLimit } from "./rates";
 import { Retakes } from "./retakes";
+import { RigChanges } from "./rig_changes";
 import { Scrubber } from "./scrubber";
 import { isCapturing, isUnderWay, kindOf, waitingText } from "./states";
 import { TimelineView } from "./timeline_view";
@@ -81,6 +82,7 @@ function Session({ session }: { session: SessionJson }) {
             <Message text={session.warning} />
           </p>
         )}
+        <RigChanges session={session} />
         <Progress session={session} timeline={timeline} archive={archive} />
         <Controls session={session} />
       </section>

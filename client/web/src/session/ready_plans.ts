@@ -8,11 +8,29 @@ import { countText } from "../parts/words";
 const kTexts = import.meta.glob<string>("../../../../deploy/plans/*.txtpb", { query: "?raw", import: "default" });
 
 const nameOf = (path: string): string => path.replace(/^.*\/(.*)\.txtpb$/, "$1");
-/** The plan to begin with on a rig of which nothing is known yet. */
-export const kFirstPlan = "quick";
 export const kPlanNames = Object.keys(kTexts)
   .map(nameOf)
-  .sort((a, b) => Number(b === kFirstPlan) - Number(a === kFirstPlan) || a.localeCompare(b));
+  .sort((a, b) => a.localeCompare(b, "en", { numeric: true }));
+
+/** What each is for. */
+export const kPurposes: Readonly<Record<string, string>> = {
+  alpha: "solid or thin things that bend no light, four images",
+  blur: "how far camera and monitor blur, with an empty stage",
+  crystal: "all that a clear object shows, one small monitor",
+  "design-30": "waves, 30 images: a first look",
+  "design-50": "waves, 50 images",
+  "design-75": "waves, 75 images",
+  "design-100": "waves, 100 images: close to the best from a sixth of its images",
+  "design-200": "waves, 200 images",
+  desk: "a clear object before a monitor of 1920×1080",
+  fringe: "clear objects with one path of light a pixel, 76 images",
+  hierarchical: "few images, a coarser matte",
+  hundred: "stripes, a hundred images",
+  quick: "to try a rig: wide stripes, seconds",
+  "slow-camera": "a camera of one frame a second, 46 images",
+  "two-monitors": "a monitor behind and one to the left",
+  video: "something that moves, such as liquid being poured",
+};
 
 export async function planText(name: string): Promise<string> {
   const path = Object.keys(kTexts).find((each) => nameOf(each) === name);
@@ -29,17 +47,12 @@ export function fitsOf(warnings: ReadonlyMap<string, readonly string[] | undefin
   return new Map([...warnings].map(([name, each]) => [name, each?.filter(ofPlan).length]));
 }
 
-/** The plan with the fewest warnings, the first of several; undefined: none can run. */
-export function bestPlan(fits: ReadonlyMap<string, Fit>): string | undefined {
-  const able = [...fits].filter((each): each is [string, number] => each[1] !== undefined);
-  return able.reduce<[string, number] | undefined>((best, each) => (best && best[1] <= each[1] ? best : each), undefined)?.[0];
-}
-
 export function fitText(fits: ReadonlyMap<string, Fit>, name: string): string {
-  if (!fits.has(name)) return name;
+  const text = kPurposes[name] ? `${name}: ${kPurposes[name]}` : name;
+  if (!fits.has(name)) return text;
   const warnings = fits.get(name);
-  if (warnings === undefined) return `${name}: not for this rig`;
-  return warnings === 0 ? `${name}: fits this rig` : `${name}: ${countText(warnings, "warning")}`;
+  if (warnings === undefined) return `${text} (not for this rig)`;
+  return warnings === 0 ? text : `${text} (${countText(warnings, "warning")})`;
 }
 
 async function warningsOf(name: string, signal: AbortSignal): Promise<readonly string[]> {

@@ -10,7 +10,7 @@ export interface PlanView {
   error?: unknown;
 }
 
-const kPause_s = 0.4; // debounces typing
+export const kPause_s = 0.4; // debounces typing
 
 /** The server's parse and estimate of a plan's text and the name, shortly after they changed. */
 export function usePlan(text: string, name: string): PlanView {

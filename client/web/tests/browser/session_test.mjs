@@ -116,7 +116,7 @@ async function measure_first_visits(browser, link) {
   told("transferred until then, without images", `${(bytes() / 1000).toFixed(0)} kB`);
   for (const [hash, sign] of [
     ["#/session", "table"],
-    ["#/session/+new", "textarea"],
+    ["#/session/+new", "form .figures"],
     ["#/session/first", ".scrubber img"],
     ["#/matte/first", ".panels"],
     ["#/play/first", ".stage:visible"],
@@ -132,13 +132,31 @@ async function measure_first_visits(browser, link) {
 
 // --- a session through the page
 
+/** Steps that the estimate counts, of a plan that is made for the rig, of this quality. */
+async function steps_on(page, quality) {
+  const steps = page.locator("form .figures dd").first();
+  if (quality !== undefined) {
+    const before = await steps.textContent();
+    await page.getByLabel("Quality").selectOption(quality);
+    await page.waitForFunction(
+      (old) => ![undefined, old].includes(document.querySelector("form .figures dd")?.textContent),
+      before,
+    );
+  }
+  return steps.evaluate((cell) => Number(cell.firstChild.textContent.replaceAll(",", "")));
+}
+
 async function capture_and_solve(page, rig) {
-  await look(page, "#/session/+new", "textarea");
+  await look(page, "#/session/+new", "form .figures");
+  await photograph(page, "new-session-made");
+  const [steps_made, steps_draft] = [await steps_on(page), await steps_on(page, "draft")];
+  assert.ok(steps_draft < steps_made, `a draft takes ${steps_draft} steps, a good plan ${steps_made}`);
   await page.getByRole("combobox", { name: /^Plan/ }).selectOption("quick");
   await page.getByLabel("Name").fill("first");
   await page.getByLabel("Note", { exact: true }).fill("seen from the front");
   await page.getByLabel("Tags").fill("vases glass");
   // The plan is edited by hand: it gets a photo, which is uploaded first.
+  await page.getByText("Edit the plan's text").click();
   const text = page.getByLabel("The plan's text");
   await page.waitForFunction((area) => area.value.includes("sweeps"), await text.elementHandle());
   await text.fill(`${await text.inputValue()}\nphotos { file: "checks.png" }\n`);

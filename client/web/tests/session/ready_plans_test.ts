@@ -1,19 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { bestPlan, fitsOf, fitText, kFirstPlan, kPlanNames } from "../../src/session/ready_plans";
-
-describe("bestPlan", () => {
-  it("has the fewest warnings, and comes first among equals", () => {
-    const fits = new Map([
-      ["a", 2],
-      ["b", undefined],
-      ["c", 1],
-      ["d", 1],
-    ]);
-    expect(bestPlan(fits)).toBe("c");
-    expect(bestPlan(new Map([["b", undefined]]))).toBeUndefined();
-    expect(bestPlan(new Map())).toBeUndefined();
-  });
-});
+import { fitsOf, fitText, kPlanNames, kPurposes } from "../../src/session/ready_plans";
 
 describe("fitsOf", () => {
   it("counts the warnings that not every plan has", () => {
@@ -39,15 +25,15 @@ describe("fitText", () => {
       ["c", undefined],
     ]);
     expect(["a", "b", "c", "d"].map((name) => fitText(fits, name))).toEqual([
-      "a: fits this rig",
-      "b: 2 warnings",
-      "c: not for this rig",
+      "a",
+      "b (2 warnings)",
+      "c (not for this rig)",
       "d",
     ]);
+    expect(fitText(new Map([["quick", 1]]), "quick")).toBe(`quick: ${kPurposes["quick"]} (1 warning)`);
   });
 });
 
-it("the first plan is the one to begin with", () => {
-  expect(kPlanNames[0]).toBe(kFirstPlan);
-  expect(new Set(kPlanNames).size).toBe(kPlanNames.length);
+it("says of each plan what it is for", () => {
+  expect(kPlanNames.toSorted()).toEqual(Object.keys(kPurposes).toSorted());
 });

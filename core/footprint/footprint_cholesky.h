@@ -1,0 +1,40 @@
+// The Cholesky factor of a fit's normal equations: matrices of 6 to 24 rows, factored at every step of every
+// pixel, where the fixed costs of a general library would be most of the time.
+#pragma once
+
+#include <Eigen/Dense>
+
+#include "core/footprint/footprint.h"
+
+namespace glasswing {
+
+inline constexpr int kMaxParameters = 6 * kMaxFootprints;
+
+// (R, cx, cy, xx, xy, yy) of each footprint.
+using FootprintVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxParameters, 1>;
+using FootprintMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxParameters, kMaxParameters>;
+
+// A = L L'
+class FootprintCholesky {
+ public:
+  // Reads the lower triangle of A, which is symmetric.
+  explicit FootprintCholesky(const FootprintMatrix& a);
+
+  // A is positive definite. What follows holds only then.
+  bool positive() const { return positive_; }
+  // x of A x = b
+  FootprintVector solve(FootprintVector b) const;
+  // Columns [first, first + kColumns) of the inverse of A; those beyond its size are 0.
+  static constexpr int kColumns = 4;
+  using Columns = Eigen::Matrix<double, Eigen::Dynamic, kColumns, Eigen::RowMajor, kMaxParameters, kColumns>;
+  Columns inverse_columns(Eigen::Index first) const;
+  FootprintMatrix inverse() const;
+
+ private:
+  FootprintMatrix l_;        // lower triangle, without the diagonal
+  FootprintVector inverse_;  // of the diagonal
+  bool positive_ = true;
+};
+
+}  // namespace glasswing

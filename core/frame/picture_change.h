@@ -1,0 +1,34 @@
+// By how much a camera's frame differs from an earlier frame of the same picture on the same stage:
+//
+//   frame(p) = offset + gain reference(p - shift)
+//
+// by robust least squares over brightness, smoothed by a Gaussian: what differs in a part of the picture
+// alone, as an object that is new there, counts as an outlier.
+#pragma once
+
+#include <vector>
+
+#include "core/frame/image.h"
+
+namespace glasswing {
+
+// A frame's brightness on blocks of equal pixels, at most 320 along a side, smoothed.
+struct Brightness {
+  int block_px = 1;  // side of a block; even of a mosaic, so that each has all colours
+  int width = 0, height = 0;
+  std::vector<float> samples;  // height x width, of full scale
+};
+Brightness brightness_of(const Image16& frame);
+
+struct PictureChange {
+  // Whether most of the picture follows the equation above. Nothing below holds otherwise.
+  bool known = false;
+  double gain = 1.0, gain_sd = 0.0;
+  double offset = 0.0, offset_sd = 0.0;                             // of the reference's own range of light
+  double dx_px = 0.0, dy_px = 0.0, dx_sd_px = 0.0, dy_sd_px = 0.0;  // to the right, and down
+};
+
+// Both of one camera.
+PictureChange change_between(const Brightness& reference, const Brightness& frame);
+
+}  // namespace glasswing

@@ -1,0 +1,37 @@
+// Which of the differences between a session's frames (frame_report.h) are significant: what is taken off
+// them, and what users are told. Where nothing is wrong nothing is taken off.
+//
+// The scale that gains are corrected to is that of most frames where the light flickers, that of the first
+// frames where it drifts, and that of the empty stage where it jumps; or that of the stripes, where all
+// solids and bars differ from them alike.
+//
+// What the rig does to a frame it does everywhere; light that the object throws beside itself, and what the
+// model lacks, lie somewhere. So each quarter of what is seen beside the object must say the same.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "solver/frames/frame_report.h"
+#include "solver/method/frame_correction.h"
+
+namespace glasswing {
+
+struct FrameFaults {
+  std::shared_ptr<const FrameCorrections> corrections;  // null: none
+  std::vector<int> bad_pixels;                          // of the camera, to be filled: y width + x, ascending
+  std::vector<std::string> warnings;
+  std::shared_ptr<const StageMaps> maps;  // null: of corrected frames, not measured
+};
+
+// `read` gives a session's light as these corrections leave it.
+using CorrectedReader = std::function<LightReader(std::shared_ptr<const FrameCorrections>)>;
+
+// Reports the frames (report_frames), again where ghosts or flare blurred what they were compared with, and
+// judges them.
+absl::StatusOr<FrameFaults> find_faults(const v1::CaptureManifest& manifest, const std::vector<int>& frames,
+                                        const CorrectedReader& read);
+
+}  // namespace glasswing

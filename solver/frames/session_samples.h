@@ -1,0 +1,31 @@
+// A sample of a session's pixels in all its frames: what the report of the frames (frame_report.h) looks at.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <vector>
+
+#include "solver/background/stage_maps.h"
+
+namespace glasswing {
+
+// A lane is one channel of one pixel.
+struct SessionSamples {
+  struct Pixel {
+    int x = 0, y = 0;
+  };
+  std::vector<Pixel> pixels;
+  int lanes_per_pixel = kChannels;  // 1: of a mosaic
+  std::vector<int> channel;         // by lane
+  // By frame of the manifest and lane: light, NaN where saturated. Empty: not read.
+  std::vector<std::vector<float>> light;
+
+  size_t lane_count() const { return channel.size(); }
+  size_t pixel_of(size_t lane) const { return lane / static_cast<size_t>(lanes_per_pixel); }
+};
+
+// Evenly over the picture, 48 rows of 128 pixels at most. Errors are those of `read`.
+absl::StatusOr<SessionSamples> sample_frames(const v1::CaptureManifest& manifest,
+                                             const std::vector<int>& frames, const LightReader& read);
+
+}  // namespace glasswing
