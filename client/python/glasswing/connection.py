@@ -49,11 +49,18 @@ class Connection:
         self.hold = Hold(token) if token else None
         self._settings = settings
         self._channel = _dial(settings)
+        self._nodes: dict[str, Connection] = {}
         self._client = f"{_user()}@{socket.gethostname()}"
 
     def to(self, address: str, what: str) -> Connection:
         """A connection to a node, with the same certificates. ``what`` names its kind in errors."""
         return Connection(dataclasses.replace(self._settings, server=address), self.timeout, what)
+
+    def node(self, address: str) -> Connection:
+        """The same for all calls to a node that keeps frames, closed with this one."""
+        if address not in self._nodes:
+            self._nodes[address] = self.to(address, "node")
+        return self._nodes[address]
 
     def stub(self, stub_class: Callable[[grpc.Channel], Any]) -> Any:
         """A stub for one of the server's services."""
@@ -108,6 +115,8 @@ class Connection:
 
     def close(self) -> None:
         """Cancels every call."""
+        for node in self._nodes.values():
+            node.close()
         self._channel.close()
 
 
