@@ -19,7 +19,7 @@ from google.protobuf import json_format
 
 from glasswing import _native
 from glasswing.connection import LONG_CALL_SECONDS, Connection
-from glasswing.errors import AlreadyExists, Damaged, InvalidInput, Unavailable
+from glasswing.errors import AlreadyExists, Damaged, InvalidInput, Refused, Unavailable
 from glasswing.pictures import png_of
 from glasswing.v1 import archive_pb2, archive_service_pb2
 from glasswing.v1.archive_service_pb2_grpc import ArchiveServiceStub
@@ -122,7 +122,8 @@ class Frames(Sequence[Frame]):
     def write(self, directory: str | os.PathLike[str]) -> None:
         """Writes an archive, as "glasswing export": manifest and all frames, each checked.
 
-        AlreadyExists: ``directory`` is neither new nor empty. Damaged names the frame that does not match its checksum.
+        AlreadyExists: ``directory`` is neither new nor empty. Refused: its disk lacks room. Damaged names the frame that does
+        not match its checksum.
         """
         target = pathlib.Path(directory).absolute()
         if target.exists() and not (target.is_dir() and not any(target.iterdir())):
@@ -130,6 +131,9 @@ class Frames(Sequence[Frame]):
         partial = target.with_name(f"{target.name}.partial-{os.getpid()}")
         try:
             (partial / "frames").mkdir(parents=True)
+            needed, free = sum(frame.size_bytes for frame in self.manifest.frames), shutil.disk_usage(partial).free
+            if needed > free:
+                raise Refused(f"{target} would take {needed} bytes; its disk has {free} free")
             for frame in self.manifest.frames:
                 file = pathlib.PurePosixPath(frame.file)
                 if file.parent != pathlib.PurePosixPath("frames") or file.name in ("", "..", "."):

@@ -96,7 +96,8 @@ class Node:
 
 @dataclasses.dataclass(frozen=True)
 class Holder:
-    """The rig's present holder. ``client``: "anna@lab3", or empty; ``what``: "session vase", or a hold's reason."""
+    """The rig's present holder. ``client``: "anna@lab3", or empty; ``what``: "session vase", or a hold's reason with what
+    drives the rig: "series (session vase)"."""
 
     client: str
     what: str
@@ -456,15 +457,18 @@ class Rig:
         the object, with what to do, and returns when that is done. InvalidInput: an option, or no such monitor. Refused: no
         solver offers live composites, or names the rig's holder.
         """
-        return live.composites(
-            self._connection,
-            background,
-            monitor=monitor,
-            camera=camera,
-            exposure_ms=exposure_ms,
-            options=options or {},
-            ask=ask,
-        )
+        try:
+            yield from live.composites(
+                self._connection,
+                background,
+                monitor=monitor,
+                camera=camera,
+                exposure_ms=exposure_ms,
+                options=options or {},
+                ask=ask,
+            )
+        finally:
+            self._wait_until_freed("live")
 
     def make_plan(
         self,
@@ -517,11 +521,14 @@ class Rig:
             raise Refused(f"the rig has several cameras, {names}; name one by camera=")
         return cameras[0].address
 
-    def _wait_until_freed(self, reason: str) -> None:
-        """Waits until the server has noticed the end of the call, so that the next call finds the rig free."""
+    def _wait_until_freed(self, what: str) -> None:
+        """Waits until the server has noticed the end of a hold, or of what drives the rig ("series (pattern lines)" in a hold),
+        so that the next call finds the rig free."""
         ends = time.monotonic() + self._connection.timeout
         with contextlib.suppress(Error):  # a server that is gone holds nothing
-            while time.monotonic() < ends and (holder := self.holder()) is not None and holder.what == reason:
+            while time.monotonic() < ends and (holder := self.holder()) is not None:
+                if not (holder.what == what or holder.what.startswith(f"{what} (") or holder.what.endswith(f" ({what})")):
+                    return
                 time.sleep(0.02)
 
     def _list_nodes(self) -> node_service_pb2.ListNodesResponse:

@@ -415,7 +415,7 @@ class Session:
     def export(self, directory: str | os.PathLike[str]) -> None:
         """Writes frames and manifest to a new directory, as "glasswing export"; docs/archive.md describes it.
 
-        AlreadyExists: the directory is neither new nor empty. Refused: the session is not captured.
+        AlreadyExists: the directory is neither new nor empty. Refused: the session is not captured, or the disk lacks room.
         """
         state = self.refresh().state
         if state in (State.CREATED, State.CAPTURING, State.PAUSED):

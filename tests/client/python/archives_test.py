@@ -43,6 +43,7 @@ class Server(
         self.cut = 0
         self.file_name = "frames/{}.tif"
         self.note = ""
+        self.size_bytes = len(FILE)
         self.server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
         node_service_pb2_grpc.add_NodeServiceServicer_to_server(self, self.server)
         session_service_pb2_grpc.add_SessionServiceServicer_to_server(self, self.server)
@@ -85,7 +86,7 @@ class Server(
         for step in range(FRAMES):
             file = self.file_name.format(step)
             checksum = f"xxh3:{_native.checksum(FILE):016x}"
-            manifest.frames.add(file=file, object=step > 0, step=step, exposure_ms=4.0, checksum=checksum)
+            manifest.frames.add(file=file, object=step > 0, step=step, exposure_ms=4.0, checksum=checksum, size_bytes=self.size_bytes)
         return archive_service_pb2.GetManifestResponse(manifest=manifest)
 
     def ReadFile(self, request, context):
@@ -147,6 +148,10 @@ class ArchivesTest(unittest.TestCase):
             self.server.flip, self.server.file_name = 0, "../{}.tif"
             with self.assertRaisesRegex(glasswing.Damaged, "must lie in frames/"):
                 self.session.export(target)
+            self.server.size_bytes = 1 << 50
+            with self.assertRaisesRegex(glasswing.Refused, "vase would take 3377699720527872 bytes; its disk has"):
+                self.session.export(target)
+            self.server.size_bytes = len(FILE)
             self.assertEqual(list(pathlib.Path(work).iterdir()), [])
             self.server.file_name = "frames/{}.tif"
             self.session.export(target)
