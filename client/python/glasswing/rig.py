@@ -341,7 +341,7 @@ class Rig:
         calibrate all". Takes minutes.
 
         Nothing stands on the stage, the room is dark, and the monitors are warm. ``longest_exposure_ms``: that of later
-        captures; at least 16 are measured. What one monitor lacks, such as a camera that sees it, is in the ``notes``.
+        captures; at least 16 are measured. ``notes`` name monitors that cannot be measured, as one that the camera does not see.
         Stopped: a session that measures failed; ``info`` is its state. Refused: nothing could be measured, or another client
         holds the rig.
         """

@@ -180,7 +180,7 @@ class ArchivesTest(unittest.TestCase):
         with self.assertRaises(glasswing.Stopped):
             self.session.wait(retries=1)
         self.assertEqual(len(self.server.asked), 1)
-        # Nobody may have cancelled it for us to go on.
+        # A cancelled session stays cancelled.
         self.server.states, self.server.asked = [session_pb2.SESSION_STATE_CANCELLED, done], []
         with self.assertRaises(glasswing.Stopped):
             self.session.wait(retries=5)
