@@ -62,7 +62,7 @@ export class Compositor {
   private readonly program: Program;
   private readonly pictures: (Picture | undefined)[] = [];
 
-  /** Drawing sets the canvas to the matte's size. NoWebGl names what the browser lacks. */
+  /** Drawing sets the canvas to the size of the matte, or of `view`. NoWebGl names what the browser lacks. */
   constructor(canvas: HTMLCanvasElement, matte: Drawable) {
     const { metadata } = matte;
     if (metadata.monitors.length > kMaxMonitors)
@@ -102,6 +102,11 @@ export class Compositor {
   /** Loads another frame of the same video, with the same monitors and kind of footprint. */
   setMatte(matte: Drawable): void {
     this.surface.setMatte(matte);
+  }
+
+  /** Draws only this part of the matte; undefined: all of it. */
+  set view(part: Box | undefined) {
+    this.surface.view = part;
   }
 
   /** Sets an sRGB picture for a monitor; null is black. */

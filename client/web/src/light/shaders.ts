@@ -16,7 +16,7 @@ precision highp usampler2D;
 
 /**
  * Resamples a picture along one axis: sample i of the result is the picture's mean over [start + i step, start + (i + 1)
- * step], or, if step < 1, interpolated between two samples. The picture wraps around.
+ * step], or, if step < 1, interpolated between two samples. Beyond its edges the picture goes on as it ends (clamp).
  */
 export const kResize = `${kHead}
 uniform sampler2D u_picture;
@@ -32,19 +32,16 @@ vec3 at(int i, int across) { return texelFetch(u_picture, u_down ? ivec2(across,
 void main() {
   ivec2 to = ivec2(gl_FragCoord.xy) - u_corner;
   int across = u_down ? to.x : to.y;
-  float size = float(u_size), low = u_start + float(u_down ? to.y : to.x) * u_step;
-  low -= size * floor(low / size);
+  float low = clamp(u_start + float(u_down ? to.y : to.x) * u_step, -u_step - 1.0, float(u_size) + 1.0);
   vec3 sum = vec3(0.0);
   if (u_step > 1.0) {
-    int first = int(low), last = int(ceil(low + u_step - 1e-4));
+    int first = int(floor(low)), last = int(ceil(low + u_step - 1e-4));
     for (int i = first; i < last; ++i) {
       float share = min(low + u_step, float(i + 1)) - max(low, float(i));
-      sum += max(share, 0.0) / u_step * at(i % u_size, across);
+      sum += max(share, 0.0) / u_step * at(clamp(i, 0, u_size - 1), across);
     }
   } else {
-    float middle = low + 0.5 * u_step;
-    if (middle >= size) middle -= size;
-    middle -= 0.5;
+    float middle = low + 0.5 * u_step - 0.5;
     int i = int(floor(middle));
     sum = mix(at(clamp(i, 0, u_size - 1), across), at(clamp(i + 1, 0, u_size - 1), across), middle - float(i));
   }
@@ -175,6 +172,7 @@ export const kComposite = `
 uniform usampler2D u_index, u_list;
 uniform sampler2D u_foreground;
 uniform int u_step;  // matte pixels per drawn pixel along each side
+uniform ivec4 u_view;  // the drawn part of the matte: x, y, width, height
 uniform mat3 u_primaries;
 uniform float u_gain;
 out vec4 o_colour;
@@ -185,9 +183,9 @@ vec3 coded(vec3 light) {  // sRGB
 }
 
 void main() {
-  ivec2 size = textureSize(u_foreground, 0), at = ivec2(gl_FragCoord.xy);
-  at.y = (size.y + u_step - 1) / u_step - 1 - at.y;  // the canvas counts from below
-  at = min(at * u_step + u_step / 2, size - 1);
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  at.y = (u_view.w + u_step - 1) / u_step - 1 - at.y;  // the canvas counts from below
+  at = u_view.xy + min(at * u_step + u_step / 2, u_view.zw - 1);
   vec3 light = texelFetch(u_foreground, at, 0).rgb;
   uvec2 range = texelFetch(u_index, at, 0).xy;
   int list_width = textureSize(u_list, 0).x;
