@@ -25,7 +25,7 @@ export default function Page() {
       {captured.length > 0 && (
         <section class={live ? "card" : "card stale"}>
           <h2>Captures that measured them</h2>
-          <SessionTable sessions={captured} order={order} setOrder={setOrder} />
+          <SessionTable sessions={captured} order={order} setOrder={setOrder} pictured={false} />
         </section>
       )}
     </div>

@@ -37,11 +37,13 @@ export function ClockCharts({ nodes }: { nodes: NodeJson[] }) {
     <section class="card clocks">
       <h2>Clocks</h2>
       <p class="note">
-        How the offset of each node's clock from the server's has changed in the last hour, and its bounds.
+        How the offset of each node's clock from the server's has changed in the last hour, with its bounds: by how much it
+        was above that of now.
       </p>
       <div class="charts">
         {shown.map(({ name = "", clock }) => {
           const { time, offset, above, below } = histories.get(name)!;
+          const since = (offsets: number[]): number[] => offsets.map((each) => each - offset.at(-1)!);
           return (
             <figure key={name}>
               <figcaption>
@@ -49,7 +51,7 @@ export function ClockCharts({ nodes }: { nodes: NodeJson[] }) {
               </figcaption>
               <Chart
                 label={`Change of the clock offset of ${name} in the last hour`}
-                data={[[...time], [...above], [...below], [...offset]]}
+                data={[[...time], since(above), since(below), since(offset)]}
                 lines={kLines}
                 band={[1, 2]}
                 text={nanosecondsText}

@@ -70,13 +70,14 @@ function DeleteSelected({ sessions, clear }: { sessions: readonly SessionJson[];
 
 interface RowProps {
   session: SessionJson;
+  pictured: boolean;
   search: ((tag: string) => void) | undefined;
   selected: boolean;
   /** Undefined: nothing can be selected. */
   select: ((on: boolean) => void) | undefined;
 }
 
-function Row({ session, search, selected, select }: RowProps) {
+function Row({ session, pictured, search, selected, select }: RowProps) {
   const { name = "", note, tags = [] } = session;
   const removable = allows(session, "SESSION_ACTION_DELETE");
   return (
@@ -95,7 +96,7 @@ function Row({ session, search, selected, select }: RowProps) {
       )}
       <td data-label="Session">
         <span class="titled">
-          <Thumbnail session={session} />
+          {pictured && <Thumbnail session={session} />}
           <span>
             <a href={`#/session/${encodeURIComponent(name)}`}>
               <b>{name}</b>
@@ -142,6 +143,8 @@ interface TableProps {
   sessions: readonly SessionJson[];
   order: Order;
   setOrder: (order: Order) => void;
+  /** With a picture of each; default: true. */
+  pictured?: boolean;
   /** Finds the sessions with a tag. */
   search?: (tag: string) => void;
 }
@@ -168,7 +171,7 @@ interface ChoiceProps extends TableProps {
   choose: (names: ReadonlySet<string>) => void;
 }
 
-function Table({ sessions, order, setOrder, search, chosen, choose }: ChoiceProps) {
+function Table({ sessions, order, setOrder, pictured = true, search, chosen, choose }: ChoiceProps) {
   const removable = sessions.filter((each) => allows(each, "SESSION_ACTION_DELETE")).map(({ name = "" }) => name);
   const all = removable.length > 0 && removable.every((name) => chosen.has(name));
   const selectOne = (name: string, on: boolean): void =>
@@ -209,6 +212,7 @@ function Table({ sessions, order, setOrder, search, chosen, choose }: ChoiceProp
           <Row
             key={session.name}
             session={session}
+            pictured={pictured}
             search={search}
             selected={chosen.has(session.name ?? "")}
             select={mayOperate.value ? (on) => selectOne(session.name ?? "", on) : undefined}

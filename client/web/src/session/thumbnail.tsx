@@ -1,5 +1,5 @@
 import { useEffect, useRef, useState } from "preact/hooks";
-import type { MonitorJson } from "../gen/glasswing/v1/archive_pb";
+import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { manifestOf } from "../parts/archive";
 import { fileName, framesBySteps, showpieceOf } from "./frames";
@@ -9,16 +9,17 @@ const kWidth_px = 160; // of the picture; style.css shows it in half of that
 
 interface Showpiece {
   file: string;
-  /** Of the frame's height, from above: without the id patch below a monitor that fills the picture. */
-  share: number;
+  /** Width over height, without the id patch below a monitor that fills the picture. */
+  shape: number;
 }
 
 // Each session's frame to show, by its name and number of frames; one manifest is read at a time.
 const found = new Map<string, Promise<Showpiece | undefined>>();
 let reading: Promise<unknown> = Promise.resolve();
 
-export function shareAbovePatch(monitors: readonly MonitorJson[] = []): number {
-  return Math.min(1, ...monitors.map(({ heightPx = 1, patchRows = 0 }) => heightPx / (heightPx + patchRows)));
+export function shapeAbovePatch({ camera, monitors = [] }: CaptureManifestJson): number {
+  const shares = monitors.map(({ heightPx = 1, patchRows = 0 }) => heightPx / (heightPx + patchRows));
+  return (camera?.widthPx ?? 1) / ((camera?.heightPx ?? 1) * Math.min(1, ...shares));
 }
 
 function showpiece(session: SessionJson): Promise<Showpiece | undefined> {
@@ -29,7 +30,7 @@ function showpiece(session: SessionJson): Promise<Showpiece | undefined> {
       const manifest = await manifestOf(session);
       const frames = framesBySteps(manifest);
       const frame = frames[showpieceOf(frames)];
-      return frame && { file: fileName(frame), share: shareAbovePatch(manifest.monitors) };
+      return frame && { file: fileName(frame), shape: shapeAbovePatch(manifest) };
     });
     found.set(key, file);
     file.catch(() => found.delete(key)); // its node may come back
@@ -65,7 +66,7 @@ export function Thumbnail({ session }: { session: SessionJson }) {
           src={`/frames/${name}/${shown.file}.jpg?width=${kWidth_px}`}
           alt=""
           loading="lazy"
-          style={{ "--share": shown.share }}
+          style={{ "--shape": shown.shape }}
         />
       )}
     </span>

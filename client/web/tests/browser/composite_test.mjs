@@ -63,14 +63,14 @@ try {
   const crop = page.getByLabel("Crop the id patch"); // "composite" has the whole picture
   if ((await crop.count()) > 0) await crop.uncheck();
   console.log(`${basename(matte)}                mean  largest, of 255`);
-  const compare = async (name, picture, of_last = picture) => {
+  const compare = async (name, picture, of_first = picture) => {
     const [drawn] = await Promise.all([page.waitForEvent("download"), download.click()]);
     const ours = join(folder, "page.png"),
       theirs = join(folder, "composite.png");
     await drawn.saveAs(ours);
     const behind = monitors.flatMap((monitor) => [
       "--background",
-      `${monitor.name}=${monitor === monitors.at(-1) ? of_last : picture}`,
+      `${monitor.name}=${monitor === first ? of_first : picture}`,
     ]);
     execFileSync(glasswing, ["composite", matte, "--fill", ...behind, "-o", theirs], { stdio: "pipe" });
     const { mean, most, x, y } = await difference(page, ours, theirs);
@@ -85,7 +85,8 @@ try {
     );
     await compare(basename(picture), picture);
   }
-  // An arrow key moves the picture of the last chosen monitor by a fiftieth of the monitor; the mouse drags it.
+  // An arrow key moves the picture of the chosen monitor by a fiftieth of the monitor; the mouse drags it.
+  if (monitors.length > 1) await page.getByLabel("Monitor").selectOption("0");
   const [noisy, stage] = [pictures.at(-1), page.getByRole("application")];
   await stage.focus();
   for (const key of ["ArrowRight", "ArrowRight", "ArrowRight", "ArrowUp", "ArrowUp"])
