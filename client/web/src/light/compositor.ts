@@ -94,6 +94,10 @@ export class Compositor {
         this.shapes.slice(0, t).reduce((sum, { levels: own }) => sum + own.length, 0),
       ),
     );
+    gl.uniform1iv(
+      this.program.at("u_last_level"),
+      this.shapes.map(({ levels: own }) => own.length - 1),
+    );
     gl.uniform1i(this.program.at("u_border"), kBorder);
     gl.uniformMatrix3fv(this.program.at("u_primaries"), true, this.mix.primaries);
     this.setMatte(matte);
@@ -130,12 +134,16 @@ export class Compositor {
     );
   }
 
-  /** `gain`: factor on the composite's light. `step`: every how many pixels along both sides one is drawn. */
-  draw(gain: number, step: number): void {
+  /**
+   * `gain`: factor on the composite's light. `step`: every how many pixels along both sides one is drawn. `moving`: each footprint
+   * about, by a few look-ups.
+   */
+  draw(gain: number, step: number, moving = false): void {
     const { gl } = this.surface;
     const program = this.program.use();
     program.bind("u_pyramid", kFreeUnit, gl.TEXTURE_2D_ARRAY, this.pyramids.texture);
     gl.uniform1f(program.at("u_gain"), gain);
+    gl.uniform1i(program.at("u_moving"), moving ? 1 : 0);
     this.surface.draw(program, step);
   }
 

@@ -22,10 +22,12 @@ export class Stage {
   ) {
     this.matte = matte;
     this.compositor = new Compositor(canvas, matte);
-    this.redraw = new Redraw(canvas, Math.max(matte.width, matte.height), {
-      isDone: () => this.compositor.isDone,
-      draw: (step) => this.draw(step),
-    });
+    this.redraw = new Redraw(
+      canvas,
+      Math.max(matte.width, matte.height),
+      { isDone: () => this.compositor.isDone, draw: (step, moving) => this.draw(step, moving) },
+      true,
+    );
     this.monitors = matte.metadata.monitors.map(({ name, width_px, height_px }) => ({
       name,
       width: width_px,
@@ -100,9 +102,9 @@ export class Stage {
     this.compositor.close();
   }
 
-  private draw(step: number): void {
+  private draw(step: number, moving: boolean): void {
     for (const monitor of this.moved) this.compositor.place(monitor, this.standing(monitor));
     this.moved.clear();
-    this.compositor.draw(this.gain, step);
+    this.compositor.draw(this.gain, step, moving);
   }
 }
