@@ -11,6 +11,7 @@
 #include "core/base/status.h"
 #include "core/footprint/footprint.h"
 #include "core/footprint/seen_part.h"
+#include "core/rays/path_fit.h"
 
 namespace glasswing {
 namespace {
@@ -510,41 +511,21 @@ class Matcher {
                        RayState::kUnknown);
     }
     const double reach = std::max(0.6 * std::sqrt(least), 3.0);
-    constexpr int kTerms = 6;
-    using Row = Eigen::Matrix<double, kTerms, 1>;
-    const double unit = std::max(seen.width, 8.0);
-    const auto row_of = [&](const Vector2d& at) {
-      const Vector2d u = at / unit;
-      Row row;
-      row << 1.0, u.x(), u.y(), u.x() * u.x(), u.x() * u.y(), u.y() * u.y();
-      return row;
-    };
-    Eigen::Matrix<double, kTerms, kTerms> normal = Eigen::Matrix<double, kTerms, kTerms>::Zero();
-    Eigen::Matrix<double, kTerms, 2> right = Eigen::Matrix<double, kTerms, 2>::Zero();
+    std::vector<PathSample> near_ones;
     double total = 0.0, width = 0.0;
     for (const Sample& sample : samples) {
       const double w = std::exp(-0.5 * sample.squared / (reach * reach));
-      const Row row = row_of(sample.seen);
-      normal += w * row * row.transpose();
-      right += w * row * sample.other.transpose();
+      near_ones.push_back({.step = sample.seen, .seen = sample.other, .weight = w});
       total += w;
       width += w * sample.width;
     }
-    const auto fit = [&](int terms) -> Eigen::MatrixXd {
-      Eigen::MatrixXd left = normal.topLeftCorner(terms, terms);
-      constexpr double kRidge = 1e-6;
-      left.diagonal().array() += kRidge * total;
-      return left.ldlt().solve(right.topRows(terms));
-    };
-    const Eigen::MatrixXd affine = fit(3), quadratic = fit(kTerms);
-    double residual = 0.0;
-    for (const Sample& sample : samples) {
-      const double w = std::exp(-0.5 * sample.squared / (reach * reach)) / total;
-      residual += 0.5 * w * (quadratic.transpose() * row_of(sample.seen) - sample.other).squaredNorm();
-    }
-    const Vector2d first = affine.row(0).transpose(), second = quadratic.row(0).transpose();
-    const double sd = std::sqrt(residual + 0.125 * (second - first).squaredNorm());
-    return one_sided(seen, seen_axes, first, sd, width / total, light, seen_far, RayState::kExtrapolated);
+    const double unit_px = std::max(seen.width, 8.0);
+    const PathFit affine = fit_path(near_ones, PathShape::kAffine, unit_px),
+                  quadratic = fit_path(near_ones, PathShape::kQuadratic, unit_px);
+    const double sd =
+        std::hypot(quadratic.rms_px, std::sqrt(0.125) * (quadratic.at_start - affine.at_start).norm());
+    return one_sided(seen, seen_axes, affine.at_start, sd, width / total, light, seen_far,
+                     RayState::kExtrapolated);
   }
 
   // A bundle through a place that was seen and one that was not, px on the other depth's monitor, with that
