@@ -59,6 +59,10 @@ export class Compositor {
   private readonly shapes: PyramidShape[];
   private readonly mix: PrimaryMix;
   private readonly pyramids: Pyramids;
+  /** Of whole pictures, stretched to their monitors, for drawing while they move. */
+  private readonly whole: Pyramids;
+  private readonly places: Float32Array;
+  private readonly unplaced = new Map<number, Placement>();
   private readonly program: Program;
   private readonly pictures: (Picture | undefined)[] = [];
 
@@ -78,6 +82,8 @@ export class Compositor {
       this.shapes.flatMap(({ width, height }) => [width, height]),
     );
     this.pyramids = new Pyramids(gl, this.shapes);
+    this.whole = new Pyramids(gl, this.shapes, true);
+    this.places = new Float32Array(4 * this.shapes.length);
     const levels = this.shapes.flatMap((shape) => shape.levels);
     this.program = new Program(
       gl,
@@ -119,19 +125,25 @@ export class Compositor {
     const before = this.pictures[monitor];
     if (before) gl.deleteTexture(before.texture);
     this.pictures[monitor] = undefined;
-    if (!image) return this.pyramids.clear(monitor);
-    this.pictures[monitor] = srgbPicture(gl, image);
+    this.unplaced.delete(monitor);
+    if (!image) {
+      this.whole.clear(monitor);
+      return this.pyramids.clear(monitor);
+    }
+    const picture = (this.pictures[monitor] = srgbPicture(gl, image));
+    const { width, height } = this.shapes[monitor]!.levels[0]!;
+    const stretched = { x: 0, y: 0, stepX: picture.width / width, stepY: picture.height / height };
+    this.whole.fill(monitor, picture, stretched, this.mix.seen[monitor]!);
   }
 
   place(monitor: number, standing: Standing): void {
     const picture = this.pictures[monitor];
     if (!picture) return;
-    this.pyramids.fill(
-      monitor,
-      picture,
-      placementOf(picture, this.shapes[monitor]!.levels[0]!, standing),
-      this.mix.seen[monitor]!,
-    );
+    const shape = this.shapes[monitor]!.levels[0]!;
+    const place = placementOf(picture, shape, standing);
+    const [acrossX, acrossY] = [shape.width / picture.width, shape.height / picture.height];
+    this.places.set([acrossX * place.x, acrossY * place.y, acrossX * place.stepX, acrossY * place.stepY], 4 * monitor);
+    this.unplaced.set(monitor, place);
   }
 
   /**
@@ -140,8 +152,15 @@ export class Compositor {
    */
   draw(gain: number, step: number, moving = false): void {
     const { gl } = this.surface;
+    if (!moving) {
+      for (const [monitor, place] of this.unplaced)
+        this.pyramids.fill(monitor, this.pictures[monitor]!, place, this.mix.seen[monitor]!);
+      this.unplaced.clear();
+    }
     const program = this.program.use();
-    program.bind("u_pyramid", kFreeUnit, gl.TEXTURE_2D_ARRAY, this.pyramids.texture);
+    const { texture } = moving ? this.whole : this.pyramids;
+    program.bind("u_pyramid", kFreeUnit, gl.TEXTURE_2D_ARRAY, texture);
+    gl.uniform4fv(program.at("u_place"), this.places);
     gl.uniform1f(program.at("u_gain"), gain);
     gl.uniform1i(program.at("u_moving"), moving ? 1 : 0);
     this.surface.draw(program, step);

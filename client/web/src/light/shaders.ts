@@ -49,6 +49,7 @@ void main() {
 }`;
 
 const kHalveBody = `
+uniform bool u_clamps;  // the level goes on as it ends; else it has a border
 const float kFilter[6] = float[](1.0 / 32.0, 5.0 / 32.0, 10.0 / 32.0, 10.0 / 32.0, 5.0 / 32.0, 1.0 / 32.0);
 out vec4 o_light;
 `;
@@ -63,6 +64,7 @@ void main() {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < 6; ++k) {
     int x = 2 * to.x + k - 2;
+    if (u_clamps) x = clamp(x, 0, u_above.z - 1);
     if (x < -u_border || x >= u_above.z + u_border) continue;
     sum += kFilter[k] * texelFetch(u_pyramid, ivec3(u_above.xy + ivec2(x, to.y), u_layer), 0).rgb;
   }
@@ -79,6 +81,7 @@ void main() {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < 6; ++k) {
     int y = 2 * (to.y - u_border) + k - 2;
+    if (u_clamps) y = clamp(y, 0, u_height - 1);
     if (y < -u_border || y >= u_height + u_border) continue;
     sum += kFilter[k] * texelFetch(u_across, ivec2(to.x, y + u_border), 0).rgb;
   }
@@ -168,7 +171,8 @@ vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec
 }`;
 
 /**
- * glimpse(): about the light of a footprint, for pictures that move. Up to eight probes stand along its wider axis, evenly, so that
+ * glimpse(): about the light of a footprint, for pictures that move. It reads the pyramid of the whole picture, so that a move
+ * changes u_place alone, and is black beyond the monitor by a ramp of the blur's width. Up to eight probes stand along its wider axis, evenly, so that
  * they have its variance there beyond that of the narrower axis; each reads the two levels whose blurs enclose the narrower one,
  * mixed so that their variances are right. A reading of level l, interpolated between flat samples, has 4^l 2/3 - 5/12 px^2.
  */
@@ -178,28 +182,40 @@ const float kMaxProbes = 8.0;
 const float kMaxRatio = 22.0;
 
 vec3 probe(vec2 at, int layer, ivec4 level, float scale, vec2 texel) {
-  vec2 inside = clamp(at * scale, vec2(-1.5), vec2(level.zw) + 1.5);  // black from there on
+  vec2 inside = clamp(at * scale, vec2(0.5), vec2(level.zw) - 0.5);
   return light_at(vec2(level.xy) + inside, layer, texel);
 }
 
-// Of centre and covariance in pixels of the picture.
-vec3 glimpse(vec2 centre, vec3 q, int layer, int first, int last, vec2 texel) {
+// Of centre and covariance in pixels of the monitor. place: the picture's pixels at the monitor's corner, and per pixel.
+vec3 glimpse(vec2 centre, vec3 q, vec4 place, int layer, int first, int last, vec2 texel) {
+  vec2 edge = vec2(u_levels[first].zw), soften = sqrt(12.0 * (max(q.xz, 0.0) + 1.0 / 12.0));
+  vec2 shown = clamp(0.5 + centre / soften, 0.0, 1.0) * clamp(0.5 + (edge - centre) / soften, 0.0, 1.0);
+  if (shown.x * shown.y == 0.0) return vec3(0.0);
+  centre = place.xy + place.zw * centre;
+  q *= vec3(place.z * place.z, place.z * place.w, place.w * place.w);
   float mean = 0.5 * (q.x + q.z), away = length(vec2(0.5 * (q.x - q.z), q.y));
   float wide = mean + away + 1.0 / 12.0, narrow = max(mean - away + 1.0 / 12.0, max(0.25, wide / kMaxRatio));
   float beyond = max(wide - narrow, 0.0), probes = clamp(floor(sqrt(1.0 + 3.0 * beyond / narrow) + 0.5), 1.0, kMaxProbes);
-  float apart = probes > 1.0 ? sqrt(12.0 * beyond / (probes * probes - 1.0)) : 0.0;
-  if (probes == 1.0) narrow += 0.5 * beyond;
-  int level = clamp(int(0.5 * log2(1.5 * narrow + 0.625)), 0, last - 1);
+  vec2 along = vec2(0.0);
+  if (probes > 1.0) {
+    float more = mean + away;
+    along = sqrt(12.0 * beyond / (probes * probes - 1.0)) *
+            normalize(q.x > q.z ? vec2(more - q.z, q.y) : vec2(q.y, more - q.x));
+  } else {
+    narrow += 0.5 * beyond;
+  }
+  int level = clamp(int(0.5 * log2(1.5 * narrow + 0.625)), 0, max(last - 1, 0));
   float scale = exp2(-float(level)), area = 1.0 / (scale * scale), blur = area * 2.0 / 3.0 - 5.0 / 12.0;
-  float share = clamp((narrow - blur) / (2.0 * area), 0.0, 1.0), angle = 0.5 * atan(2.0 * q.y, q.x - q.z);
-  ivec4 sharp = u_levels[first + level], soft = u_levels[first + level + 1];
-  vec2 along = away > 0.0 ? apart * vec2(cos(angle), sin(angle)) : vec2(0.0);
+  float share = clamp((narrow - blur) / (2.0 * area), 0.0, 1.0);
+  ivec4 sharp = u_levels[first + level], soft = u_levels[first + min(level + 1, last)];
   vec3 sum = vec3(0.0);
   for (float i = 0.5 - 0.5 * probes; i < 0.5 * probes; i += 1.0) {
     vec2 at = centre + i * along;
-    sum += mix(probe(at, layer, sharp, scale, texel), probe(at, layer, soft, 0.5 * scale, texel), share);
+    vec3 light = probe(at, layer, sharp, scale, texel);
+    if (share > 0.0) light = mix(light, probe(at, layer, soft, 0.5 * scale, texel), share);
+    sum += light;
   }
-  return sum / probes;
+  return shown.x * shown.y / probes * sum;
 }
 `;
 
@@ -240,6 +256,7 @@ export const composite = (levelCount: number, monitorCount: number, box: boolean
 uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
 uniform int u_first_level[${monitorCount}], u_last_level[${monitorCount}];  // of a monitor; the last counts from its first
 uniform bool u_moving;
+uniform vec4 u_place[${monitorCount}];
 ${integrate(box)}
 ${kGlimpse}
 
@@ -252,7 +269,7 @@ vec3 seen(uvec4 one, uvec4 two) {
   if (u_moving) {
     float scale = exp2(float(level)), area = scale * scale, less = 0.5 * (area - 1.0);
     vec3 whole = vec3(area * q.x + less, area * q.y, area * q.z + less);
-    return glimpse(scale * centre, whole, monitor, first, u_last_level[monitor], texel);
+    return glimpse(scale * centre, whole, u_place[monitor], monitor, first, u_last_level[monitor], texel);
   }
   return integrate(centre, q, uintBitsToFloat(two.w), monitor, u_levels[first + level], texel);
 }

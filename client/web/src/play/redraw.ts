@@ -66,6 +66,7 @@ export class Redraw {
   }
   private draw(step: number, moving: boolean): void {
     this.to.draw(step, moving);
+    if (!moving && this.hurries) this.pace.forget();
     // The pace is that of moving pictures.
     this.drawing = { step, since_ms: performance.now(), counts: !this.prepares && (moving || !this.hurries) };
     this.prepares = false;

@@ -46,7 +46,7 @@ export class Stage {
     this.matte = matte;
     this.compositor.setMatte(matte);
     this.compositor.view = this.view;
-    this.redraw.soon();
+    this.redraw.soon(true);
   }
   /** `on`: only the pixels that see a monitor's picture are shown, and downloaded. */
   setCrop(on: boolean): void {
@@ -64,7 +64,8 @@ export class Stage {
   }
   setPicture(monitor: number, image: ImageBitmap): void {
     this.compositor.setPicture(monitor, image);
-    this.move(monitor, this.standing(monitor));
+    this.moved.add(monitor);
+    this.redraw.soon(true);
   }
   move(monitor: number, standing: Standing): void {
     this.standings[monitor] = standing;

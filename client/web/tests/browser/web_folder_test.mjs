@@ -56,6 +56,7 @@ try {
     await compare("  and rests again", kMaxMean);
   }
   for (const whole of [false, true]) {
+    await wait_until_drawn(page); // at rest the page forgets that it was slow
     const { median } = await pace_of_moves(page, whole);
     console.log(`${median.toFixed(1)} ${whole ? "whole " : ""}pictures a second while it is dragged`);
   }
