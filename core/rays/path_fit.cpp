@@ -22,7 +22,9 @@ Row row_of(const Eigen::Vector2d& step, double unit_px) {
   return row;
 }
 
-double weighted_median(std::vector<std::pair<double, double>>& sizes, double total) {
+using WeightedSizes = std::vector<std::pair<double, double>>;
+
+double weighted_median(WeightedSizes& sizes, double total) {
   std::ranges::sort(sizes);
   double left = 0.5 * total;
   for (const auto& [size, weight] : sizes) {
@@ -32,31 +34,47 @@ double weighted_median(std::vector<std::pair<double, double>>& sizes, double tot
   return sizes.back().first;
 }
 
+// How far each step lies from the middle of all, in medians of that.
+std::vector<double> leverages(std::span<const PathSample> samples, double total) {
+  Eigen::Vector2d middle;
+  for (int axis = 0; axis < 2; ++axis) {
+    WeightedSizes along;
+    for (const PathSample& sample : samples) along.emplace_back(sample.step[axis], sample.weight);
+    middle[axis] = weighted_median(along, total);
+  }
+  WeightedSizes sizes;
+  for (const PathSample& sample : samples) sizes.emplace_back((sample.step - middle).norm(), sample.weight);
+  WeightedSizes ordered = sizes;
+  const double usual = std::max(weighted_median(ordered, total), kMinScatter_px);
+  std::vector<double> all;
+  for (const auto& [size, weight] : sizes) all.push_back(size / usual);
+  return all;
+}
+
 }  // namespace
 
 PathFit fit_path(std::span<const PathSample> samples, PathShape shape, double unit_px) {
   const int terms = static_cast<int>(shape);
-  double total = 0.0, scatter = INFINITY;
+  double total = 0.0, scatter = 1.0;
   for (const PathSample& sample : samples) total += sample.weight;
-  std::vector<double> off_px(samples.size(), 0.0);
+  // The start doubts those that lie apart: they would bend it to themselves.
+  std::vector<double> off_px = leverages(samples, total);
   PathFit fit;
   for (int round = 0; round < kRounds; ++round) {
     Eigen::Matrix<double, kMaxTerms, kMaxTerms> normal = Eigen::Matrix<double, kMaxTerms, kMaxTerms>::Zero();
     Eigen::Matrix<double, kMaxTerms, 2> right = Eigen::Matrix<double, kMaxTerms, 2>::Zero();
     for (size_t i = 0; i < samples.size(); ++i) {
-      const double z = off_px[i] / scatter;
-      // The start looks twice as far, so that the nearest pair does not decide it.
-      const double near = round == 0 ? std::pow(samples[i].weight, 0.25) : samples[i].weight;
+      const double z = off_px[i] / scatter, weight = samples[i].weight / (1.0 + z * z);
       const Row row = row_of(samples[i].step, unit_px);
-      normal += near / (1.0 + z * z) * row * row.transpose();
-      right += near / (1.0 + z * z) * row * samples[i].seen.transpose();
+      normal += weight * row * row.transpose();
+      right += weight * row * samples[i].seen.transpose();
     }
     Eigen::MatrixXd left = normal.topLeftCorner(terms, terms);
     left.diagonal().array() += kRidge * total;
     Eigen::Matrix<double, kMaxTerms, 2> found = Eigen::Matrix<double, kMaxTerms, 2>::Zero();
     found.topRows(terms) = left.ldlt().solve(right.topRows(terms));
     double squares = 0.0;
-    std::vector<std::pair<double, double>> sizes;
+    WeightedSizes sizes;
     for (size_t i = 0; i < samples.size(); ++i) {
       const Row row = row_of(samples[i].step, unit_px);
       off_px[i] = (found.transpose() * row - samples[i].seen).norm();
