@@ -165,16 +165,14 @@ void GroupCapture::note_retaken(const std::vector<Step>& steps) {
 void GroupCapture::look_for_stall(const std::vector<Step>& showing) {
   const v1::Session& session = progress_.session();
   if (!stall_.is_stalled(monotonic_now(), session.proven_count()) || !session.reason().empty()) return;
-  std::vector<Step> shown;
-  for (const Step& step : showing) {
-    if (!RigWatch::is_repeat(step.number) && recording_.was_shown_now(step.number)) shown.push_back(step);
-  }
-  say_stalled(shown);
+  say_stalled(showing);
 }
 
 void GroupCapture::say_stalled(std::vector<Step> unproven) {
+  // The others come later, or would have, had the showing not ended early.
   std::erase_if(unproven, [this](const Step& step) {
-    return learning_.is_held(step.number) || progress_.is_proven(step.number);
+    return RigWatch::is_repeat(step.number) || !recording_.was_shown_now(step.number) ||
+           learning_.is_held(step.number) || progress_.is_proven(step.number);
   });
   const v1::RetakeCause cause =
       unproven.empty() ? v1::RETAKE_CAUSE_NOT_SHOWN : commonest(causes_of(unproven));
