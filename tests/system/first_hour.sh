@@ -29,7 +29,7 @@ says() { # WORDS: the last command printed them
 for command in "${commands[@]}"; do
   echo "\$ $command"
   case $command in
-    "deploy/local-rig up") command+=" --data $work/rig --solvers 2" ;;
+    "deploy/local-rig up"*) command+=" --data $work/rig --solvers 2" ;;
     "deploy/local-rig down") break ;; # the mistakes need it
     "glasswing preview "*) command+=" --count 1" ;;
   esac
@@ -40,8 +40,9 @@ for command in "${commands[@]}"; do
     "glasswing doctor") says "proof" ;;
     "glasswing preview"*) says "; focus " ;;
     *"calibrate all"*) says "back has codes of 16 bits" ;;
-    *--dry-run) says "steps     385" && says "rig       free" ;;
-    "glasswing capture"*) says "session vase is captured: 385 steps" ;;
+    "glasswing plan make"*) says "images with the object" ;;
+    *--dry-run) says "rig       free" && steps=$(sed -n 's/^steps  *\([0-9]*\).*/\1/p' "$work/printed") ;;
+    "glasswing capture"*) says "session vase is captured: $steps steps" ;;
     "glasswing solve"*) says "session vase is done" ;;
     "glasswing fetch"*) says "vase.exr: the matte of session vase" ;;
     "glasswing composite"*) [[ -s vase.png ]] || fail "there is no picture" ;;
