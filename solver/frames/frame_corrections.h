@@ -1,12 +1,5 @@
 // Which of the differences between a session's frames (frame_report.h) are significant: what is taken off
 // them, and what users are told. Where nothing is wrong nothing is taken off.
-//
-// The scale that gains are corrected to is that of most frames where the light flickers, that of the first
-// frames where it drifts, and that of the empty stage where it jumps; or that of the stripes, where all
-// solids and bars differ from them alike.
-//
-// What the rig does to a frame it does everywhere; light that the object throws beside itself, and what the
-// model lacks, lie somewhere. So each quarter of what is seen beside the object must say the same.
 #pragma once
 
 #include <functional>
