@@ -194,6 +194,11 @@ absl::Status ObjectInFront::prepare(Pictures pictures, bool exact) {
 
 void ObjectInFront::take(Matte& rows) {
   note_unsolved(rows, rows.y0_px() - outline_.y0_px, unsolved_);
+  {
+    const PixelCount count = count_pixels(rows);
+    const std::lock_guard lock(counted_->mutex);
+    counted_->pixels += count;
+  }
   for (int y = 0; y < rows.height_px(); ++y) {
     for (int x = 0; x < rows.width_px(); ++x) {
       for (float& light : rows.foreground(x, y)) light *= foreground_gain_;
