@@ -32,10 +32,10 @@ void print_composite(const Client& client, const CompositeArguments& arguments, 
   const std::int64_t unsolved = pixels.unsolved;
   if (client.json) {
     nlohmann::ordered_json written = {{"file", arguments.output},
-                                            {"width_px", picture.width_px},
-                                            {"height_px", picture.height_px},
-                                            {"unsolved_pixels", unsolved},
-                                            {"filled", arguments.fill}};
+                                      {"width_px", picture.width_px},
+                                      {"height_px", picture.height_px},
+                                      {"unsolved_pixels", unsolved},
+                                      {"filled", arguments.fill}};
     if (metadata != nullptr) add_notes(*metadata, pixels, written);
     std::cout << written.dump(1) << "\n";
     return;

@@ -336,10 +336,9 @@ MattePanel flags_of(const Matte& matte) {
                    .bar = std::nullopt};
   for (size_t flag = 0; flag < kFlagColours.size(); ++flag) {
     const char* const name = flag < kNamedFlags.size() ? kNamedFlags[flag].name : "good";
-    panel.keys.push_back(
-        key_of(kFlagColours[flag], fmt::format("{}: {}", name, share_of(matte, [&](int x, int y) {
-                                                 return found(x, y) == flag;
-                                               }))));
+    panel.keys.push_back(key_of(
+        kFlagColours[flag],
+        fmt::format("{}: {}", name, share_of(matte, [&](int x, int y) { return found(x, y) == flag; }))));
   }
   std::ranges::reverse(panel.keys);
   return panel;

@@ -72,7 +72,8 @@ std::string flagged_text(const PixelCount& count) {
   for (size_t i = 0; i < kNamedFlags.size(); ++i) {
     if (count.worst[i] > 0) parts.push_back(fmt::format("{} {}", share(count.worst[i]), kNamedFlags[i].name));
   }
-  return fmt::format("{} of the object's pixels are flagged: {}", share(count.flagged), fmt::join(parts, ", "));
+  return fmt::format("{} of the object's pixels are flagged: {}", share(count.flagged),
+                     fmt::join(parts, ", "));
 }
 
 }  // namespace glasswing

@@ -20,6 +20,7 @@ namespace glasswing {
 namespace {
 
 constexpr std::ptrdiff_t kMinCompared = 100;  // pixels
+constexpr double kObjectMoves_px = 1.0;       // if it moves: its rim tells that, not by how much
 
 // What changes from frame to frame, with what is steady.
 absl::StatusOr<FrameFaults> find_changes(const v1::CaptureManifest& manifest, const std::vector<int>& frames,
@@ -41,8 +42,10 @@ absl::StatusOr<FrameFaults> find_changes(const v1::CaptureManifest& manifest, co
   const size_t said = faults.warnings.size();
   GW_RETURN_IF_ERROR(correct_shifts(manifest, frames, read, report, faults));
   if (faults.warnings.size() > said) return faults;
-  if (std::string text = object_motion_warning(manifest, compared); !text.empty())
+  if (std::string text = object_motion_warning(manifest, compared); !text.empty()) {
     faults.warnings.push_back(std::move(text));
+    faults.disturbance = {.moved_px = kObjectMoves_px, .object_only = true};
+  }
   return faults;
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "solver/frames/disturbed_pixels.h"
 #include "solver/frames/frame_report.h"
 #include "solver/method/frame_correction.h"
 
@@ -16,6 +17,7 @@ struct FrameFaults {
   std::shared_ptr<const FrameCorrections> corrections;  // null: none
   std::vector<int> bad_pixels;                          // of the camera, to be filled: y width + x, ascending
   std::vector<std::string> warnings;
+  Disturbance disturbance;                // that is not corrected
   std::shared_ptr<const StageMaps> maps;  // null: of corrected frames, not measured
 };
 

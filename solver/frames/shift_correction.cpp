@@ -32,6 +32,7 @@ absl::Status correct_shifts(const v1::CaptureManifest& manifest, const std::vect
   const ShiftCourse course = shift_course(report);
   if (course.warning.empty()) return absl::OkStatus();
   faults.warnings.push_back(course.warning);
+  faults.disturbance.moved_px = course.moved_px;
   if (!course.knock) return absl::OkStatus();
   std::string& warning = faults.warnings.back();
   Knock knock = *course.knock;
@@ -44,6 +45,7 @@ absl::Status correct_shifts(const v1::CaptureManifest& manifest, const std::vect
       knock.dx_px += left.dx_px;
       knock.dy_px += left.dy_px;
       faults.corrections = moved_back(report, faults.corrections.get(), knock);
+      faults.disturbance = {};
       warning +=
           "; they were moved back, as if it had been the camera: capture again from there for full sharpness";
       return absl::OkStatus();
