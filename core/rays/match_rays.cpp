@@ -11,6 +11,7 @@
 #include "core/base/status.h"
 #include "core/footprint/footprint.h"
 #include "core/footprint/seen_part.h"
+#include "core/rays/path_fit.h"
 
 namespace glasswing {
 namespace {
@@ -22,7 +23,7 @@ using Eigen::Vector3d;
 
 constexpr double kMinWeight = 1e-4;  // of a mode, below which it is left out
 constexpr float kMaxWeight = 1.05f;  // no object has more
-constexpr double kLeastSeen = 0.25;  // of a mode's light, below which its monitor did not tell the whole
+constexpr double kUncut = 0.25;      // sigmas inside its monitor, where 60 % of a mode's light were seen
 constexpr double kNearPx = 4.0;      // as LightPaths
 constexpr double kMaxCost = 1.0;     // of a pair
 constexpr double kStrayLight = 0.1;  // of a mode's light, that may be left without a partner
@@ -61,23 +62,47 @@ Place place_of(const Mode& mode) {
   return place;
 }
 
-// A mode that mostly lies beyond the monitor counts with the part that was seen: what the rest of it would be
-// is the fit's guess, of any size, and would show in an environment.
-Mode as_seen(const Mode& mode, const MonitorExtent& extent) {
-  if (mode.x_px >= 0.0f && mode.y_px >= 0.0f && static_cast<double>(mode.x_px) <= extent.width_px &&
-      static_cast<double>(mode.y_px) <= extent.height_px)
-    return mode;
-  const Footprint seen = seen_part(footprint_of(mode), extent);
-  if (seen.weight > kLeastSeen * static_cast<double>(mode.weight)) return mode;
-  return mode_of(seen, static_cast<double>(mode.weight_sd), static_cast<double>(mode.centre_sd_px),
-                 mode.texture);
+// How far a mode's centre lies inside its monitor, in its sigmas; below 0: beyond it.
+double inside(const Mode& mode, const MonitorExtent& extent) {
+  const auto along = [](float at_px, float variance_px2, double size_px) {
+    constexpr double kMinSigma_px = 1e-3;
+    const double at = static_cast<double>(at_px), sigma_px = std::sqrt(static_cast<double>(variance_px2));
+    return std::min(at, size_px - at) / std::max(sigma_px, kMinSigma_px);
+  };
+  return std::min(along(mode.x_px, mode.xx_px2, extent.width_px),
+                  along(mode.y_px, mode.yy_px2, extent.height_px));
 }
 
-std::vector<Place> places_of(const Matte& matte, int x, int y, int channel) {
+// Whether the other depth has a mode that may be the same light, but none of about this weight.
+bool is_contradicted(const Mode& mode, std::span<const Mode> others) {
+  constexpr float kSame = 0.1f, kComparable = 0.3f;
+  bool comparable = false;
+  for (const Mode& other : others) {
+    if (other.texture != mode.texture) continue;
+    if (std::abs(other.weight - mode.weight) < kSame * mode.weight) return false;
+    comparable |= other.weight > kComparable * mode.weight;
+  }
+  return comparable;
+}
+
+// A mode that is cut by its monitor's edge counts with the part that was seen, unless the other depth
+// confirms it: what the rest of it would be is the fit's guess, of any size, and would show at other depths
+// and in an environment.
+Mode as_seen(const Mode& mode, std::span<const Mode> others, const MonitorExtent& extent) {
+  const double distance = inside(mode, extent);
+  if (distance > kUncut || (distance >= 0.0 && !is_contradicted(mode, others))) return mode;
+  return mode_of(seen_part(footprint_of(mode), extent), static_cast<double>(mode.weight_sd),
+                 static_cast<double>(mode.centre_sd_px), mode.texture);
+}
+
+// `other`: of the other depth, if there is one.
+std::vector<Place> places_of(const Matte& matte, const Matte* other, int x, int y, int channel) {
   std::vector<Place> places;
+  const std::span<const Mode> others =
+      other != nullptr ? other->modes(x, y, channel) : std::span<const Mode>();
   for (const Mode& mode : matte.modes(x, y, channel)) {
     if (!(static_cast<double>(mode.weight) > kMinWeight && mode.weight <= kMaxWeight)) continue;
-    const Mode seen = as_seen(mode, extent_of(matte.metadata.monitors(mode.texture)));
+    const Mode seen = as_seen(mode, others, extent_of(matte.metadata.monitors(mode.texture)));
     if (static_cast<double>(seen.weight) > kMinWeight) places.push_back(place_of(seen));
   }
   return places;
@@ -183,8 +208,8 @@ class Matcher {
         for (int x = 0; x < width_; ++x) {
           if (!(one.coverage(x, y) > 0.0f) && !(other.coverage(x, y) > 0.0f)) continue;
           for (int c = 0; c < kChannels; ++c) {
-            node(x, y, c).near = places_of(one, x, y, c);
-            node(x, y, c).far = places_of(other, x, y, c);
+            node(x, y, c).near = places_of(one, &other, x, y, c);
+            node(x, y, c).far = places_of(other, &one, x, y, c);
           }
         }
       }
@@ -510,41 +535,21 @@ class Matcher {
                        RayState::kUnknown);
     }
     const double reach = std::max(0.6 * std::sqrt(least), 3.0);
-    constexpr int kTerms = 6;
-    using Row = Eigen::Matrix<double, kTerms, 1>;
-    const double unit = std::max(seen.width, 8.0);
-    const auto row_of = [&](const Vector2d& at) {
-      const Vector2d u = at / unit;
-      Row row;
-      row << 1.0, u.x(), u.y(), u.x() * u.x(), u.x() * u.y(), u.y() * u.y();
-      return row;
-    };
-    Eigen::Matrix<double, kTerms, kTerms> normal = Eigen::Matrix<double, kTerms, kTerms>::Zero();
-    Eigen::Matrix<double, kTerms, 2> right = Eigen::Matrix<double, kTerms, 2>::Zero();
+    std::vector<PathSample> near_ones;
     double total = 0.0, width = 0.0;
     for (const Sample& sample : samples) {
       const double w = std::exp(-0.5 * sample.squared / (reach * reach));
-      const Row row = row_of(sample.seen);
-      normal += w * row * row.transpose();
-      right += w * row * sample.other.transpose();
+      near_ones.push_back({.step = sample.seen, .seen = sample.other, .weight = w});
       total += w;
       width += w * sample.width;
     }
-    const auto fit = [&](int terms) -> Eigen::MatrixXd {
-      Eigen::MatrixXd left = normal.topLeftCorner(terms, terms);
-      constexpr double kRidge = 1e-6;
-      left.diagonal().array() += kRidge * total;
-      return left.ldlt().solve(right.topRows(terms));
-    };
-    const Eigen::MatrixXd affine = fit(3), quadratic = fit(kTerms);
-    double residual = 0.0;
-    for (const Sample& sample : samples) {
-      const double w = std::exp(-0.5 * sample.squared / (reach * reach)) / total;
-      residual += 0.5 * w * (quadratic.transpose() * row_of(sample.seen) - sample.other).squaredNorm();
-    }
-    const Vector2d first = affine.row(0).transpose(), second = quadratic.row(0).transpose();
-    const double sd = std::sqrt(residual + 0.125 * (second - first).squaredNorm());
-    return one_sided(seen, seen_axes, first, sd, width / total, light, seen_far, RayState::kExtrapolated);
+    const double unit_px = std::max(seen.width, 8.0);
+    const PathFit affine = fit_path(near_ones, PathShape::kAffine, unit_px),
+                  quadratic = fit_path(near_ones, PathShape::kQuadratic, unit_px);
+    const double sd =
+        std::hypot(quadratic.rms_px, std::sqrt(0.125) * (quadratic.at_start - affine.at_start).norm());
+    return one_sided(seen, seen_axes, affine.at_start, sd, width / total, light, seen_far,
+                     RayState::kExtrapolated);
   }
 
   // A bundle through a place that was seen and one that was not, px on the other depth's monitor, with that
@@ -714,7 +719,7 @@ absl::StatusOr<RayMatte> far_light_rays(const Matte& matte, const v1::RigGeometr
     const Vector2d slope = lens.slope_of({x + 0.5, y + 0.5});
     const Vector3d object = object_depth_mm * Vector3d(slope.x(), slope.y(), 1.0);
     std::vector<Ray> rays_here;
-    for (const Place& place : places_of(matte, x, y, c)) {
+    for (const Place& place : places_of(matte, nullptr, x, y, c)) {
       const MonitorPlane& plane = depth.plane(place.texture);
       const Vector3d through = plane.at(place.at.x(), place.at.y());
       const double length = (through - object).norm();
