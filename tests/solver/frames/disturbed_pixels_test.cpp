@@ -8,19 +8,19 @@
 namespace glasswing {
 namespace {
 
-constexpr int kWidth = 8, kHeight = 4;
+constexpr int kAcross = 8, kDown = 4;
 
 Matte halves(float object_from) {
-  Matte matte(0, 0, kWidth, kHeight, 1);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  Matte matte(0, 0, kAcross, kDown, 1);
+  for (int y = 0; y < kDown; ++y) {
+    for (int x = 0; x < kAcross; ++x) {
       matte.coverage(x, y) = static_cast<float>(x) >= object_from ? 1.0f : 0.0f;
       for (int c = 0; c < kChannels; ++c) {
         matte.foreground(x, y)[static_cast<size_t>(c)] = 0.1f;
         // A wide footprint that moves by 1 px of the monitor shows no more than 0.5 erf(1 / (40 sqrt 8)) <
         // 0.05.
         matte.modes(x, y, c)[0] = {.weight = 0.8f,
-                                   .x_px = static_cast<float>(x < kWidth / 2 ? x : x + 500),
+                                   .x_px = static_cast<float>(x < kAcross / 2 ? x : x + 500),
                                    .y_px = static_cast<float>(y),
                                    .xx_px2 = 1600.0f,
                                    .yy_px2 = 1600.0f};
@@ -32,7 +32,7 @@ Matte halves(float object_from) {
 
 std::string flagged_columns(const Matte& matte) {
   std::string columns;
-  for (int x = 0; x < kWidth; ++x) columns += (matte.flags(x, 1) & kFlagDisturbed) != 0 ? 'x' : '.';
+  for (int x = 0; x < kAcross; ++x) columns += (matte.flags(x, 1) & kFlagDisturbed) != 0 ? 'x' : '.';
   return columns;
 }
 
