@@ -120,11 +120,12 @@ bool SimCamera::move(bool present) {
   return true;
 }
 
-std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
+std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds timeout) {
   Exposed exposed;
   std::int64_t sequence = 0;
   double exposure_ms = 0.0;
   nanoseconds start{}, late{}, stamp_error = options_.stamp_shift;
+  bool dropped = false;
   const nanoseconds period(std::llround(1e9 / options_.frame_rate_hz));
   {
     const std::lock_guard lock(mutex_);
@@ -138,11 +139,13 @@ std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
       next_start_ += behind / period * period;
       sequence_ += behind / period;
     }
+    const nanoseconds until = next_start_ + timeout;
     do {
       ++sequence_;
       start = next_start_;
       next_start_ += period;
-    } while (std::bernoulli_distribution(options_.drop)(random_));
+      dropped = std::bernoulli_distribution(options_.drop)(random_);
+    } while (dropped && start < until);
     sequence = sequence_;
     exposure_ms = exposure_ms_;
     const bool duplicate = std::bernoulli_distribution(options_.duplicate)(random_);
@@ -156,6 +159,10 @@ std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
     exposed = newest_;
     late = up_to(options_.late);
     stamp_error += up_to(2 * options_.stamp_jitter) - options_.stamp_jitter;
+  }
+  if (dropped) {
+    sleep_until_monotonic(start);
+    return std::nullopt;
   }
   const nanoseconds end = start + options_.sensor.readout + nanoseconds(std::llround(exposure_ms * 1e6));
   delivered_ = std::max(delivered_, end + late);

@@ -44,17 +44,20 @@ absl::StatusOr<RadianceImage> PictureColours::read(const std::filesystem::path& 
 }
 
 absl::StatusOr<std::string> PictureColours::encode(const std::filesystem::path& name, RadianceImage image,
-                                                   Encoding encoding, int bits,
-                                                   const PictureColour& colour) const {
-  if (out_ == nullptr) return encode_radiance(name, image, encoding, bits, colour);
+                                                   Encoding encoding, int bits, const PictureColour& colour,
+                                                   const RadianceImage* coverage) const {
+  if (out_ == nullptr) return encode_radiance(name, image, encoding, bits, colour, coverage);
   out_->from_linear(image);
   const bool codes = name.extension() != ".exr";
-  return encode_radiance(name, image, Encoding::kLinear, codes && bits == 0 ? 8 : bits, out_->colour());
+  return encode_radiance(name, image, Encoding::kLinear, codes && bits == 0 ? 8 : bits, out_->colour(),
+                         coverage);
 }
 
 absl::Status PictureColours::write(const std::filesystem::path& path, RadianceImage image, Encoding encoding,
-                                   int bits, const PictureColour& colour) const {
-  GW_ASSIGN_OR_RETURN(const std::string bytes, encode(path, std::move(image), encoding, bits, colour));
+                                   int bits, const PictureColour& colour,
+                                   const RadianceImage* coverage) const {
+  GW_ASSIGN_OR_RETURN(const std::string bytes,
+                      encode(path, std::move(image), encoding, bits, colour, coverage));
   return write_file_durably(path, bytes);
 }
 

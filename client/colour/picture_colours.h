@@ -34,12 +34,13 @@ class PictureColours {
   // Reads linear Rec. 709, from the space of pictures read if there is one; else read_radiance().
   absl::StatusOr<RadianceImage> read(const std::filesystem::path& path, Encoding encoding) const;
   // Encodes linear Rec. 709, as a file of this name, in the space of pictures written if there is one, also
-  // in PNG and TIFF; else encode_radiance().
+  // in PNG and TIFF; else encode_radiance(), which tells what `coverage` does.
   absl::StatusOr<std::string> encode(const std::filesystem::path& name, RadianceImage image,
-                                     Encoding encoding, int bits, const PictureColour& colour) const;
+                                     Encoding encoding, int bits, const PictureColour& colour,
+                                     const RadianceImage* coverage = nullptr) const;
   // Writes the same to the file, durably.
   absl::Status write(const std::filesystem::path& path, RadianceImage image, Encoding encoding, int bits,
-                     const PictureColour& colour) const;
+                     const PictureColour& colour, const RadianceImage* coverage = nullptr) const;
 
  private:
   std::shared_ptr<const ColourSpace> in_, out_;

@@ -152,13 +152,12 @@ cv::Mat layer_of(const RadianceImage& picture, const RadianceImage* coverage, cv
   cv::Mat layer = cv::Mat::zeros(size.height + 2, size.width + 2, CV_32FC4);
   cv::Mat inside = layer(cv::Rect({1, 1}, size));
   cv::Mat from = whole == size ? inside : cv::Mat(whole, CV_32FC4);
+  const auto width = static_cast<size_t>(whole.width);
   for_rows(whole.height, 0, [&](int first, int last) {
     for (int y = first; y < last; ++y) {
-      for (int x = 0; x < whole.width; ++x) {
-        const float covered = coverage ? coverage->at(x, y, 0) : 1.0f;
-        const float* const light = &picture.at(x, y, 0);
-        from.at<cv::Vec4f>(y, x) = {covered * light[0], covered * light[1], covered * light[2], covered};
-      }
+      const std::span<const float> covered =
+          coverage ? std::span(&coverage->at(0, y, 0), width) : std::span<const float>();
+      premultiply({&picture.at(0, y, 0), kChannels * width}, covered, {from.ptr<float>(y), kSamples * width});
     }
   });
   if (whole != size)

@@ -66,20 +66,21 @@ absl::Status check_outputs(const CompositeArguments& arguments) {
     }
     GW_RETURN_IF_ERROR(check_writable(arguments.error));
   }
-  return check_picture_file(picture_name(arguments), arguments.bits);
+  return check_picture_file(picture_name(arguments), arguments.bits, arguments.object);
 }
 
 absl::Status write_composite(const CompositeArguments& arguments, const PictureColours& colours,
-                             RadianceImage picture, const PictureColour& colour) {
-  GW_ASSIGN_OR_RETURN(const std::string bytes, colours.encode(picture_name(arguments), std::move(picture),
-                                                              arguments.encoding(), arguments.bits, colour));
+                             const ObjectPicture& picture, const PictureColour& colour) {
+  GW_ASSIGN_OR_RETURN(const std::string bytes,
+                      colours.encode(picture_name(arguments), picture.light, arguments.encoding(),
+                                     arguments.bits, colour, picture.alpha()));
   return write_output(arguments.output, bytes);
 }
 
 absl::Status composite_rays_still(const Client& client, const CompositeArguments& arguments) {
   GW_RETURN_IF_ERROR(check_outputs(arguments));
   GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
-  absl::StatusOr<RadianceImage> picture;
+  absl::StatusOr<ObjectPicture> picture;
   {
     Progress progress("compositing");
     picture =
@@ -87,7 +88,7 @@ absl::Status composite_rays_still(const Client& client, const CompositeArguments
   }
   GW_RETURN_IF_ERROR(picture.status());
   GW_RETURN_IF_ERROR(write_composite(arguments, colours, *picture, PictureColour()));
-  print_composite(client, arguments, *picture);
+  print_composite(client, arguments, picture->light);
   return absl::OkStatus();
 }
 
@@ -109,7 +110,8 @@ absl::Status check_matte_options(const CompositeArguments& arguments) {
 absl::Status composite_still(const Client& client, const CompositeArguments& arguments) {
   GW_RETURN_IF_ERROR(check_outputs(arguments));
   GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
-  absl::StatusOr<RadianceImage> picture, error;
+  absl::StatusOr<ObjectPicture> picture;
+  absl::StatusOr<RadianceImage> error;
   PictureColour colour;
   v1::MatteMetadata metadata;
   PixelCount pixels;
@@ -138,7 +140,7 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
     GW_ASSIGN_OR_RETURN(const std::string bytes, encode_composite_error(*error));
     GW_RETURN_IF_ERROR(write_file_durably(arguments.error, bytes));
   }
-  print_composite(client, arguments, *picture, &metadata, pixels);
+  print_composite(client, arguments, picture->light, &metadata, pixels);
   return absl::OkStatus();
 }
 
@@ -209,8 +211,12 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
       ->capture_default_str();
   command.add_option(
       "--error", arguments.error,
-      "also write this .exr: each sample's standard error from the frames' noise, NaN where it "
-      "is not known");
+      "also write this .exr: each sample's standard error from the frames' noise; A is 1 where it is known, "
+      "elsewhere all are 0");
+  command.add_flag(
+      "--object", arguments.object,
+      "the object alone, to lay over other pictures: coverage as alpha, R, G and B premultiplied in "
+      "an EXR, not in a PNG");
   command.add_option("--crop", arguments.crop, kCropHelp);
   command.add_flag("--fill", arguments.fill,
                    "fill pixels that are not solved, such as those that saw the id patch, from their "
@@ -373,7 +379,8 @@ void add_composite_command(CLI::App& app, Client& client) {
   command.footer(
       "Each picture is scaled to its monitor; monitors without one are black. TEXTURE is a monitor's name;\n"
       "default: the first monitor. EXR is linear radiance, 1.0 = the archive's full scale; PNG and TIFF are\n"
-      "sRGB. Of an EXR with several layers or parts, which one is taken is said.\n\n"
+      "sRGB. An EXR has A, 1 without --object. Of an EXR with several layers or parts, which one is taken is "
+      "said.\n\n"
       "A directory of mattes (glasswing fetch VIDEO -o DIR/) gives one picture per frame, 0000.exr or\n"
       "0000.png, or a video file. A background may be a still, a directory of pictures, or a video file; "
       "the\n"
@@ -391,6 +398,7 @@ void add_composite_command(CLI::App& app, Client& client) {
       "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png -o vase.png --error vase_error.exr\n"
+      "  glasswing composite vase.exr --background plate.exr --object -o vase_object.exr\n"
       "  glasswing composite vase.exr --background plate.exr --ocio ACEScg -o vase_acescg.exr\n"
       "  glasswing composite rays.exr --environment street.exr --environment-turn 30 -o vase.png\n"
       "  glasswing composite rays.exr --plane 850:harbour.png --environment street.exr -o vase.png");

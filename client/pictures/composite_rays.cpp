@@ -61,6 +61,14 @@ absl::Status check_options(const CompositeArguments& arguments) {
   return absl::OkStatus();
 }
 
+RadianceImage coverage_of(const RayMatte& rays) {
+  RadianceImage coverage(rays.width_px(), rays.height_px(), 1);
+  for (int y = 0; y < rays.height_px(); ++y) {
+    for (int x = 0; x < rays.width_px(); ++x) coverage.at(x, y, 0) = rays.coverage(x, y);
+  }
+  return coverage;
+}
+
 }  // namespace
 
 bool holds_rays(const std::string& file) {
@@ -72,7 +80,7 @@ bool holds_rays(const std::string& file) {
   return is_ray_file(head);
 }
 
-absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& arguments,
+absl::StatusOr<ObjectPicture> composite_of_rays(const CompositeArguments& arguments,
                                                 const PictureColours& colours,
                                                 const std::function<void(double)>& progress) {
   GW_RETURN_IF_ERROR(check_options(arguments));
@@ -122,7 +130,12 @@ absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& argume
   surroundings.lossless = arguments.lossless;
   GW_ASSIGN_OR_RETURN(const RadianceImage made,
                       composite_rays(rays, surroundings, arguments.exact, 0, progress));
-  return cropped(made, arguments.crop);
+  ObjectPicture picture;
+  GW_ASSIGN_OR_RETURN(picture.light, cropped(made, arguments.crop));
+  if (arguments.object) {
+    GW_ASSIGN_OR_RETURN(picture.coverage, cropped(coverage_of(rays), arguments.crop));
+  }
+  return picture;
 }
 
 }  // namespace glasswing

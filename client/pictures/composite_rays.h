@@ -16,7 +16,7 @@ bool holds_rays(const std::string& file);
 
 // One picture. INVALID_ARGUMENT: an option that rays do not take, a plane that is not of the form
 // DEPTH_MM[:PICTURE], or nothing to show.
-absl::StatusOr<RadianceImage> composite_of_rays(const CompositeArguments& arguments,
+absl::StatusOr<ObjectPicture> composite_of_rays(const CompositeArguments& arguments,
                                                 const PictureColours& colours,
                                                 const std::function<void(double)>& progress);
 

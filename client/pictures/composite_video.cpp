@@ -54,6 +54,12 @@ class Output {
         return absl::InvalidArgumentError(fmt::format(
             "{} is a video, which is sRGB; --ocio and --ocio-out are of pictures", arguments.output));
       }
+      if (arguments.object) {
+        return absl::InvalidArgumentError(
+            fmt::format("{} is a video, which has no alpha; --object is of pictures: a directory, with "
+                        "--format exr or png",
+                        arguments.output));
+      }
       if (arguments.bits != 0 && arguments.bits != 8) {
         return absl::InvalidArgumentError(fmt::format(
             "--bits is {}; a video has 8, a directory of pictures may have more", arguments.bits));
@@ -61,7 +67,7 @@ class Output {
       GW_RETURN_IF_ERROR(check_writable(arguments.output));
       return output;
     }
-    GW_RETURN_IF_ERROR(check_picture_file("a picture." + arguments.format, arguments.bits));
+    GW_RETURN_IF_ERROR(check_picture_file("a picture." + arguments.format, arguments.bits, arguments.object));
     std::error_code error;
     const bool names_picture = arguments.output == kStandardOutput || check_output(arguments.output).ok();
     if (!names_picture) fs::create_directories(arguments.output, error);
@@ -75,10 +81,11 @@ class Output {
 
   const PictureColours& colours() const { return colours_; }
 
-  absl::Status add(const std::string& name, const RadianceImage& picture, const PictureColour& colour) {
+  absl::Status add(const std::string& name, const ObjectPicture& made, const PictureColour& colour) {
+    const RadianceImage& picture = made.light;
     if (!is_video_output(arguments_.output)) {
       const fs::path file = fs::path(arguments_.output) / (name + "." + arguments_.format);
-      return colours_.write(file, picture, arguments_.encoding(), arguments_.bits, colour);
+      return colours_.write(file, picture, arguments_.encoding(), arguments_.bits, colour, made.alpha());
     }
     if (!video_) {
       GW_ASSIGN_OR_RETURN(VideoWriter video,
@@ -126,7 +133,7 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
           "{} has other monitors than {}; they are not of one video", files[i].string(), files[0].string()));
     }
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds->next());
-    GW_ASSIGN_OR_RETURN(const RadianceImage picture, object.composite(*behind));
+    GW_ASSIGN_OR_RETURN(const ObjectPicture picture, object.composite(*behind));
     GW_RETURN_IF_ERROR(output.add(files[i].stem().string(), picture, backgrounds->colour_of_composite()));
     progress.update(static_cast<double>(i + 1) / static_cast<double>(files.size()),
                     fmt::format("{} of {} frames", i + 1, files.size()));
@@ -151,7 +158,7 @@ absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
   for (; arguments.frame_count == 0 || count < arguments.frame_count; ++count) {
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
     if (arguments.frame_count == 0 && backgrounds.is_over()) break;
-    GW_ASSIGN_OR_RETURN(const RadianceImage picture, object.composite(*behind));
+    GW_ASSIGN_OR_RETURN(const ObjectPicture picture, object.composite(*behind));
     GW_RETURN_IF_ERROR(output.add(fmt::format("{:04d}", count), picture, backgrounds.colour_of_composite()));
     const double all = arguments.frame_count > 0 ? arguments.frame_count : backgrounds.announced_frames();
     progress.update(all > 0.0 ? std::min((count + 1) / all, 1.0) : 0.0, fmt::format("{} frames", count + 1));
@@ -170,7 +177,9 @@ ObjectInFront::ObjectInFront(std::string file, std::shared_ptr<const MappedFile>
       crop_(arguments.crop),
       fill_(arguments.fill),
       foreground_gain_(arguments.foreground_gain),
-      unsolved_(static_cast<size_t>(outline_.width_px) * static_cast<size_t>(outline_.height_px)) {}
+      unsolved_(static_cast<size_t>(outline_.width_px) * static_cast<size_t>(outline_.height_px)) {
+  if (arguments.object) coverage_ = RadianceImage(outline_.width_px, outline_.height_px, 1);
+}
 
 absl::StatusOr<ObjectInFront> ObjectInFront::create(const fs::path& file, const CompositeArguments& arguments,
                                                     Pictures pictures) {
@@ -193,7 +202,8 @@ absl::Status ObjectInFront::prepare(Pictures pictures, bool exact) {
 }
 
 void ObjectInFront::take(Matte& rows) {
-  note_unsolved(rows, rows.y0_px() - outline_.y0_px, unsolved_);
+  const int top = rows.y0_px() - outline_.y0_px;
+  note_unsolved(rows, top, unsolved_);
   {
     const PixelCount count = count_pixels(rows);
     const std::lock_guard lock(counted_->mutex);
@@ -201,6 +211,7 @@ void ObjectInFront::take(Matte& rows) {
   }
   for (int y = 0; y < rows.height_px(); ++y) {
     for (int x = 0; x < rows.width_px(); ++x) {
+      if (!coverage_.empty()) coverage_.at(x, top + y, 0) = rows.coverage(x, y);
       for (float& light : rows.foreground(x, y)) light *= foreground_gain_;
     }
   }
@@ -216,11 +227,16 @@ absl::StatusOr<RadianceImage> ObjectInFront::composite_whole(const std::vector<R
   return made;
 }
 
-absl::StatusOr<RadianceImage> ObjectInFront::composite(const std::vector<RadianceImage>& backgrounds,
+absl::StatusOr<ObjectPicture> ObjectInFront::composite(const std::vector<RadianceImage>& backgrounds,
                                                        const std::function<void(double)>& progress) {
+  ObjectPicture made;
   GW_ASSIGN_OR_RETURN(RadianceImage whole, composite_whole(backgrounds, progress));
   if (fill_) fill_unsolved(unsolved_, whole);
-  return cropped(whole, crop_);
+  GW_ASSIGN_OR_RETURN(made.light, cropped(whole, crop_));
+  if (!coverage_.empty()) {
+    GW_ASSIGN_OR_RETURN(made.coverage, cropped(coverage_, crop_));
+  }
+  return made;
 }
 
 absl::StatusOr<RadianceImage> ObjectInFront::error(const std::vector<RadianceImage>& backgrounds,

@@ -39,7 +39,8 @@ struct CompositeArguments {
   std::string crop;
   std::string error;  // a picture of the composite's standard error; empty: none
   bool linear = false, exact = false;
-  bool fill = false;  // pixels that are not solved, from their neighbours
+  bool fill = false;    // pixels that are not solved, from their neighbours
+  bool object = false;  // the object alone, with its coverage as alpha
   // Of files of rays (composite_rays.h).
   std::vector<std::string> planes;
   std::string environment;
@@ -48,6 +49,13 @@ struct CompositeArguments {
   bool lossless = false;
 
   Encoding encoding() const { return linear ? Encoding::kLinear : Encoding::kDisplay; }
+};
+
+// A composite, and the object's coverage of each pixel where the object alone is asked for; else empty.
+struct ObjectPicture {
+  RadianceImage light, coverage;
+
+  const RadianceImage* alpha() const { return coverage.empty() ? nullptr : &coverage; }
 };
 
 // Composites one matte over pictures, with the options of the arguments. Holds the matte's file rather than
@@ -60,7 +68,7 @@ class ObjectInFront {
                                               const CompositeArguments& arguments, Pictures pictures);
 
   const v1::MatteMetadata& metadata() const { return outline_.metadata; }
-  absl::StatusOr<RadianceImage> composite(const std::vector<RadianceImage>& backgrounds,
+  absl::StatusOr<ObjectPicture> composite(const std::vector<RadianceImage>& backgrounds,
                                           const std::function<void(double)>& progress = nullptr);
   // The pixels that are not solved; known after a composite.
   std::int64_t unsolved_count() const { return std::ranges::count(unsolved_, 1); }
@@ -76,7 +84,7 @@ class ObjectInFront {
   absl::Status prepare(Pictures pictures, bool exact);
   absl::StatusOr<RadianceImage> composite_whole(const std::vector<RadianceImage>& backgrounds,
                                                 const std::function<void(double)>& progress);
-  // Brightens the object's own light, and notes what is not solved.
+  // Brightens the object's own light, and notes coverage and what is not solved.
   void take(Matte& rows);
 
   std::string file_;
@@ -91,6 +99,7 @@ class ObjectInFront {
     PixelCount pixels;
   };
   std::unique_ptr<Counted> counted_ = std::make_unique<Counted>();
+  RadianceImage coverage_;  // empty unless it is asked for
   std::optional<Matte> exact_;
   std::optional<FastCompositor> many_;
 };

@@ -105,10 +105,10 @@ absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::s
         fmt::format("--crop is {}; it must be WIDTHxHEIGHT+X+Y and lie within the picture, which is {}x{}",
                     region, picture.width_px, picture.height_px));
   }
-  RadianceImage part(width, height);
+  RadianceImage part(width, height, picture.channels);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      for (int c = 0; c < 3; ++c) part.at(x, y, c) = picture.at(left + x, top + y, c);
+      for (int c = 0; c < part.channels; ++c) part.at(x, y, c) = picture.at(left + x, top + y, c);
     }
   }
   return part;

@@ -15,9 +15,11 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/composite/compositor.h"
 #include "core/composite/fast_compositor.h"
+#include "core/footprint/composite_error.h"
 #include "core/frame/image.h"
 #include "core/frame/image_file.h"
 #include "core/geometry/rig_geometry.h"
@@ -90,16 +92,25 @@ class NativeMatte {
 
   // `thread_count`: 0 uses all cores; the result does not depend on it.
   RadianceImage composite(std::vector<RadianceImage> backgrounds, bool exact, int thread_count) const {
+    fit(backgrounds);
+    if (exact) return value_of(glasswing::composite(matte_, backgrounds, thread_count));
+    return value_of(prepared(thread_count).composite(backgrounds, thread_count));
+  }
+
+  RadianceImage error(std::vector<RadianceImage> backgrounds, int thread_count) const {
+    fit(backgrounds);
+    return value_of(composite_error(matte_, backgrounds, thread_count));
+  }
+
+ private:
+  void fit(std::vector<RadianceImage>& backgrounds) const {
     for (size_t t = 0; t < backgrounds.size(); ++t) {
       if (backgrounds[t].empty()) continue;
       const v1::Monitor& monitor = matte_.metadata.monitors(static_cast<int>(t));
       backgrounds[t] = resized(backgrounds[t], monitor.width_px(), monitor.height_px());
     }
-    if (exact) return value_of(glasswing::composite(matte_, backgrounds, thread_count));
-    return value_of(prepared(thread_count).composite(backgrounds, thread_count));
   }
 
- private:
   const FastCompositor& prepared(int thread_count) const {
     const std::lock_guard lock(mutex_);
     if (!prepared_) prepared_ = value_of(FastCompositor::create(matte_, thread_count));
@@ -149,14 +160,24 @@ py::array of_modes(const py::object& self, Value Mode::*number) {
               {matte.width_px() * pixel, pixel, matte.is_colourless() ? 0 : channel, mode});
 }
 
-// `pictures`: one background for each of the matte's monitors; None is black.
-Floats composite(const NativeMatte& matte, const std::vector<std::optional<Floats>>& pictures, bool exact,
-                 int thread_count) {
+// One background for each of the matte's monitors; None is black.
+using Pictures = std::vector<std::optional<Floats>>;
+
+std::vector<RadianceImage> backgrounds_of(const Pictures& pictures) {
   std::vector<RadianceImage> backgrounds;
-  for (const std::optional<Floats>& picture : pictures) {
+  for (const std::optional<Floats>& picture : pictures)
     backgrounds.push_back(picture ? image_of(*picture) : RadianceImage());
-  }
-  return array_of(without_gil([&] { return matte.composite(std::move(backgrounds), exact, thread_count); }));
+  return backgrounds;
+}
+
+Floats composite(const NativeMatte& matte, const Pictures& pictures, bool exact, int thread_count) {
+  std::vector<RadianceImage> behind = backgrounds_of(pictures);
+  return array_of(without_gil([&] { return matte.composite(std::move(behind), exact, thread_count); }));
+}
+
+Floats error_of(const NativeMatte& matte, const Pictures& pictures, int thread_count) {
+  std::vector<RadianceImage> behind = backgrounds_of(pictures);
+  return array_of(without_gil([&] { return matte.error(std::move(behind), thread_count); }));
 }
 
 // Arrays that mattes and rays share; `pixels_of` finds the pixels of a Python object.
@@ -196,6 +217,7 @@ void bind_matte(py::module_& module) {
   def_modes("weight_sd", &Mode::weight_sd);
   def_modes("centre_sd_px", &Mode::centre_sd_px);
   matte.def("composite", &composite);
+  matte.def("error", &error_of);
 }
 
 // Immutable, as NativeMatte.
@@ -297,6 +319,14 @@ void bind_rays(py::module_& module) {
   });
 }
 
+void bind_checksum(py::module_& module) {
+  module.def("checksum", [](std::string_view bytes) {
+    RunningChecksum checksum;
+    checksum.add(bytes);
+    return checksum.value();
+  });
+}
+
 void bind_geometry(py::module_& module) {
   module.def("read_geometry", [](const std::string& path) {
     return py::bytes(without_gil([&] { return value_of(read_geometry(path)).SerializeAsString(); }));
@@ -338,6 +368,7 @@ PYBIND11_MODULE(_native, module) {
   });
   glasswing::bind_matte(module);
   glasswing::bind_rays(module);
+  glasswing::bind_checksum(module);
   glasswing::bind_geometry(module);
   glasswing::bind_pictures(module);
 }

@@ -1,5 +1,7 @@
 #include "client/rig/shown_pattern.h"
 
+#include <absl/strings/match.h>
+
 #include <thread>
 
 namespace glasswing {
@@ -35,7 +37,9 @@ void ShownPattern::wait_until_free() const {
   while (std::chrono::steady_clock::now() < deadline) {
     const absl::StatusOr<v1::ListNodesResponse> rig =
         call(nodes_, &v1::NodeService::Stub::ListNodes, v1::ListNodesRequest());
-    if (!rig.ok() || !rig->has_holder() || rig->holder().what() != "pattern " + pattern_) return;
+    // Within a hold: "series (pattern lines)".
+    if (!rig.ok() || !rig->has_holder() || !absl::StrContains(rig->holder().what(), "pattern " + pattern_))
+      return;
     std::this_thread::sleep_for(kPoll);
   }
 }

@@ -275,8 +275,8 @@ class Symptoms {
       if (static_cast<double>(zero) > kClippedShare * static_cast<double>(monitor.sample_count())) {
         out_.push_back(fmt::format(
             "clipping: {:.0f} % of the samples of black are 0, so the black level cuts off noise and "
-            "dark light is overestimated; raise the camera's black level (brightness, offset), or "
-            "turn its noise reduction off",
+            "dark light is overestimated; raise the camera's black level (brightness, offset; of a simulated "
+            "one --black-level), or turn its noise reduction off",
             100.0 * static_cast<double>(zero) / static_cast<double>(monitor.sample_count())));
       }
     }

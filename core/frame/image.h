@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace glasswing {
@@ -36,6 +37,18 @@ struct Image {
 
 using Image16 = Image<std::uint16_t>;  // linear radiance, 65535 = 1.0
 using RadianceImage = Image<float>;    // linear radiance
+
+// r, g and b times the coverage, and the coverage: pixels as compositing programs lay them over a picture.
+// `coverage`: of each pixel; empty: 1.
+inline void premultiply(std::span<const float> light, std::span<const float> coverage,
+                        std::span<float> layer) {
+  assert(light.size() / 3 == layer.size() / 4 && (coverage.empty() || coverage.size() == layer.size() / 4));
+  for (size_t i = 0; i < layer.size() / 4; ++i) {
+    const float covered = coverage.empty() ? 1.0f : coverage[i];
+    for (size_t c = 0; c < 3; ++c) layer[4 * i + c] = covered * light[3 * i + c];
+    layer[4 * i + 3] = covered;
+  }
+}
 
 inline std::uint16_t code16_of(float radiance) {
   // Two steps, so that compilers emit vector max and min.

@@ -18,6 +18,7 @@
 #include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <type_traits>
 
 #include "core/base/file.h"
 #include "core/base/status.h"
@@ -120,37 +121,53 @@ absl::Status named(const fs::path& path, const absl::Status& status) {
   return absl::Status(status.code(), fmt::format("{}: {}", path.string(), std::string(status.message())));
 }
 
-absl::StatusOr<std::string> encode_exr(const RadianceImage& image, bool half, const PictureColour& colour) {
+Imf::Header exr_header(const RadianceImage& image, const PictureColour& colour) {
+  Imf::Header header(image.width_px, image.height_px);
+  header.compression() = Imf::ZIP_COMPRESSION;
+  if (colour.chromaticities) {
+    const auto& [rx, ry, gx, gy, bx, by, wx, wy] = *colour.chromaticities;
+    Imf::addChromaticities(header, Imf::Chromaticities({rx, ry}, {gx, gy}, {bx, by}, {wx, wy}));
+  }
+  if (!colour.space.empty()) header.insert(kOiioSpace, Imf::StringAttribute(colour.space));
+  header.insert(kInteropId, Imf::StringAttribute(colour.interop_id));
+  return header;
+}
+
+// Row by row, since the layer is as large as the picture.
+template <typename Sample>  // float or Imath::half
+void write_layer(Imf::OStream& bytes, Imf::Header header, const RadianceImage& image,
+                 const RadianceImage* coverage) {
+  constexpr size_t kSamples = 4;
+  constexpr std::array kNames{"R", "G", "B", "A"};
+  constexpr Imf::PixelType kType = std::is_same_v<Sample, float> ? Imf::FLOAT : Imf::HALF;
+  const auto width = static_cast<size_t>(image.width_px);
+  std::vector<float> layer(kSamples * width);
+  std::vector<Sample> row(layer.size());
+  Imf::FrameBuffer buffer;
+  for (size_t c = 0; c < kSamples; ++c) {
+    header.channels().insert(kNames[c], Imf::Channel(kType));
+    buffer.insert(kNames[c],
+                  Imf::Slice(kType, reinterpret_cast<char*>(row.data() + c), kSamples * sizeof(Sample), 0));
+  }
+  Imf::OutputFile file(bytes, header);
+  file.setFrameBuffer(buffer);
+  for (size_t y = 0; y < static_cast<size_t>(image.height_px); ++y) {
+    const std::span light(image.samples.data() + 3 * width * y, 3 * width);
+    premultiply(light,
+                coverage ? std::span(coverage->samples.data() + width * y, width) : std::span<const float>(),
+                layer);
+    std::ranges::copy(layer, row.begin());
+    file.writePixels(1);
+  }
+}
+
+absl::StatusOr<std::string> encode_exr(const RadianceImage& image, bool half, const PictureColour& colour,
+                                       const RadianceImage* coverage) {
   try {
-    Imf::Header header(image.width_px, image.height_px);
-    header.compression() = Imf::ZIP_COMPRESSION;
-    if (colour.chromaticities) {
-      const auto& [rx, ry, gx, gy, bx, by, wx, wy] = *colour.chromaticities;
-      Imf::addChromaticities(header, Imf::Chromaticities({rx, ry}, {gx, gy}, {bx, by}, {wx, wy}));
-    }
-    if (!colour.space.empty()) header.insert(kOiioSpace, Imf::StringAttribute(colour.space));
-    header.insert(kInteropId, Imf::StringAttribute(colour.interop_id));
-    std::vector<Imath::half> halves(half ? image.samples.size() : 0);
-    std::ranges::transform(image.samples.begin(),
-                           image.samples.begin() + static_cast<std::ptrdiff_t>(halves.size()), halves.begin(),
-                           [](float light) { return Imath::half(light); });
-    const Imf::PixelType type = half ? Imf::HALF : Imf::FLOAT;
-    const size_t sample = half ? sizeof(Imath::half) : sizeof(float), pixel = 3 * sample;
-    auto* samples = half ? reinterpret_cast<char*>(halves.data())
-                         : reinterpret_cast<char*>(const_cast<float*>(image.samples.data()));
-    Imf::FrameBuffer buffer;
-    for (int c = 0; c < 3; ++c) {
-      const char* name = c == 0 ? "R" : c == 1 ? "G" : "B";
-      header.channels().insert(name, Imf::Channel(type));
-      buffer.insert(name, Imf::Slice(type, samples + static_cast<size_t>(c) * sample, pixel,
-                                     pixel * static_cast<size_t>(image.width_px)));
-    }
     Imf::StdOSStream bytes;
-    {
-      Imf::OutputFile file(bytes, header);
-      file.setFrameBuffer(buffer);
-      file.writePixels(image.height_px);
-    }
+    const Imf::Header header = exr_header(image, colour);
+    half ? write_layer<Imath::half>(bytes, header, image, coverage)
+         : write_layer<float>(bytes, header, image, coverage);
     return bytes.str();
   } catch (const std::exception& error) {
     return absl::InternalError(fmt::format("the picture cannot be encoded: {}", error.what()));
@@ -169,17 +186,19 @@ cv::Mat mat16_of(const Image16& image) {
 
 // `Sample` is std::uint8_t or std::uint16_t.
 template <typename Sample>
-cv::Mat codes_of(const RadianceImage& image, Encoding encoding) {
-  using Pixel = cv::Vec<Sample, 3>;
+cv::Mat codes_of(const RadianceImage& image, Encoding encoding, const RadianceImage* coverage = nullptr) {
   constexpr float kWhite = std::numeric_limits<Sample>::max();
-  cv::Mat mat(image.height_px, image.width_px, cv::traits::Type<Pixel>::value);
+  const int channels = coverage ? 4 : 3;
+  cv::Mat mat(image.height_px, image.width_px, CV_MAKETYPE(cv::DataType<Sample>::depth, channels));
   for (int y = 0; y < image.height_px; ++y) {
-    for (int x = 0; x < image.width_px; ++x) {
+    auto* pixel = mat.ptr<Sample>(y);
+    for (int x = 0; x < image.width_px; ++x, pixel += channels) {
       for (int c = 0; c < 3; ++c) {
         const float light = image.at(x, y, c);
-        mat.at<Pixel>(y, x)[2 - c] = cv::saturate_cast<Sample>(
+        pixel[2 - c] = cv::saturate_cast<Sample>(
             kWhite * (encoding == Encoding::kLinear ? light : srgb_of_linear(light)));
       }
+      if (coverage) pixel[3] = cv::saturate_cast<Sample>(kWhite * coverage->at(x, y, 0));
     }
   }
   return mat;
@@ -259,12 +278,16 @@ absl::StatusOr<RadianceImage> read_radiance(const fs::path& path, Encoding encod
   return image;
 }
 
-absl::Status check_picture_file(const fs::path& path, int bits) {
+absl::Status check_picture_file(const fs::path& path, int bits, bool with_coverage) {
   const std::string suffix = suffix_of(path);
   const bool floats = suffix == ".exr";
   if (!floats && suffix != ".png" && suffix != ".tif" && suffix != ".tiff") {
     return absl::InvalidArgumentError(
         fmt::format("{} ends in \"{}\"; it must be .exr, .png, .tif or .tiff", path.string(), suffix));
+  }
+  if (with_coverage && !floats && suffix != ".png") {
+    return absl::InvalidArgumentError(
+        fmt::format("{} is to have alpha; an .exr or a .png can", path.string()));
   }
   if (bits == 0 || bits == 16 || bits == (floats ? 32 : 8)) return absl::OkStatus();
   return absl::InvalidArgumentError(
@@ -273,13 +296,14 @@ absl::Status check_picture_file(const fs::path& path, int bits) {
 }
 
 absl::StatusOr<std::string> encode_radiance(const fs::path& name, const RadianceImage& image,
-                                            Encoding encoding, int bits, const PictureColour& colour) {
-  GW_RETURN_IF_ERROR(check_picture_file(name, bits));
+                                            Encoding encoding, int bits, const PictureColour& colour,
+                                            const RadianceImage* coverage) {
+  GW_RETURN_IF_ERROR(check_picture_file(name, bits, coverage != nullptr));
   const std::string suffix = suffix_of(name);
-  if (suffix == ".exr") return encode_exr(image, bits == 16, colour);
+  if (suffix == ".exr") return encode_exr(image, bits == 16, colour, coverage);
   if (bits == 0) bits = encoding == Encoding::kLinear ? 16 : 8;
-  return encode_picture(suffix, bits == 16 ? codes_of<std::uint16_t>(image, encoding)
-                                           : codes_of<std::uint8_t>(image, encoding));
+  return encode_picture(suffix, bits == 16 ? codes_of<std::uint16_t>(image, encoding, coverage)
+                                           : codes_of<std::uint8_t>(image, encoding, coverage));
 }
 
 absl::Status write_radiance(const fs::path& path, const RadianceImage& image, Encoding encoding, int bits,

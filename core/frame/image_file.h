@@ -59,13 +59,16 @@ std::string layer_of_file(const std::filesystem::path& path);
 // Linear radiance to .exr (ZIP; 16 or 32 bit floats), .png or .tif/.tiff (8 or 16 bit), by the path's suffix.
 // `bits` 0: 32 for EXR, 8 for sRGB, 16 for linear codes. An EXR's header says `colour`. The file is written
 // atomically. INVALID_ARGUMENT names the path: another suffix, or bits that the format does not support.
+// An EXR has A, which is 1; with `coverage`, of one channel, A is that, and R, G and B are premultiplied. A
+// PNG with it has alpha, and its colours are not premultiplied, as PNG has them. INVALID_ARGUMENT: a TIFF
+// with it.
 absl::StatusOr<std::string> encode_radiance(const std::filesystem::path& name, const RadianceImage& image,
-                                            Encoding encoding, int bits = 0,
-                                            const PictureColour& colour = {});
+                                            Encoding encoding, int bits = 0, const PictureColour& colour = {},
+                                            const RadianceImage* coverage = nullptr);
 absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding,
                             int bits = 0, const PictureColour& colour = {});
 // Returns that error before a picture is computed.
-absl::Status check_picture_file(const std::filesystem::path& path, int bits);
+absl::Status check_picture_file(const std::filesystem::path& path, int bits, bool with_coverage = false);
 
 // Writes sRGB codes, r, g, b by rows, to a PNG. Not flushed to disk. UNAVAILABLE: it cannot be written.
 absl::Status write_srgb8(const std::filesystem::path& path, std::span<const std::uint8_t> codes, int width_px,

@@ -22,7 +22,7 @@ constexpr bool kAudited = true;
 constexpr MethodAccess kTable[] = {
     {"ArchiveService/CreateArchive", kServer},
     {"ArchiveService/GetManifest", kLookers | kServer | kCamera | kSolver},
-    {"ArchiveService/ReadRows", kConsole | kServer | kCamera | kSolver},
+    {"ArchiveService/ReadRows", kLookers | kServer | kCamera | kSolver},
     {"ArchiveService/ReadFile", kLookers | kServer | kCamera | kSolver},
     {"ArchiveService/PutFrame", kOperator | kConsole, kAudited},  // the console: by an import's token
     {"ArchiveService/DropFrames", kServer, kAudited},

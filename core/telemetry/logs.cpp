@@ -1,6 +1,8 @@
 #include "core/telemetry/logs.h"
 
 #include <absl/time/time.h>
+#include <fmt/format.h>
+#include <grpc/support/log.h>
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
@@ -112,6 +114,15 @@ const std::shared_ptr<WarningSink>& warning_sink() {
   return sink;
 }
 
+// gRPC's own lines. Errors of its peers, such as failed handshakes, are none of this program's.
+void log_of_grpc(gpr_log_func_args* args) {
+  const spdlog::level::level_enum level = args->severity == GPR_LOG_SEVERITY_ERROR  ? spdlog::level::warn
+                                          : args->severity == GPR_LOG_SEVERITY_INFO ? spdlog::level::info
+                                                                                    : spdlog::level::debug;
+  const std::string_view file(args->file);
+  spdlog::log(level, "gRPC: {} source={}:{}", args->message, file.substr(file.rfind('/') + 1), args->line);
+}
+
 }  // namespace
 
 void add_log_options(CLI::App& app, LogOptions& options) {
@@ -140,6 +151,7 @@ void start_logging(const std::string& program, const LogOptions& options) {
   logger->set_level(std::min(level, spdlog::level::warn));
   logger->flush_on(spdlog::level::info);
   spdlog::set_default_logger(logger);
+  gpr_set_log_function(&log_of_grpc);
 }
 
 std::vector<LoggedLine> logged_warnings() {

@@ -18,8 +18,8 @@ struct LogOptions {
 // Declares --log-level and --log-format.
 void add_log_options(CLI::App& app, LogOptions& options);
 
-// Starts logging in the whole process, one line per message (printable(), core/base/utf8.h). A text line
-// holds time, level, program, message.
+// Starts logging in the whole process, one line per message (printable(), core/base/utf8.h); gRPC's too. A
+// text line holds time, level, program, message.
 void start_logging(const std::string& program, const LogOptions& options);
 
 // A warning or error that this process logged.

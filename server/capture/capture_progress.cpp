@@ -5,6 +5,7 @@
 #include "core/pattern/describe_step.h"
 #include "server/metrics/server_metrics.h"
 #include "server/rig/embed_calibrations.h"
+#include "server/sessions/session_state.h"
 
 namespace glasswing {
 namespace {
@@ -61,6 +62,7 @@ void CaptureProgress::note_shown(int step, bool again) {
 }
 
 void CaptureProgress::note_kept(const google::protobuf::RepeatedPtrField<v1::Frame>& frames, int refused) {
+  if (!frames.empty() && session_.reason().starts_with(kStalled)) session_.clear_reason();
   for (const v1::Frame& frame : frames) {
     count_proven(frame);
     log_.add(session_.name(), proof_of(frame, seconds()));

@@ -160,7 +160,7 @@ void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> 
       saved_at = monotonic_now();
       (void)edit.save_progress(session);
     }
-    edit.show(session);
+    edit.show(as_it_ends(session));
     progressed_(session);
   };
   const auto next_round = [this](const v1::Session& captured,
@@ -191,6 +191,13 @@ void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> 
     }
   }
   note_outcome(std::move(session), outcome);
+}
+
+v1::Session CaptureRunner::as_it_ends(v1::Session session) {
+  const std::lock_guard lock(mutex_);
+  if (capturing_ != session.name() || wish_ == Wish::kNone) return session;
+  session.set_reason(std::string(wish_ == Wish::kCancel ? kCancelling : kPausing));
+  return session;
 }
 
 void CaptureRunner::note_outcome(v1::Session session, const CaptureOutcome& outcome) {
@@ -242,11 +249,16 @@ void CaptureRunner::note_outcome(v1::Session session, const CaptureOutcome& outc
 absl::StatusOr<v1::Session> CaptureRunner::stop(const std::string& name, Wish wish, const Caller& caller) {
   GW_RETURN_IF_ERROR(rig_lock_.check(caller));
   {
-    const std::lock_guard lock(mutex_);
-    if (capturing_ == name) {
-      wish_ = wish;
-      thread_.request_stop();
+    SessionStore::Edit edit = sessions_.edit();
+    {
+      const std::lock_guard lock(mutex_);
+      if (capturing_ == name) {
+        if (wish_ != Wish::kCancel) wish_ = wish;
+        thread_.request_stop();
+      }
     }
+    GW_ASSIGN_OR_RETURN(const v1::Session session, edit.find(name));
+    if (session.state() == v1::SESSION_STATE_CAPTURING) edit.show(as_it_ends(session));
   }
   while (true) {
     const std::int64_t seen = sessions_.wait_change(0, std::chrono::milliseconds(0));

@@ -74,6 +74,8 @@ class CaptureRunner {
   absl::StatusOr<RigLock::Drive> drive_for(const std::string& session, const Caller& caller);
   v1::Session start(SessionStore::Edit& edit, v1::Session session, RigLock::Drive drive);
   void capture_until_done(v1::Session session, std::optional<bool> object_confirmed, std::stop_token stop);
+  // The session as all see it: while it is being stopped its reason says so.
+  v1::Session as_it_ends(v1::Session session);
   void note_outcome(v1::Session session, const CaptureOutcome& outcome);
 
   SessionStore& sessions_;

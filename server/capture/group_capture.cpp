@@ -11,11 +11,23 @@
 #include "core/pattern/describe_step.h"
 #include "server/capture/lag_search.h"
 #include "server/rig/rig_findings.h"
+#include "server/sessions/session_state.h"
 
 namespace glasswing {
 namespace {
 
 constexpr nanoseconds kMaxWait = std::chrono::milliseconds(1500);  // for frames after the last step
+
+StallWatch stall_watch_of(const CaptureSetup& setup, const v1::Plan& plan) {
+  std::vector<const DisplayLink*> displays;
+  for (const auto& display : setup.links.displays) displays.push_back(display.get());
+  const nanoseconds frame(std::llround(1e9 / setup.links.camera_info.frame_rate_hz()));
+  return {std::max(step_time(displays, hold_refreshes_of(plan)), frame), kMaxWait};
+}
+
+v1::RetakeCause commonest(const std::map<v1::RetakeCause, int>& counts) {
+  return std::ranges::max_element(counts, {}, [](const auto& count) { return count.second; })->first;
+}
 
 std::string listed(const std::vector<Step>& steps) {
   std::string text;
@@ -40,11 +52,12 @@ GroupCapture::GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPla
       // The same after a restart of the server, and of no other server's session.
       recording_(setup.links, exposure_ms,
                  fmt::format("{} {}", progress.session().name(), progress.session().created())),
-      learning_(patches_given_up) {}
+      learning_(patches_given_up),
+      stall_(stall_watch_of(setup, progress.session().plan())) {}
 
 absl::Status GroupCapture::start(std::stop_token stop) {
   GW_RETURN_IF_ERROR(recording_.wait_running(stop));
-  return player_.measure_clocks(8);
+  return player_.measure_clocks(8, stop);
 }
 
 absl::Status GroupCapture::show(const std::vector<Step>& steps, std::stop_token stop) {
@@ -55,7 +68,14 @@ absl::Status GroupCapture::play(const std::vector<Step>& steps, std::stop_token 
   judged_now_.clear();
   refused_now_.clear();
   unreadable_now_.clear();
-  const auto judging = [&](std::vector<v1::Frame> frames) { return judge(std::move(frames), false, stop); };
+  // Each patch learning step is shown twice.
+  stall_.begin_program(2 * static_cast<int>(std::ranges::count_if(steps, is_patch_learning_step)));
+  const auto judging = [&](std::vector<v1::Frame> frames) -> absl::StatusOr<bool> {
+    absl::StatusOr<bool> go_on = true;
+    if (!frames.empty()) go_on = judge(std::move(frames), false, stop);
+    if (go_on.ok()) look_for_stall(steps);
+    return go_on;
+  };
   GW_RETURN_IF_ERROR(player_.play(steps, recording_, judging, stop));
   if (stop.stop_requested()) return absl::CancelledError("stopped");
   return judge({}, true, stop).status();
@@ -78,6 +98,7 @@ absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) 
     std::erase_if(steps, [this](const Step& step) { return progress_.is_proven(step.number); });
     progress_.update_seconds();
     note_retaken(steps);
+    if (progress_.session().reason().starts_with(kStalled)) say_stalled(steps);
     progress_.report();
   }
   return absl::OkStatus();
@@ -141,6 +162,30 @@ void GroupCapture::note_retaken(const std::vector<Step>& steps) {
   }
 }
 
+void GroupCapture::look_for_stall(const std::vector<Step>& showing) {
+  const v1::Session& session = progress_.session();
+  if (!stall_.is_stalled(monotonic_now(), session.proven_count()) || !session.reason().empty()) return;
+  say_stalled(showing);
+}
+
+void GroupCapture::say_stalled(std::vector<Step> unproven) {
+  // The others come later, or would have, had the showing not ended early.
+  std::erase_if(unproven, [this](const Step& step) {
+    return RigWatch::is_repeat(step.number) || !recording_.was_shown_now(step.number) ||
+           learning_.is_held(step.number) || progress_.is_proven(step.number);
+  });
+  const v1::RetakeCause cause =
+      unproven.empty() ? v1::RETAKE_CAUSE_NOT_SHOWN : commonest(causes_of(unproven));
+  const std::string reason = fmt::format("{}: {}", kStalled, describe(cause));
+  if (reason != progress_.session().reason()) progress_.note_waiting(reason);
+}
+
+std::map<v1::RetakeCause, int> GroupCapture::causes_of(const std::vector<Step>& steps) const {
+  std::map<v1::RetakeCause, int> counts;
+  for (const Step& step : steps) ++counts[cause_of(step)];
+  return counts;
+}
+
 v1::RetakeCause GroupCapture::cause_of(const Step& step) const {
   if (!recording_.was_shown_now(step.number)) return v1::RETAKE_CAUSE_NOT_SHOWN;
   if (!recording_.was_matched_now(step.number))
@@ -152,18 +197,16 @@ v1::RetakeCause GroupCapture::cause_of(const Step& step) const {
 
 absl::Status GroupCapture::unproven(const std::string& what, const std::vector<Step>& steps,
                                     std::stop_token stop) {
-  std::map<v1::RetakeCause, int> counts;
-  for (const Step& step : steps) ++counts[cause_of(step)];
-  const v1::RetakeCause commonest =
-      std::ranges::max_element(counts, {}, [](const auto& count) { return count.second; })->first;
+  const std::map<v1::RetakeCause, int> counts = causes_of(steps);
+  const v1::RetakeCause cause = commonest(counts);
   std::string causes;
-  for (const auto& [cause, count] : counts)
-    causes += fmt::format("{}{}: {}", causes.empty() ? "" : ", ", describe(cause), count);
-  std::string advice = retake_advice(commonest);
-  if (commonest == v1::RETAKE_CAUSE_OUTSIDE_WINDOW) {
+  for (const auto& [each, count] : counts)
+    causes += fmt::format("{}{}: {}", causes.empty() ? "" : ", ", describe(each), count);
+  std::string advice = retake_advice(cause);
+  if (cause == v1::RETAKE_CAUSE_OUTSIDE_WINDOW) {
     advice +=
         fmt::format(" ({} ms at {} fps)", recording_.exposure_ms(), setup_.links.camera_info.frame_rate_hz());
-  } else if (commonest == v1::RETAKE_CAUSE_WRONG_ID || commonest == v1::RETAKE_CAUSE_ID_UNREADABLE) {
+  } else if (cause == v1::RETAKE_CAUSE_WRONG_ID || cause == v1::RETAKE_CAUSE_ID_UNREADABLE) {
     GW_ASSIGN_OR_RETURN(const std::string lag, lags(steps.front(), stop));
     if (!lag.empty()) advice = lag;
   }

@@ -5,6 +5,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <map>
 #include <optional>
 #include <set>
 #include <stop_token>
@@ -17,6 +18,7 @@
 #include "server/capture/patch_learning.h"
 #include "server/capture/recording.h"
 #include "server/capture/rig_watch.h"
+#include "server/capture/stall_watch.h"
 #include "server/capture/step_player.h"
 
 namespace glasswing {
@@ -59,8 +61,13 @@ class GroupCapture {
   // reported; none: unknown, or less than frames can tell.
   absl::StatusOr<std::optional<nanoseconds>> lag_of(const std::vector<Step>& learning, std::stop_token stop);
   void note_retaken(const std::vector<Step>& steps);
+  // To be called again and again while the showing plays.
+  void look_for_stall(const std::vector<Step>& showing);
+  // Says in the session that nothing is proven any more, by the commonest cause of these steps.
+  void say_stalled(std::vector<Step> unproven);
   // Why the last showing did not prove the step.
   v1::RetakeCause cause_of(const Step& step) const;
+  std::map<v1::RetakeCause, int> causes_of(const std::vector<Step>& steps) const;
 
   CaptureSetup& setup_;
   CaptureArchive& archive_;
@@ -69,6 +76,7 @@ class GroupCapture {
   RigWatch& watch_;
   Recording recording_;
   PatchLearning learning_;
+  StallWatch stall_;
   std::set<int> judged_now_, refused_now_, unreadable_now_;  // steps of the current showing
 };
 

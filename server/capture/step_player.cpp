@@ -75,9 +75,9 @@ class ProgramFeeds {
 
 }  // namespace
 
-absl::Status StepPlayer::measure_clocks(int count) {
+absl::Status StepPlayer::measure_clocks(int count, const std::stop_token& stop) {
   clocks_measured_at_ = monotonic_now();
-  return setup_.links.exchange_clocks(count);
+  return setup_.links.exchange_clocks(count, stop);
 }
 
 absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vector<Step>& steps,
@@ -183,10 +183,8 @@ absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int mon
     if (const auto end = recording.end()) return *end;
     progress_.note_frames_taken(recording.take_frames());
     GW_ASSIGN_OR_RETURN(std::vector<v1::Frame> frames, records_of(recording.take_matches(), recording));
-    if (!frames.empty()) {
-      GW_ASSIGN_OR_RETURN(const bool go_on, judge(std::move(frames)));
-      if (!go_on) return true;
-    }
+    GW_ASSIGN_OR_RETURN(const bool go_on, judge(std::move(frames)));
+    if (!go_on) return true;
     const nanoseconds now = monotonic_now();
     if (*playing) {
       played_at = now;
@@ -196,7 +194,7 @@ absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int mon
           !replaced || recording.frames_seen_until().value_or(nanoseconds(0)) > *replaced + milliseconds(50);
       if (all_seen || now - played_at > kLastFrameWait) return true;
     }
-    if (now - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1));
+    if (now - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1, stop));
     std::this_thread::sleep_for(kPoll);
   }
   return true;

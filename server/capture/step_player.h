@@ -18,15 +18,15 @@ namespace glasswing {
 
 class StepPlayer {
  public:
-  // Takes the records of frames that time proves, in the order of their steps. Returns false to end the
-  // showing.
+  // Takes the records of frames that time proves, in the order of their steps; called every few milliseconds
+  // while the program plays, often with none. Returns false to end the showing.
   using Judge = std::function<absl::StatusOr<bool>(std::vector<v1::Frame>)>;
 
   // Both arguments are borrowed.
   StepPlayer(CaptureSetup& setup, CaptureProgress& progress) : setup_(setup), progress_(progress) {}
 
   // Measures the offsets of all nodes' clocks. play() repeats this every second.
-  absl::Status measure_clocks(int count);
+  absl::Status measure_clocks(int count, const std::stop_token& stop);
   // Shows `steps` once. Returns when the last frame that may belong to them has arrived, or earlier, if
   // `judge` or `stop` ends the showing. A start that a display refused, because the command arrived too late,
   // is repeated with more time for the command. ABORTED: another program took the screens.

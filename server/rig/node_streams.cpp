@@ -95,14 +95,17 @@ PresentationStream::~PresentationStream() {
   thread_.join();
 }
 
-nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_refreshes) {
-  if (displays.size() < 2) return {};
+nanoseconds step_time(std::span<const DisplayLink* const> displays, int hold_refreshes) {
   double slowest_hz = std::numeric_limits<double>::max();
   for (const DisplayLink* display : displays) {
     for (const v1::DisplayMonitor& monitor : display->info.monitors())
       slowest_hz = std::min(slowest_hz, monitor.refresh_hz());
   }
   return nanoseconds(std::llround(hold_refreshes * 1e9 / slowest_hz));
+}
+
+nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_refreshes) {
+  return displays.size() < 2 ? nanoseconds(0) : step_time(displays, hold_refreshes);
 }
 
 MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& display) {

@@ -95,6 +95,9 @@ class PresentationStream {
   std::thread thread_;
 };
 
+// How long a step that is held for `hold_refreshes` is on the slowest of the displays' monitors.
+nanoseconds step_time(std::span<const DisplayLink* const> displays, int hold_refreshes);
+
 // The duration of a step that keeps displays of several nodes together, each showing a step for at least
 // `hold_refreshes`. 0 for one node, whose monitors wait for each other.
 nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_refreshes);

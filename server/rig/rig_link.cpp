@@ -26,10 +26,11 @@ NodeLink::NodeLink(const v1::Node& node, std::chrono::milliseconds call_time)
       stub_(v1::ClockService::NewStub(dial(node.address(), only(role_of(node.kind()))))),
       call_time_(call_time) {}
 
-absl::Status NodeLink::exchange_clocks(int count, std::chrono::milliseconds within) {
+absl::Status NodeLink::exchange_clocks(int count, std::chrono::milliseconds within, std::stop_token stop) {
   for (int i = 0; i < count; ++i) {
     grpc::ClientContext context;
     set_deadline(context, within);
+    const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
     v1::ExchangeResponse response;
     const nanoseconds sent = monotonic_now();
     const grpc::Status status = stub_->Exchange(&context, {}, &response);
@@ -52,7 +53,7 @@ absl::Status NodeLink::wait(const std::string& what, std::stop_token stop,
     if (slow && note_slow_ && (done || stop.stop_requested())) note_slow_("");
     if (stop.stop_requested()) return absl::CancelledError("stopped");
     if (done) return absl::OkStatus();
-    GW_RETURN_IF_ERROR(exchange_clocks(1, kNodeCall));
+    GW_RETURN_IF_ERROR(exchange_clocks(1, kNodeCall, stop));
     if (!std::exchange(slow, true) && note_slow_)
       note_slow_(fmt::format("the {} takes long to {}", title_, what));
   }
@@ -132,9 +133,10 @@ MonitorNames monitors_of(const v1::Plan& plan) {
   return names;
 }
 
-absl::Status RigLinks::exchange_clocks(int count) {
-  GW_RETURN_IF_ERROR(camera->exchange_clocks(count, kNodeCall));
-  for (const auto& display : displays) GW_RETURN_IF_ERROR(display->link.exchange_clocks(count, kNodeCall));
+absl::Status RigLinks::exchange_clocks(int count, const std::stop_token& stop) {
+  GW_RETURN_IF_ERROR(camera->exchange_clocks(count, kNodeCall, stop));
+  for (const auto& display : displays)
+    GW_RETURN_IF_ERROR(display->link.exchange_clocks(count, kNodeCall, stop));
   return absl::OkStatus();
 }
 

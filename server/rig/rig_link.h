@@ -33,7 +33,9 @@ class NodeLink {
   const std::string& address() const { return address_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   // DEADLINE_EXCEEDED: the node does not answer `within` this time.
-  absl::Status exchange_clocks(int count, std::chrono::milliseconds within = std::chrono::seconds(2));
+  // CANCELLED: stopped.
+  absl::Status exchange_clocks(int count, std::chrono::milliseconds within = std::chrono::seconds(2),
+                               std::stop_token stop = {});
   // Makes a call until the node answers it. One that takes longer than the call time is made again, with
   // twice the time, as long as the node answers its clock: it is slow, not away. `make` gives a call that
   // changes something the same request_id each time. `what`: for people, "store frames". DEADLINE_EXCEEDED:
@@ -86,7 +88,7 @@ struct RigLinks {
   std::unique_ptr<v1::CameraService::Stub> camera_stub;
   v1::GetCameraResponse camera_info;
 
-  absl::Status exchange_clocks(int count);
+  absl::Status exchange_clocks(int count, const std::stop_token& stop = {});
   void note_slow_calls(const std::function<void(const std::string&)>& note);
   // FAILED_PRECONDITION: two monitors have the same name.
   absl::StatusOr<std::vector<v1::Monitor>> monitors() const;

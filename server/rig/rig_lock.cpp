@@ -89,7 +89,11 @@ absl::Status RigLock::release(const Caller& caller) {
 
 std::optional<v1::RigHolder> RigLock::holder() const {
   const std::lock_guard lock(mutex_);
-  if (is_held()) return reservation_->holder;
+  if (is_held()) {
+    v1::RigHolder holder = reservation_->holder;
+    if (driving_) holder.set_what(fmt::format("{} ({})", holder.what(), driving_->holder.what()));
+    return holder;
+  }
   if (driving_) return driving_->holder;
   return std::nullopt;
 }

@@ -50,7 +50,9 @@ class RigLock {
   // FAILED_PRECONDITION: another client holds the rig.
   absl::Status check(const Caller& caller) const;
 
-  std::optional<v1::RigHolder> holder() const;  // empty: the rig is free
+  // Empty: the rig is free. Of a hold, `what` is its reason, and what drives the rig: "series (session
+  // vase)".
+  std::optional<v1::RigHolder> holder() const;
 
  private:
   struct Use {

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <string_view>
 
+#include "core/pattern/describe_step.h"
 #include "core/service/preparation.h"
 #include "server/archives/replicas.h"
+#include "server/rig/rig_findings.h"
 #include "server/sessions/session_state.h"
 
 namespace glasswing {
@@ -36,7 +38,23 @@ constexpr OwnReason kOwnReasons[] = {
     {kWaitsForNode, "", "start it again; after half a minute the capture pauses, and loses nothing"},
 };
 
+std::optional<v1::Waiting> stall_of(const v1::Session& session) {
+  for (int cause = v1::RetakeCause_MIN; cause <= v1::RetakeCause_MAX; ++cause) {
+    const auto why = static_cast<v1::RetakeCause>(cause);
+    if (!v1::RetakeCause_IsValid(cause) || session.reason() != fmt::format("{}: {}", kStalled, describe(why)))
+      continue;
+    const auto counted = std::ranges::find(session.retakes(), why, &v1::RetakeCount::cause);
+    const std::string count = counted == session.retakes().end()
+                                  ? ""
+                                  : fmt::format("{} steps were shown again for this; ", counted->count());
+    return waiting(fmt::format("no step is being proven ({})", describe(why)), session.waiting().since(),
+                   count + retake_advice(why));
+  }
+  return std::nullopt;
+}
+
 std::optional<v1::Waiting> own_waiting(const v1::Session& session) {
+  if (auto stall = stall_of(session)) return stall;
   for (const OwnReason& own : kOwnReasons) {
     const std::string begin = fmt::format("{}: ", own.begin);
     if (!session.reason().starts_with(begin)) continue;

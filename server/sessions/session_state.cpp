@@ -19,6 +19,12 @@ bool always(const v1::Session&) {
 bool captures_a_plan(const v1::Session& session) {
   return !rests_in_solve(session) && !session.plan().method().empty();
 }
+bool is_not_being_stopped(const v1::Session& session) {
+  return session.reason() != kPausing && session.reason() != kCancelling;
+}
+bool is_not_being_cancelled(const v1::Session& session) {
+  return session.reason() != kCancelling;
+}
 // A video runs once. A copy holds the frames as they were.
 bool may_be_retaken(const v1::Session& session) {
   return captures_a_plan(session) && !is_video(session.plan()) && session.copies().empty();
@@ -52,9 +58,10 @@ constexpr Rule kRules[] = {
     {v1::SESSION_STATE_CREATED, v1::SESSION_ACTION_CANCEL},
     {v1::SESSION_STATE_CREATED, v1::SESSION_ACTION_DELETE, is_import},
 
-    {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_PAUSE},
-    {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_CANCEL},
-    {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_RETAKE, may_be_retaken},
+    {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_PAUSE, is_not_being_stopped},
+    {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_CANCEL, is_not_being_cancelled},
+    {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_RETAKE,
+     [](const v1::Session& session) { return may_be_retaken(session) && is_not_being_cancelled(session); }},
 
     {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_RESUME, rests_in_solve},
     {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_RESUME, captures_a_plan},

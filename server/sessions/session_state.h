@@ -24,6 +24,10 @@ inline constexpr std::string_view kWaitsForNode = "waiting", kWaitsForRoom = "wa
                                   kWaitsForServerRoom = "waiting for room on the server's disk",
                                   kWaitsForAnswer = "waiting for an answer",
                                   kWaitsForStore = "waiting for the job store";
+// How the reason of a capture begins that shows pictures and proves nothing any more; then why.
+inline constexpr std::string_view kStalled = "stalled";
+// The reason of a capture that is being stopped.
+inline constexpr std::string_view kPausing = "being paused", kCancelling = "being cancelled";
 
 // "paused"
 std::string state_of(const v1::Session& session);

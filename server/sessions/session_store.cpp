@@ -123,8 +123,11 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
     GW_ASSIGN_OR_RETURN(const bool wanted, matches(*session, request));
     if (!wanted) continue;
     v1::Session listed = with_allowed_actions(*std::move(session));  // they depend on the plan
-    // Long, and of no use in a list.
+    // Long, and of no use in a list, except for what tells a calibration from a session with an object.
+    v1::Plan plan;
+    if (listed.plan().has_calibration()) *plan.mutable_calibration() = listed.plan().calibration();
     listed.clear_plan();
+    if (plan.has_calibration()) *listed.mutable_plan() = std::move(plan);
     listed.clear_unproven();
     sessions.push_back(std::move(listed));
   }

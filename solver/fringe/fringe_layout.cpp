@@ -115,6 +115,18 @@ bool bars_tell_periods(const std::vector<Bars>& bars, double period_px, double s
   return true;
 }
 
+// Whether the phases of all waves along an axis, whose longest has this period, differ between places that
+// are whole periods of it apart.
+bool waves_tell_periods(const std::vector<double>& frequencies, double period_px, double side_px) {
+  constexpr double kLeastApart = 0.05;  // of a turn
+  for (double apart_px = period_px; apart_px < side_px; apart_px += period_px) {
+    double squared = 0.0;
+    for (const double f : frequencies) squared += std::pow(std::remainder(f * apart_px, 1.0), 2);
+    if (squared < kLeastApart * kLeastApart) return false;
+  }
+  return true;
+}
+
 absl::Status check_monitor(const WaveMonitor& monitor, const std::string& name) {
   if (monitor.waves.size() > kMaxWaves) {
     return absl::FailedPreconditionError(
@@ -131,16 +143,21 @@ absl::Status check_monitor(const WaveMonitor& monitor, const std::string& name) 
   }
   for (const bool along_x : {true, false}) {
     const double side_px = along_x ? monitor.extent.width_px : monitor.extent.height_px;
-    double longest_px = 0.0;
+    std::vector<double> frequencies;
     for (const Wave& wave : monitor.waves) {
-      if (!oblique(wave) && (wave.fx != 0.0) == along_x)
-        longest_px = std::max(longest_px, 1.0 / frequency_of(wave));
+      if (!oblique(wave) && (wave.fx != 0.0) == along_x) frequencies.push_back(frequency_of(wave));
     }
-    if (longest_px < side_px * (1.0 - 1e-9) &&
-        !(longest_px > 0.0 && bars_tell_periods(monitor.bars[along_x ? 0 : 1], longest_px, side_px))) {
+    const double longest_px = frequencies.empty() ? 0.0 : 1.0 / std::ranges::min(frequencies);
+    const std::vector<Bars>& bars = monitor.bars[along_x ? 0 : 1];
+    const bool told =
+        longest_px >= side_px * (1.0 - 1e-9) ||
+        (longest_px > 0.0 && (bars.empty() ? waves_tell_periods(frequencies, longest_px, side_px)
+                                           : bars_tell_periods(bars, longest_px, side_px)));
+    if (!told) {
       return absl::FailedPreconditionError(fmt::format(
           "the longest sinusoid along {} on monitor \"{}\" has a period of {:.6g} px; to tell one "
-          "period from the next it must be at least {:.6g}, or square waves must differ wherever it is alike",
+          "period from the next it must be at least {:.6g}, or square waves or the phases of finer sinusoids "
+          "must differ wherever it is alike",
           along_x ? "x" : "y", name, longest_px, side_px));
     }
   }

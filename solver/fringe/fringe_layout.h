@@ -53,8 +53,8 @@ struct FringeLayout {
 };
 
 // FAILED_PRECONDITION says what is missing or invalid: no sinusoids with the object, a sinusoid at fewer than
-// three phases, a monitor without one along x and one along y as long as its side, whose period no square
-// waves tell either, or invalid numbers.
+// three phases, a monitor without one along x and one along y as long as its side, or whose periods square
+// waves or finer sinusoids tell apart, or invalid numbers.
 absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest);
 
 // Every frame that the layout names.

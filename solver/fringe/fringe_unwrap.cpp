@@ -42,7 +42,6 @@ double surprise_at(const WaveMonitor& monitor, const Spectrum& spectrum, size_t 
 // none: not for one alone.
 std::optional<double> settled_place(const WaveMonitor& monitor, const Spectrum& spectrum, size_t wave,
                                     size_t axis, double place_px) {
-  if (monitor.bars[axis].empty()) return std::nullopt;
   const double period_px = 1.0 / std::abs(axis == 0 ? monitor.waves[wave].fx : monitor.waves[wave].fy);
   const double side_px = axis == 0 ? monitor.extent.width_px : monitor.extent.height_px;
   const double margin_px = kNearEdge * period_px;
@@ -60,6 +59,55 @@ std::optional<double> settled_place(const WaveMonitor& monitor, const Spectrum& 
   return next - best > kWrongPeriod * kWrongPeriod && best < most ? found : std::nullopt;
 }
 
+// The phase of a wave, in turns.
+struct Phase {
+  double turns = 0.0, variance = 0.0;
+  bool gaussian = false;  // noise will not turn its phasor right round
+};
+
+Phase phase_of(const Phasor& phasor, double tolerated) {
+  const double sd = std::hypot(phasor.sd, tolerated), size = std::abs(phasor.value);
+  return {.turns = std::arg(phasor.value) / kTurn,
+          .variance = std::pow(sd / (kTurn * size), 2),
+          .gaussian = size > kWrongPeriod * sd};
+}
+
+// The place, of all that are whole periods of a wave apart, where the finer waves along its axis have the
+// phases that the pixel sees (heterodyne: the beats of all waves are as long as the monitor); none: not of
+// one alone. Each candidate moves with the waves before it.
+std::optional<double> beaten_place(const WaveMonitor& monitor, const Spectrum& spectrum, double tolerated,
+                                   size_t wave, size_t axis, double place_px, double sd_px) {
+  const auto frequency_of = [axis](const Wave& each) { return axis == 0 ? each.fx : each.fy; };
+  const double period_px = 1.0 / std::abs(frequency_of(monitor.waves[wave]));
+  const double side_px = axis == 0 ? monitor.extent.width_px : monitor.extent.height_px;
+  const double margin_px = kWrongPeriod * sd_px;
+  double best = kUnknown, next = kUnknown, degrees = 0.0;
+  std::optional<double> found;
+  const double first_px = place_px - period_px * std::floor((place_px + margin_px) / period_px);
+  for (double start_px = first_px; start_px < side_px + margin_px; start_px += period_px) {
+    double at_px = start_px, variance_px2 = sd_px * sd_px, chi_square = 0.0;
+    degrees = 0.0;
+    for (size_t w = wave + 1; w < monitor.waves.size(); ++w) {
+      const Wave& other = monitor.waves[w];
+      const double f = frequency_of(other);
+      const Phase phase = phase_of(spectrum.phasors[w], tolerated);
+      if (f == 0.0 || (other.fx != 0.0 && other.fy != 0.0) || !phase.gaussian) continue;
+      const double variance = f * f * variance_px2 + phase.variance;
+      if (kWrongPeriod * std::sqrt(variance) > 0.5) continue;
+      const double miss = std::remainder(phase.turns - f * at_px, 1.0);
+      chi_square += miss * miss / variance;
+      at_px += variance_px2 * f * miss / variance;
+      variance_px2 *= phase.variance / variance;
+      degrees += 1.0;
+    }
+    if (chi_square < best) found = start_px;
+    next = std::min(next, std::max(chi_square, best));
+    best = std::min(best, chi_square);
+  }
+  const double surprising = kWrongPeriod * kWrongPeriod;
+  return next - best > surprising && best < degrees + surprising ? found : std::nullopt;
+}
+
 }  // namespace
 
 Unwrapped unwrap(const WaveMonitor& monitor, const Spectrum& spectrum, double tolerance) {
@@ -71,12 +119,8 @@ Unwrapped unwrap(const WaveMonitor& monitor, const Spectrum& spectrum, double to
   std::array<bool, 2> known{};
   std::array<std::optional<size_t>, 2> coded;  // the wave that gives the place, where bars settle the period
   for (size_t w = 0; w < monitor.waves.size(); ++w) {
-    const Phasor& phasor = spectrum.phasors[w];
-    const double sd = std::hypot(phasor.sd, tolerance * level), size = std::abs(phasor.value);
-    // If noise may turn a phasor right round, its phase is not Gaussian.
-    if (!(size > kWrongPeriod * sd)) continue;
-    const double phase_variance = std::pow(sd / (kTurn * size), 2);
-    const double cycles = std::arg(phasor.value) / kTurn;
+    const auto [cycles, phase_variance, gaussian] = phase_of(spectrum.phasors[w], tolerance * level);
+    if (!gaussian) continue;
     const Eigen::Vector2d f(monitor.waves[w].fx, monitor.waves[w].fy);
     if (f.x() == 0.0 || f.y() == 0.0) {
       const size_t axis = f.x() != 0.0 ? 0 : 1;
@@ -89,10 +133,13 @@ Unwrapped unwrap(const WaveMonitor& monitor, const Spectrum& spectrum, double to
         double place_px = middle_px + std::remainder(cycles / f[at] - middle_px, period_px);
         // How far the second nearest lies outside.
         if (period_px - std::abs(place_px - middle_px) < middle_px + kWrongPeriod * sd_px) {
-          const std::optional<double> settled = settled_place(monitor, spectrum, w, axis, place_px);
+          const bool by_bars = !monitor.bars[axis].empty();
+          const std::optional<double> settled =
+              by_bars ? settled_place(monitor, spectrum, w, axis, place_px)
+                      : beaten_place(monitor, spectrum, tolerance * level, w, axis, place_px, sd_px);
           if (!settled) continue;
           place_px = *settled;
-          coded[axis] = w;
+          if (by_bars) coded[axis] = w;
         }
         known[axis] = true;
         place.centre_px[at] = place_px;

@@ -1,10 +1,10 @@
 // Finds where on the monitor a pixel looks, from the phases of its phasors, coarse to fine.
 //
 // A phase gives f.c up to whole periods. The first wave along each axis is as long as the monitor's side, or
-// square waves tell its periods apart: of all places that are whole periods apart, the one whose bars are
-// those that the pixel sees, if no other comes near it. The finest wave along such an axis alone gives the
-// place then, as these programs decode it.
-// after that the Gaussian estimate of c predicts the phase of the next wave:
+// others tell its periods apart: of all places that are whole periods apart, the one where square waves, or
+// the phases of the finer waves, are those that the pixel sees, if no other comes near it. Beside square
+// waves the finest wave along the axis alone gives the place then, as the programs that show both decode it.
+// Else the Gaussian estimate of c predicts the phase of the next wave:
 //
 //   cycles = f.c, variance f' P f + (sd / (2 pi |H|))^2
 //

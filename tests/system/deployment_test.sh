@@ -11,12 +11,17 @@ echo "== systemd verifies the units"
 systemd-analyze verify --man=no "$units"/*.service 2>"$work/complaints" || fail "$(cat "$work/complaints")"
 ! grep -F "$units" "$work/complaints" || fail "systemd reports a problem"
 
+conf=$work/installed/share/glasswing/glasswing.conf
+echo "== the configuration lists every option of every daemon"
+python3 "$root/tests/system/options_in_conf.py" "$conf" "$bin" || fail "it does not"
+
 echo "== the units start a rig"
 issued() { glasswing pki init "$1" >/dev/null && glasswing pki issue "$@" >/dev/null; } # DIR REQUEST...
 issued "$work/certificates" server+display+camera+solver:machine=localhost console:console=localhost operator:me viewer:guest
 sed -e "s#rig\.lab#localhost#g; s#/etc/glasswing/#$work/certificates/#g; s#127.0.0.1:7480#localhost:$((port + 3))#" -e "s#:7440#:$port#g; s#:7441#:$((port + 1))#g; s#:7442#:$((port + 2))#g" \
-  -e "s#--backend kms.*#--monitor back=128x104@60 --patch-rows 8\"#" \
-  -e "s#--backend libcamera#--fps 200 --size 128x104 --scene crystal --tap localhost:$((port + 1))#" "$work/installed/share/glasswing/glasswing.conf" >"$work/glasswing.conf"
+  -e "s#--backend kms --monitor back=HDMI-A-1 --patch-rows 48#--monitor back=128x104@60 --patch-rows 8#" \
+  -e "s#--backend libcamera#--fps 200 --size 128x104 --scene crystal --tap localhost:$((port + 1)) --log-format json#" \
+  -e "$(for n in 0 1 2 3 4 5; do echo "s#127.0.0.1:944$n#127.0.0.1:$((port + 10 + n))#;"; done)" "$conf" >"$work/glasswing.conf"
 start() { # UNIT: runs its command as systemd would
   local unit=$units/glasswing-$1.service
   (
@@ -41,6 +46,20 @@ issued "$work/foreign" solver:stranger
 until_true 20 grep -q "does not take this node yet, .* refuses the certificate $work/foreign/stranger.pem" "$work/stranger.log" || fail "the log does not say so"
 kill $!
 up 3 || fail "the foreign solver was accepted"
+
+echo "== every daemon serves the metrics that the alerts are made of"
+metrics() { exec 9<>"/dev/tcp/127.0.0.1/$((port + 10 + $1))" && printf 'GET /metrics HTTP/1.0\r\n\r\n' >&9 && cat <&9; }
+served=0
+for unit in server display camera solver : console; do
+  [[ $unit == : ]] || metrics "$served" | grep -q "^glasswing_build_info{.*program=\"glasswing-$unit\"" || fail "$unit serves no metrics"
+  served=$((served + 1))
+done
+
+echo "== a log of JSON stays JSON where gRPC says something: who speaks no TLS"
+exec 9<>"/dev/tcp/127.0.0.1/$((port + 2))" && printf 'GET / HTTP/1.0\r\n\r\n' >&9
+until_true 20 grep -q '"message":"gRPC: ' "$work/camera.log" || fail "gRPC says nothing"
+python3 -c 'import json, sys
+for line in sys.stdin: assert json.loads(line)["program"] == "glasswing-camera", line' <"$work/camera.log" || fail "a line is no JSON"
 
 link=$(glasswing console token --name me)
 [[ $link == "https://localhost:$((port + 3))/#token="* ]] || fail "the link is $link"

@@ -41,10 +41,11 @@ from glasswing.errors import (
     Unavailable,
 )
 from glasswing.fleet import Fleet, Lease, Solve, Solver
-from glasswing.instruments import Finding, Level, LivePicture, MonitorLatency
+from glasswing.frames import Frame, Frames
+from glasswing.instruments import Calibration, Finding, Level, LivePicture, MonitorLatency
 from glasswing.live import LiveComposite
 from glasswing.matte import Matte, Modes
-from glasswing.pictures import Picture, linear_to_srgb, read_picture, resized, srgb_to_linear, write_picture
+from glasswing.pictures import ErrorMap, Picture, linear_to_srgb, read_picture, resized, srgb_to_linear, write_picture
 from glasswing.pixels import PixelFlag
 from glasswing.plan import (
     BLACK,
@@ -64,7 +65,7 @@ from glasswing.plan import (
 )
 from glasswing.rays import Correspondences, Rays, RayState, read_geometry
 from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Preparation, Rig, connect
-from glasswing.session import Action, RigChange, Session, SessionInfo, State, Stopped, UnprovenStep, Waiting
+from glasswing.session import Action, Draft, RigChange, Session, SessionInfo, State, Stopped, UnprovenStep, Waiting
 
 __version__ = "@glasswing_VERSION@"
 
@@ -74,14 +75,19 @@ __all__ = [
     "Action",
     "Adapt",
     "AlreadyExists",
+    "Calibration",
     "CalibrationFrames",
     "Colour",
     "Correspondences",
     "Damaged",
+    "Draft",
     "Error",
+    "ErrorMap",
     "Estimate",
     "Finding",
     "Fleet",
+    "Frame",
+    "Frames",
     "Fringes",
     "Holder",
     "InvalidInput",

@@ -22,6 +22,7 @@ LONG_CALL_SECONDS = 60.0
 """For calls in which the server calls nodes, or that transfer one file."""
 
 Response = TypeVar("Response")
+_SILENT = "does not answer"
 _IS_OF_GRPC = re.compile(
     r"failed to connect|socket closed|recvmsg|sendmsg|connection reset|broken pipe|goaway|dns resolution|endpoint clos"
     r"|cancelling all calls|stream removed|keepalive|transport closed",
@@ -49,11 +50,18 @@ class Connection:
         self.hold = Hold(token) if token else None
         self._settings = settings
         self._channel = _dial(settings)
+        self._nodes: dict[str, Connection] = {}
         self._client = f"{_user()}@{socket.gethostname()}"
 
     def to(self, address: str, what: str) -> Connection:
         """A connection to a node, with the same certificates. ``what`` names its kind in errors."""
         return Connection(dataclasses.replace(self._settings, server=address), self.timeout, what)
+
+    def node(self, address: str) -> Connection:
+        """The same for all calls to a node that keeps frames, closed with this one."""
+        if address not in self._nodes:
+            self._nodes[address] = self.to(address, "node")
+        return self._nodes[address]
 
     def stub(self, stub_class: Callable[[grpc.Channel], Any]) -> Any:
         """A stub for one of the server's services."""
@@ -99,7 +107,10 @@ class Connection:
         code, details = error.code().name, error.details() or ""
         if code == "UNAVAILABLE" and (not details or _IS_OF_GRPC.match(details)):
             # gRPC's message for an unreachable peer is about sockets; the server's own says what is away, and advises.
-            return Unavailable(f"{self.title} {_why_unreachable(details, self._settings)}")
+            why = _why_unreachable(details, self._settings)
+            if why == _SILENT and self.title.startswith("server at "):
+                why += "; start glasswing-server there, or name another"
+            return Unavailable(f"{self.title} {why}")
         if code == "DEADLINE_EXCEEDED" and "Deadline Exceeded" in details:
             return TimedOut(f"{self.title} did not answer in time")
         if code == "UNIMPLEMENTED":
@@ -108,6 +119,8 @@ class Connection:
 
     def close(self) -> None:
         """Cancels every call."""
+        for node in self._nodes.values():
+            node.close()
         self._channel.close()
 
 
@@ -140,7 +153,7 @@ def _dial(settings: Settings) -> grpc.Channel:
 
 def _why_unreachable(details: str, settings: Settings) -> str:
     if settings.ca is None or "failed to connect" not in details:
-        return "does not answer"
+        return _SILENT
     if "certificate verify failed" in details:
         return f"shows a certificate that the ca {settings.ca} did not sign, or that has expired"
     if "is not in peer certificate" in details:
@@ -148,7 +161,7 @@ def _why_unreachable(details: str, settings: Settings) -> str:
     if "wrong version number" in details:
         return "does not speak TLS; leave out ca if it need not"
     if "Socket closed" not in details:
-        return "does not answer"
+        return _SILENT
     # gRPC's message when the other side rejects the handshake.
     if settings.certificate is None:
         return "wants to know who calls; give certificate and key"

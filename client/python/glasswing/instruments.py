@@ -57,6 +57,18 @@ class MonitorLatency:
 
 
 @dataclasses.dataclass(frozen=True)
+class Calibration:
+    """What ``Rig.calibrate()`` measured and stored; later sessions use it."""
+
+    latencies: tuple[MonitorLatency, ...]
+    camera: calibration_pb2.CameraCalibration | None
+    """The message CameraCalibration (proto/glasswing/v1/calibration.proto); None: there was nothing to measure."""
+    displays: tuple[calibration_pb2.DisplayCalibration, ...]
+    notes: tuple[str, ...]
+    """For people: what was left out, and what makes it less certain."""
+
+
+@dataclasses.dataclass(frozen=True)
 class LivePicture:
     """A small picture of what the camera sees now. Notebooks show it."""
 

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from glasswing._native import NativeMatte
 from glasswing.errors import InvalidInput
-from glasswing.pictures import Picture, as_picture, encode_png8, linear_to_srgb
+from glasswing.pictures import ErrorMap, Picture, as_picture, png_of
 from glasswing.pixels import Pixels
 from glasswing.v1 import matte_pb2
 
@@ -93,9 +93,7 @@ class Matte(Pixels):
 
     def _repr_png_(self) -> bytes:
         """What notebooks show: F plus half of the light that white monitors would send, with coverage as alpha."""
-        light = self.foreground + 0.5 * self._native.weight.sum(axis=3)
-        alpha = (np.clip(self.coverage, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
-        return encode_png8(np.dstack([linear_to_srgb(light), alpha]))
+        return png_of(self.foreground + 0.5 * self._native.weight.sum(axis=3), self.coverage)
 
     def composite(
         self, backgrounds: Mapping[str, npt.ArrayLike], *, exact: bool = False, threads: int = 0
@@ -109,11 +107,21 @@ class Matte(Pixels):
 
         InvalidInput: the matte has no such monitor, or a background is not a picture of linear light.
         """
+        return self._native.composite(self._behind(backgrounds), exact, threads).view(Picture)
+
+    def error(self, backgrounds: Mapping[str, npt.ArrayLike], *, threads: int = 0) -> ErrorMap:
+        """The standard error that noise leaves in each sample of that composite: H x W x 3; NaN where it is not known.
+
+        That is outside the object, and at flagged pixels. Arguments and errors as of ``composite()``; Refused: the matte
+        does not say how it was sampled, as those of other methods than "gaussian" do not. Releases the GIL.
+        """
+        return self._native.error(self._behind(backgrounds), threads).view(ErrorMap)
+
+    def _behind(self, backgrounds: Mapping[str, npt.ArrayLike]) -> list[_Floats | None]:
         unknown = [name for name in backgrounds if name not in self.monitors]
         if unknown:
             raise InvalidInput(f'there is no monitor "{unknown[0]}"; this matte has: {", ".join(self.monitors)}')
-        pictures = [
+        return [
             as_picture(backgrounds[name], f"background {name}") if name in backgrounds else None
             for name in self.monitors
         ]
-        return self._native.composite(pictures, exact, threads)

@@ -13,13 +13,31 @@ import numpy.typing as npt
 from glasswing import _native
 from glasswing.errors import InvalidInput
 
-Picture = npt.NDArray[np.float32]
-"""H x W x 3, linear light."""
+
+class Picture(np.ndarray[Any, np.dtype[np.float32]]):
+    """H x W x 3, linear light. Notebooks show it."""
+
+    def _repr_png_(self) -> bytes | None:
+        return png_of(self) if self.ndim == 3 and self.shape[2] == 3 and self.size else None
+
+
+class ErrorMap(Picture):
+    """H x W x 3, the standard error of each sample of a composite; NaN: not known.
+
+    Notebooks show it with white for what 99 % of the errors are below, and nothing where they are not known.
+    """
+
+    def _repr_png_(self) -> bytes | None:
+        if self.ndim != 3 or self.shape[2] != 3 or not self.size:
+            return None
+        known = np.isfinite(self).all(axis=2)
+        white = max(float(np.percentile(self[known], 99)), 1e-9) if known.any() else 1.0
+        return png_of(np.where(known[..., None], self, 0.0) / white, known.astype(np.float32))
 
 
 def read_picture(path: str | os.PathLike[str]) -> Picture:
     """Reads a PNG, JPEG, TIFF or WebP (sRGB) or an OpenEXR file (linear). NotFound, or Damaged naming the file."""
-    return _native.read_picture(os.fspath(path))
+    return _native.read_picture(os.fspath(path)).view(Picture)
 
 
 def write_picture(path: str | os.PathLike[str], picture: npt.ArrayLike) -> None:
@@ -45,7 +63,7 @@ def linear_to_srgb(light: npt.ArrayLike) -> npt.NDArray[np.uint8]:
 
 def resized(picture: npt.ArrayLike, width_px: int, height_px: int) -> Picture:
     """Resamples a picture: by area when it shrinks, bilinearly when it grows."""
-    return _native.resized(as_picture(picture, "picture"), width_px, height_px)
+    return _native.resized(as_picture(picture, "picture"), width_px, height_px).view(Picture)
 
 
 def encode_png16(picture: npt.ArrayLike) -> bytes:
@@ -67,7 +85,21 @@ def encode_png8(codes: npt.NDArray[np.uint8]) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + content
 
 
-def as_picture(array: Any, what: str) -> Picture:
+_MAX_SHOWN_PX = 1024
+
+
+def png_of(light: npt.ArrayLike, alpha: npt.NDArray[np.float32] | None = None) -> bytes:
+    """What notebooks show of linear light, H x W x 3: sRGB, with ``alpha``; of large pictures every n-th row and column."""
+    shown = np.asarray(light)
+    step = -(-max(shown.shape[:2]) // _MAX_SHOWN_PX)
+    codes = linear_to_srgb(shown[::step, ::step])
+    if alpha is not None:
+        opaque = np.clip(alpha[::step, ::step], 0.0, 1.0) * 255 + 0.5
+        codes = np.dstack([codes, opaque.astype(np.uint8)])
+    return encode_png8(codes)
+
+
+def as_picture(array: Any, what: str) -> npt.NDArray[np.float32]:
     """Returns the array as a picture. InvalidInput: it is not H x W x 3, or not of floats."""
     picture = np.asarray(array)
     if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0:

@@ -301,7 +301,8 @@ class Rays(Pixels):
                 raise InvalidInput(f"a plane has the depth {depth} mm; it must be above 0 and at most {_MAX_DEPTH_MM:g}")
         pictures = [(float(depth), as_picture(picture, f"plane {depth:g}")) for depth, picture in planes]
         around = None if environment is None else as_picture(environment, "environment")
-        return self._native.composite(pictures, around, math.radians(environment_turn_deg), lossless, exact, threads)
+        turn_rad = math.radians(environment_turn_deg)
+        return self._native.composite(pictures, around, turn_rad, lossless, exact, threads).view(Picture)
 
     def correspondences(self) -> Correspondences:
         """The pairs of points on the two monitors of all rays that were measured at both depths.

@@ -18,11 +18,11 @@ from typing import Any
 import grpc
 import numpy.typing as npt
 
-from glasswing import live, pictures
+from glasswing import live, notebook, pictures
 from glasswing.connection import CHUNK_BYTES, LONG_CALL_SECONDS, Connection, Hold
 from glasswing.errors import Error, Refused, TimedOut, Unavailable
 from glasswing.fleet import Fleet
-from glasswing.instruments import Finding, LivePicture, MonitorLatency
+from glasswing.instruments import Calibration, Finding, LivePicture, MonitorLatency
 from glasswing.live import LiveComposite
 from glasswing.plan import Plan
 from glasswing.session import Session, SessionInfo, State
@@ -96,7 +96,8 @@ class Node:
 
 @dataclasses.dataclass(frozen=True)
 class Holder:
-    """The rig's present holder. ``client``: "anna@lab3", or empty; ``what``: "session vase", or a hold's reason."""
+    """The rig's present holder. ``client``: "anna@lab3", or empty; ``what``: "session vase", or a hold's reason with what
+    drives the rig: "series (session vase)"."""
 
     client: str
     what: str
@@ -185,6 +186,15 @@ class Rig:
     def __repr__(self) -> str:
         return f"<rig of the {self._connection.title}>"
 
+    def _repr_html_(self) -> str:
+        try:
+            nodes, holder = self.nodes(), self.holder()
+        except Error as error:
+            return notebook.text(error)
+        rows = [(node.kind.name.lower(), node.name, _condition(node), node.detail) for node in nodes]
+        held = f"held by {holder.client or 'somebody'} for {holder.what}" if holder else "free"
+        return notebook.text(f"{self!r}: {held}") + notebook.table(rows, ("kind", "name", "state", "detail"))
+
     def __enter__(self) -> Rig:
         return self
 
@@ -256,7 +266,9 @@ class Rig:
         message names the field. AlreadyExists: the name is taken. Refused: another client holds the rig, or it lacks what
         the plan needs. Unavailable: a node is away.
         """
-        message = plan.to_message()
+        return self._create(plan.to_message(), name, solve)
+
+    def _create(self, message: plan_pb2.Plan, name: str, solve: bool) -> Session:
         self._upload_photos(message)
         request = pb.CreateSessionRequest(request_id=uuid.uuid4().hex, name=name, plan=message, solve=solve)
         create = self._sessions.CreateSession
@@ -312,11 +324,75 @@ class Rig:
         ``exposure_ms``: 0 is four fifths of the frame interval. Refused: says why a monitor could not be measured; the
         others are stored.
         """
+        return list(self._latencies(monitors, exposure_ms, camera))
+
+    def _latencies(self, monitors: Iterable[str], exposure_ms: float, camera: str) -> Iterator[MonitorLatency]:
         request = rig_service_pb2.CalibrateSyncRequest(
             monitors=list(monitors), exposure_ms=exposure_ms, camera=camera
         )
-        answers = self._connection.stream(self._rig.CalibrateSync, request, _MEASURE_SECONDS)
-        return [MonitorLatency.from_message(each.result) for each in answers if each.HasField("result")]
+        for answer in self._connection.stream(self._rig.CalibrateSync, request, _MEASURE_SECONDS):
+            if answer.HasField("result"):
+                yield MonitorLatency.from_message(answer.result)
+
+    def calibrate(
+        self, monitors: Iterable[str] = (), *, camera: str = "", longest_exposure_ms: float = 0.0
+    ) -> Calibration:
+        """Measures timing, camera and monitors (default: all), and stores it for all later sessions, as "glasswing
+        calibrate all". Takes minutes.
+
+        Nothing stands on the stage, the room is dark, and the monitors are warm. ``longest_exposure_ms``: that of later
+        captures; at least 16 are measured. ``notes`` name monitors that cannot be measured, as one that the camera does not see.
+        Stopped: a session that measures failed; ``info`` is its state. Refused: nothing could be measured, or another client
+        holds the rig.
+        """
+        names = list(monitors)
+        self._some_latencies(names, camera)
+        of_camera = rig_service_pb2.MakePlanRequest(
+            purpose=rig_service_pb2.PLAN_PURPOSE_CALIBRATE_CAMERA,
+            monitors=names,
+            camera=camera,
+            longest_exposure_ms=longest_exposure_ms,
+        )
+        of_displays = rig_service_pb2.MakePlanRequest(
+            purpose=rig_service_pb2.PLAN_PURPOSE_CALIBRATE_DISPLAYS, monitors=names, camera=camera
+        )
+        camera_fit, camera_notes = self._measured(of_camera)
+        display_fit, display_notes = self._measured(of_displays)
+        # With the camera's codes linearised: a curved response shifts the measured time of a change.
+        latencies, sync_notes = self._some_latencies(names, camera)
+        return Calibration(
+            latencies=latencies,
+            camera=camera_fit.camera if camera_fit.HasField("camera") else None,
+            displays=tuple(display_fit.displays),
+            notes=(*camera_notes, *display_notes, *sync_notes),
+        )
+
+    def _some_latencies(self, monitors: Iterable[str], camera: str) -> tuple[tuple[MonitorLatency, ...], list[str]]:
+        """Those of the monitors that can be measured, and why another cannot."""
+        found: list[MonitorLatency] = []
+        try:
+            found.extend(self._latencies(monitors, 0.0, camera))
+        except Refused as refused:
+            if not found:
+                raise
+            return tuple(found), [f"not measured: {refused}"]
+        return tuple(found), []
+
+    def _measured(
+        self, request: rig_service_pb2.MakePlanRequest
+    ) -> tuple[rig_service_pb2.FitCalibrationResponse, list[str]]:
+        """Captures what the server plans and fits it; also notes for people."""
+        made: rig_service_pb2.MakePlanResponse = self._connection.call(self._rig.MakePlan, request, LONG_CALL_SECONDS)
+        notes = list(made.notes)
+        if not made.HasField("plan"):
+            return rig_service_pb2.FitCalibrationResponse(), notes
+        now = datetime.datetime.now(datetime.timezone.utc)
+        session = self._create(made.plan, f"calibrate-{made.plan.calibration.of}-{now:%Y%m%dT%H%M%S.%fZ}", solve=False)
+        session.wait()
+        fit = self.calibrate_light(session)
+        for device in (fit.camera, *fit.displays):
+            notes += device.warnings
+        return fit, [*notes, *(f"not measured: {why}" for why in fit.unmeasured)]
 
     def calibrate_light(self, session: Session) -> rig_service_pb2.FitCalibrationResponse:
         """Fits and stores the response that a captured session measured: a plan with ``CalibrationFrames``.
@@ -341,6 +417,7 @@ class Rig:
             yield list(next(answers).monitors)
         finally:
             answers.close()
+            self._wait_until_freed(f"pattern {name}")
 
     def preview(
         self, *, camera: str = "", max_fps: float = 2.0, max_width_px: int = 640, exposure_ms: float = 0.0
@@ -380,15 +457,18 @@ class Rig:
         the object, with what to do, and returns when that is done. InvalidInput: an option, or no such monitor. Refused: no
         solver offers live composites, or names the rig's holder.
         """
-        return live.composites(
-            self._connection,
-            background,
-            monitor=monitor,
-            camera=camera,
-            exposure_ms=exposure_ms,
-            options=options or {},
-            ask=ask,
-        )
+        try:
+            yield from live.composites(
+                self._connection,
+                background,
+                monitor=monitor,
+                camera=camera,
+                exposure_ms=exposure_ms,
+                options=options or {},
+                ask=ask,
+            )
+        finally:
+            self._wait_until_freed("live")
 
     def make_plan(
         self,
@@ -441,11 +521,14 @@ class Rig:
             raise Refused(f"the rig has several cameras, {names}; name one by camera=")
         return cameras[0].address
 
-    def _wait_until_freed(self, reason: str) -> None:
-        """Waits until the server has noticed the end of the call, so that the next call finds the rig free."""
+    def _wait_until_freed(self, what: str) -> None:
+        """Waits until the server has noticed the end of a hold, or of what drives the rig ("series (pattern lines)" in a hold),
+        so that the next call finds the rig free."""
         ends = time.monotonic() + self._connection.timeout
         with contextlib.suppress(Error):  # a server that is gone holds nothing
-            while time.monotonic() < ends and (holder := self.holder()) is not None and holder.what == reason:
+            while time.monotonic() < ends and (holder := self.holder()) is not None:
+                if not (holder.what == what or holder.what.startswith(f"{what} (") or holder.what.endswith(f" ({what})")):
+                    return
                 time.sleep(0.02)
 
     def _list_nodes(self) -> node_service_pb2.ListNodesResponse:
@@ -485,6 +568,12 @@ class Rig:
             picture = pictures.read_picture(photo.file)
             photo.name = photo.name or pathlib.Path(photo.file).stem
             photo.file = self.upload(pictures.resized(picture, monitor.width_px, monitor.height_px))
+
+
+def _condition(node: Node) -> str:
+    if not node.up:
+        return "away"
+    return str(node.preparation) if node.preparation else "up"
 
 
 def _holder(message: Any) -> Holder | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import datetime
 import enum
@@ -12,8 +13,10 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from glasswing import notebook
 from glasswing.connection import LONG_CALL_SECONDS, Connection
-from glasswing.errors import Error, InvalidInput, TimedOut
+from glasswing.errors import Error, InvalidInput, Refused, TimedOut
+from glasswing.frames import Frames
 from glasswing.matte import Matte
 from glasswing.plan import Plan
 from glasswing.v1 import plan_pb2, session_pb2
@@ -21,6 +24,8 @@ from glasswing.v1 import session_service_pb2 as pb
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
 _FETCH_SECONDS = 600.0
+_COPY_SECONDS = 86400.0
+_SHOWN_PIXELS = 40000
 
 
 def _region(crop: str) -> pb.MatteRegion:
@@ -117,6 +122,14 @@ class RigChange:
 
 
 @dataclasses.dataclass(frozen=True)
+class Draft:
+    """What the newest draft of a session is made of: ``images`` of ``planned``."""
+
+    images: int
+    planned: int
+
+
+@dataclasses.dataclass(frozen=True)
 class SessionInfo:
     """A snapshot of a session, also the type of the events of ``Session.events()``.
 
@@ -175,6 +188,10 @@ class SessionInfo:
     """Why one of the refused frames cannot be solved; else empty."""
     allowed_actions: frozenset[Action]
     """The calls that the server would accept now."""
+    draft: Draft | None
+    """Of a session that is captured with ``solve``: what ``Session.draft()`` would fetch; None: there is none."""
+    copies: tuple[str, ...]
+    """Nodes that keep copies of its frames (``Session.replicate()``)."""
 
     @classmethod
     def from_message(cls, message: session_pb2.Session) -> SessionInfo:
@@ -216,6 +233,8 @@ class SessionInfo:
             refused_frames=tuple(message.refused_frames),
             refusal=message.refusal,
             allowed_actions=frozenset(map(Action, message.allowed_actions)),
+            draft=Draft(message.draft.image_count, message.draft.planned_image_count) if message.HasField("draft") else None,
+            copies=tuple(copy.node for copy in message.copies),
         )
 
     def __str__(self) -> str:
@@ -254,6 +273,17 @@ class Session:
     def __repr__(self) -> str:
         return f"<{self.info}>"
 
+    def _repr_html_(self) -> str:
+        info = self.info
+        rows = [(info.name, info), ("note", info.note), ("tags", ", ".join(info.tags)), ("method", info.method)]
+        shown = notebook.table((name, value) for name, value in rows if str(value))
+        if info.matte_ready:
+            with contextlib.suppress(Error):  # the table alone, then
+                frame = info.solved_frames[0] if info.frames and info.solved_frames else None
+                request = pb.FetchMatteRequest(name=info.name, frame=frame, max_pixels=_SHOWN_PIXELS)
+                shown += notebook.image(Matte.from_bytes(self._matte_bytes(request))._repr_png_())
+        return shown
+
     @property
     def name(self) -> str:
         """The session's name."""
@@ -267,14 +297,19 @@ class Session:
         """Yields the session now and after every change, until it rests. Leaving the loop does not affect the session."""
         return self._events(None)
 
-    def wait(self, timeout: float | None = None) -> SessionInfo:
-        """Waits until the session is captured or done.
+    def wait(self, timeout: float | None = None, *, retries: int = 0) -> SessionInfo:
+        """Waits until the session is captured or done; one that was captured with ``solve``, until it is done.
 
-        Raises ``Stopped`` if it rests in another state (a session that paused until the object is placed can be resumed and
-        waited for again), and ``TimedOut`` after ``timeout`` seconds.
+        ``retries``: how often it is resumed if it fails. Raises ``Stopped`` if it rests in another state (a session that
+        paused until the object is placed can be resumed and waited for again), and ``TimedOut`` after ``timeout`` seconds.
         """
-        for _ in self._events(timeout):
-            pass
+        ends = None if timeout is None else time.monotonic() + timeout
+        for attempt in range(retries + 1):
+            for _ in self._events(None if ends is None else max(ends - time.monotonic(), 0.0)):
+                pass
+            if self.info.state is not State.FAILED or attempt == retries:
+                break
+            self.resume()
         if self.info.state not in (State.CAPTURED, State.DONE):
             raise Stopped(self.info)
         return self.info
@@ -345,13 +380,13 @@ class Session:
         ``crop``: "WIDTHxHEIGHT+X+Y": only this region of the picture, px from its top left corner. Invalid: it does
         not lie within the picture.
         """
-        return Matte.from_bytes(self._matte_bytes(frame, crop))
+        return Matte.from_bytes(self._matte_bytes(self._matte_request(frame, crop)))
 
     def download(
         self, path: str | os.PathLike[str], frame: int | None = None, crop: str | None = None
     ) -> Matte:
         """Like ``fetch``, and also writes the matte's file (OpenEXR, docs/matte.md) to ``path``."""
-        content = self._matte_bytes(frame, crop)
+        content = self._matte_bytes(self._matte_request(frame, crop))
         matte = Matte.from_bytes(content)
         final = pathlib.Path(path)
         unfinished = final.with_name(f".{final.name}.{os.getpid()}")
@@ -362,10 +397,50 @@ class Session:
             unfinished.unlink(missing_ok=True)
         return matte
 
-    def _matte_bytes(self, frame: int | None, crop: str | None) -> bytes:
-        request = pb.FetchMatteRequest(name=self.name, frame=frame, region=None if crop is None else _region(crop))
+    def draft(self) -> Matte:
+        """The newest draft of a session that is being captured with ``solve``, or is solved: of all images, or tiles, so far.
+
+        Other pixels are flagged ``PixelFlag.NO_DATA``; ``metadata.draft`` says what it is made of. Refused: nothing is
+        solved yet.
+        """
+        return Matte.from_bytes(self._matte_bytes(pb.FetchMatteRequest(name=self.name, partial=True)))
+
+    def frames(self) -> Frames:
+        """The captured frames, as numpy arrays, from the camera node or a node with a copy. NotFound: it has none yet."""
+        answer: pb.GetSessionResponse = self._connection.call(self._stub.GetSession, pb.GetSessionRequest(name=self.name))
+        found = answer.session
+        addresses = [found.archive_address, *(copy.address for copy in found.copies)]
+        return Frames(self._connection, [address for address in addresses if address], self.name)
+
+    def export(self, directory: str | os.PathLike[str]) -> None:
+        """Writes frames and manifest to a new directory, as "glasswing export"; docs/archive.md describes it.
+
+        AlreadyExists: the directory is neither new nor empty. Refused: the session is not captured, or the disk lacks room.
+        """
+        state = self.refresh().state
+        if state in (State.CREATED, State.CAPTURING, State.PAUSED):
+            raise Refused(f"session {self.name} is {state.name.lower()}; it must be captured before it is exported")
+        self.frames().write(directory)
+
+    def replicate(self, node: str) -> int:
+        """Copies the frames to another node, from which solvers then read, too; returns how many bytes it has.
+
+        ``node``: a camera, or a solver that keeps archives. Repeating the call copies what is missing. NotFound: there is
+        no such node. Refused: the session is being captured, or the node keeps no archives.
+        """
+        request = pb.ReplicateSessionRequest(name=self.name, node=node)
+        copied = pb.ReplicateSessionResponse()
+        for copied in self._connection.stream(self._stub.ReplicateSession, request, _COPY_SECONDS):
+            pass
+        self.refresh()
+        return copied.bytes_done
+
+    def _matte_bytes(self, request: pb.FetchMatteRequest) -> bytes:
         answers = self._connection.stream(self._stub.FetchMatte, request, _FETCH_SECONDS)
         return b"".join(answer.chunk for answer in answers)
+
+    def _matte_request(self, frame: int | None, crop: str | None) -> pb.FetchMatteRequest:
+        return pb.FetchMatteRequest(name=self.name, frame=frame, region=None if crop is None else _region(crop))
 
     def _ask(self, rpc: Any, request: Any, seconds: float = LONG_CALL_SECONDS) -> SessionInfo:
         answer = self._connection.call(rpc, request, seconds)

@@ -1,6 +1,6 @@
 import { signal } from "@preact/signals";
 import type { ComponentType } from "preact";
-import { useEffect, useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { ApiError, begin, logout, me, tokenIn } from "./api";
 import { Login } from "./login/login";
 import { kPages, type PageEntry, type PageProps } from "./pages";
@@ -65,6 +65,12 @@ function Lazy({ page, path }: { page: PageEntry; path: string[] }) {
 }
 
 function Navigation({ now }: { now: string }) {
+  const [open, setOpen] = useState(false); // on narrow screens
+  const links = useRef<HTMLElement>(null);
+  useEffect(() => {
+    const shown = links.current?.querySelector<HTMLElement>("[aria-current]");
+    if (shown) links.current!.scrollLeft = shown.offsetLeft - 0.5 * (links.current!.clientWidth - shown.clientWidth);
+  }, [now]);
   return (
     <header class="bar">
       <a
@@ -74,10 +80,7 @@ function Navigation({ now }: { now: string }) {
       >
         Skip to the content
       </a>
-      <b class="rig-name" title="The rig's console">
-        {kRig}
-      </b>
-      <nav aria-label="Pages">
+      <nav ref={links} aria-label="Pages">
         {kPages.map(({ name, title }) => (
           <a key={name} href={`#/${name}`} aria-current={name === now ? "page" : undefined}>
             {title}
@@ -85,18 +88,32 @@ function Navigation({ now }: { now: string }) {
         ))}
       </nav>
       <span class="spacer" />
-      <button class="quiet" onClick={nextTheme} title="Light, dark, or the system's">
-        Theme: {theme.value}
+      <button
+        class="quiet more"
+        aria-label="Rig, theme and login"
+        aria-expanded={open}
+        aria-controls="more"
+        onClick={() => setOpen(!open)}
+      >
+        ⋯
       </button>
-      {me.value && (
-        <button
-          class="quiet"
-          onClick={() => void logout()}
-          title={`Logged in as ${me.value.name}, ${me.value.role}`}
-        >
-          Log out {me.value.name}
+      <div id="more" class={open ? "open" : undefined}>
+        <b class="rig-name" title="The rig's console">
+          {kRig}
+        </b>
+        <button class="quiet" onClick={nextTheme} title="Light, dark, or the system's">
+          Theme: {theme.value}
         </button>
-      )}
+        {me.value && (
+          <button
+            class="quiet"
+            onClick={() => void logout()}
+            title={`Logged in as ${me.value.name}, ${me.value.role}`}
+          >
+            Log out {me.value.name}
+          </button>
+        )}
+      </div>
     </header>
   );
 }

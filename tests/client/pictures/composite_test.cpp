@@ -1,5 +1,6 @@
 #include "client/pictures/composite.h"
 
+#include <fmt/format.h>
 #include <half.h>
 
 #include <nlohmann/json.hpp>
@@ -7,6 +8,7 @@
 #include "core/base/file.h"
 #include "core/matte/matte_file.h"
 #include "tests/client/run_glasswing.h"
+#include "tests/core/matte/other_program.h"
 
 namespace glasswing {
 namespace {
@@ -195,6 +197,11 @@ TEST_F(CompositeCommand, ErrorsAreOfSolvedPixels) {
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   const RadianceImage error = read_radiance(path("error.exr"), Encoding::kLinear).value();
   EXPECT_EQ(colour_of_file(path("error.exr"), Encoding::kLinear).interop_id, "data");
+  // No sample is NaN: A tells what is not known, as the help says.
+  const Said data = run_program(fmt::format("oiiotool --info -v --dumpdata {}", path("error.exr")));
+  EXPECT_NE(data.text.find("channel list: R, G, B, A"), std::string::npos) << data.text;
+  EXPECT_EQ(data.text.find("nan"), std::string::npos) << data.text;
+  EXPECT_EQ(run_glasswing({"composite", "--help"}).out.find("NaN"), std::string::npos);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       const bool solved = !(x == 3 && y == 4) && !(x == 5 && y == 6);
@@ -331,6 +338,103 @@ TEST_F(CompositeCommand, UnsolvedPixelsAreToldAndFilledWhereAskedFor) {
   EXPECT_EQ(written["filled"], true);
   // The background is a plane, and so is what the object does to it.
   EXPECT_NEAR(middle(), 0.125f + 0.5f * gradient().at(5, 4, 1), kExrRounding);
+}
+
+// The object is the right half, and covers its first column by a quarter. There and on the left, light comes
+// straight through; the rest dims it and adds its own.
+Matte half_a_window() {
+  Matte matte = window(0.125f);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x <= kWidth / 2; ++x) {
+      matte.coverage(x, y) = x < kWidth / 2 ? 0.0f : 0.25f;
+      for (int c = 0; c < kChannels; ++c) {
+        matte.foreground(x, y)[static_cast<size_t>(c)] = 0.0f;
+        matte.modes(x, y, c)[0].weight = 1.0f;
+      }
+    }
+  }
+  return matte;
+}
+
+class CompositeObject : public CompositeCommand {
+ protected:
+  CompositeObject() { EXPECT_TRUE(write_file_durably(matte_, encode_matte(half_a_window()).value()).ok()); }
+  Outcome run(const std::string& output, std::vector<std::string> more = {"--object"}) {
+    more.insert(more.begin(), {"composite", matte_, "--background", background_, "-o", path(output)});
+    return run_glasswing(more);
+  }
+  // What oiiotool reads, or makes, of files in the scratch directory.
+  RadianceImage by_oiiotool(const std::string& words) {
+    const Said said = run_program(
+        fmt::format("cd {} && oiiotool {} -d float -o by_oiiotool.exr", scratch_.string(), words));
+    EXPECT_EQ(said.status, 0) << said.text;
+    return read_radiance(path("by_oiiotool.exr"), Encoding::kLinear).value();
+  }
+};
+
+TEST_F(CompositeObject, IsPremultipliedWithCoverageAsAlpha) {
+  ASSERT_EQ(run("object.exr").status, 0);
+  const RadianceImage alpha = by_oiiotool("object.exr --ch A,A,A --chnames R,G,B"),
+                      light = by_oiiotool("object.exr --ch R,G,B"), behind = gradient();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const float covered = x < kWidth / 2 ? 0.0f : x == kWidth / 2 ? 0.25f : 1.0f;
+      EXPECT_EQ(alpha.at(x, y, 0), covered);
+      for (int c = 0; c < kChannels; ++c) {
+        const float through = behind.at(x, y, c);
+        const float seen = x > kWidth / 2 ? 0.125f + 0.5f * through : through;
+        EXPECT_NEAR(light.at(x, y, c), covered * seen, 2 * kExrRounding);
+      }
+    }
+  }
+}
+
+// Where the object covers a part of a pixel, the light beside it is as straight as what it is laid over.
+TEST_F(CompositeObject, OverItsBackdropIsTheComposite) {
+  for (const std::string more : {"--linear", "--fill", "--exact", "--crop"}) {
+    std::vector<std::string> words{more};
+    if (more == "--crop") words.push_back(fmt::format("{}x{}+0+0", kWidth, kHeight));
+    ASSERT_EQ(run("composite.exr", words).status, 0);
+    words.push_back("--object");
+    ASSERT_EQ(run("object.exr", words).status, 0);
+    const RadianceImage over = by_oiiotool("object.exr gradient.exr --over --ch R,G,B");
+    const RadianceImage whole = read_radiance(path("composite.exr"), Encoding::kLinear).value();
+    for (size_t i = 0; i < whole.samples.size(); ++i)
+      EXPECT_NEAR(over.samples[i], whole.samples[i], 3 * kExrRounding);
+  }
+}
+
+TEST_F(CompositeObject, EveryExrHasA) {
+  for (const std::string bits : {"16", "32"}) {
+    ASSERT_EQ(run("composite.exr", {"--bits", bits}).status, 0);
+    const RadianceImage alpha = by_oiiotool("composite.exr --ch A,A,A --chnames R,G,B");
+    for (const float sample : alpha.samples) EXPECT_EQ(sample, 1.0f);
+  }
+  ASSERT_EQ(run("frames", {"--frames", "2", "--object"}).status, 0);
+  EXPECT_EQ(by_oiiotool("frames/0001.exr --ch A,A,A --chnames R,G,B").at(kWidth / 2, 3, 0), 0.25f);
+}
+
+// A PNG's colours are not premultiplied, as its specification has it: the over operator needs their product.
+TEST_F(CompositeObject, APngHasStraightAlpha) {
+  ASSERT_EQ(run("object.png", {"--object", "--bits", "16", "--linear"}).status, 0);
+  ASSERT_EQ(run("composite.exr", {}).status, 0);
+  const RadianceImage read = by_oiiotool("-i:unpremult=1 object.png --ch A,A,A --chnames R,G,B"),
+                      straight = read_radiance(path("object.png"), Encoding::kLinear).value(),
+                      whole = read_radiance(path("composite.exr"), Encoding::kLinear).value();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      EXPECT_NEAR(read.at(x, y, 0), x < kWidth / 2 ? 0.0f : x == kWidth / 2 ? 0.25f : 1.0f, 0.5 / 65535);
+      for (int c = 0; c < kChannels; ++c)
+        EXPECT_NEAR(straight.at(x, y, c), whole.at(x, y, c), 0.5 / 65535 + kExrRounding);
+    }
+  }
+}
+
+TEST_F(CompositeObject, WhatHoldsNoAlphaIsRefusedBeforeAnyWork) {
+  expect_one_line_error(run("object.tif"), "object.tif is to have alpha; an .exr or a .png can");
+  expect_one_line_error(run("object.mp4", {"--object", "--frames", "2"}), "a video, which has no alpha");
+  expect_one_line_error(run("frames", {"--object", "--frames", "2", "--format", "tif"}), "have alpha");
+  EXPECT_FALSE(std::filesystem::exists(path("object.tif")));
 }
 
 // A picture twice as wide and half as high as the monitor: columns are means of two.

@@ -39,7 +39,7 @@ class Rays : public ScratchTest {
     monitor.set_height_px(200);
     for (int y = 0; y < kSide; ++y) {
       for (int x = 0; x < kSide; ++x) {
-        matte.coverage(x, y) = 1.0f;
+        matte.coverage(x, y) = x < 4 ? 0.5f : 1.0f;
         for (int c = 0; c < kChannels; ++c) {
           matte.modes(x, y, c)[0] = {.weight = 0.8f,
                                      .x_px = static_cast<float>(100.0 + (x + 0.5 - 8.0) / 16.0 * depth),
@@ -73,6 +73,18 @@ TEST_F(Rays, AreWrittenAndComposited) {
   const RadianceImage out = read_radiance(path("out.exr"), Encoding::kLinear).value();
   EXPECT_NEAR(out.at(8, 8, 1), 0.8f * 0.25f, 2e-3f);
   EXPECT_NEAR(out.at(1, 8, 1), 0.8f * 0.5f, 2e-3f);
+
+  // The object alone is the same light times the mattes' coverage.
+  const Outcome alone =
+      run_glasswing({"composite", path("rays.exr"), "--plane", "400:" + path("picture.exr"), "--environment",
+                     path("sky.exr"), "-o", path("object.exr"), "--object"});
+  ASSERT_EQ(alone.status, 0) << alone.err;
+  const RadianceImage object = read_radiance(path("object.exr"), Encoding::kLinear).value();
+  for (int y = 0; y < out.height_px; ++y) {
+    for (int x = 0; x < out.width_px; ++x) {
+      EXPECT_EQ(object.at(x, y, 1), (x < 4 ? 0.5f : 1.0f) * out.at(x, y, 1));
+    }
+  }
 }
 
 TEST_F(Rays, ErrorsSayWhatIsWrong) {

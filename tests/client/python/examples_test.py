@@ -119,7 +119,7 @@ class ExamplesTest(unittest.TestCase):
     def test_a_server_that_is_not_there(self):
         for script, arguments in (("turntable.py", ["x"]), ("exposure_sweep.py", ["x"]), ("resolve_last_week.py", [])):
             said = self.run_script(script, *arguments, "--server", "127.0.0.1:1", status=1)
-            self.assertEqual(said, f"{pathlib.Path(script).stem}: server at 127.0.0.1:1 does not answer\n")
+            self.assertEqual(said, f"{pathlib.Path(script).stem}: server at 127.0.0.1:1 does not answer; start glasswing-server there, or name another\n")
 
 
 if __name__ == "__main__":

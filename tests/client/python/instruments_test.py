@@ -47,6 +47,7 @@ class Server(
         self.two_cameras = False
         self.needs_operator = False
         self.pattern_ended = threading.Event()
+        self.polls_until_freed = 0
         self.object_brought = threading.Event()
         self.ramp_ended = threading.Event()
         self.server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
@@ -63,6 +64,9 @@ class Server(
         answer = node_service_pb2.ListNodesResponse()
         camera = answer.nodes.add(kind=node_service_pb2.NODE_KIND_CAMERA, name="camera-1", address=self.address, up=True)
         preparation = node_service_pb2.Preparation(what="simulating the scene", done=0.379)
+        if self.polls_until_freed and self.pattern_ended.wait(30):
+            self.polls_until_freed -= 1
+            answer.holder.what = "pattern lines"
         answer.nodes.add(kind=camera.kind, name="camera-2", address="127.0.0.1:1", up=self.two_cameras, preparation=preparation)
         return answer
 
@@ -165,6 +169,21 @@ class InstrumentsTest(unittest.TestCase):
         self.assertTrue(self.server.pattern_ended.wait(30))
         with self.assertRaisesRegex(glasswing.InvalidInput, "purple"), self.rig.pattern("purple"):
             pass
+
+    def test_the_rig_is_free_after_a_pattern(self) -> None:
+        # A cancelled call ends here before the server notices.
+        with self.rig.pattern("lines"):
+            self.server.polls_until_freed = 3
+        self.assertEqual(self.server.polls_until_freed, 0)
+        self.assertIsNone(self.rig.holder())
+
+    def test_a_notebook_shows_the_rig_with_the_words_of_others_escaped(self) -> None:
+        shown = self.rig._repr_html_()
+        self.assertIn("<td>camera-1</td><td>up</td>", shown)
+        self.assertIn("<td>camera-2</td><td>away</td>", shown)
+        self.assertIn("&lt;rig of the server at ", shown)
+        self.server.server.stop(None).wait()
+        self.assertIn("does not answer", self.rig._repr_html_())
 
     def test_a_node_says_what_it_prepares(self) -> None:
         ready, preparing = self.rig.nodes()

@@ -104,6 +104,16 @@ class LifecycleTest(unittest.TestCase):
             other.capture(PLAN, name="after").wait()
             self.assertIsNone(other.holder())
 
+    def test_after_a_pattern_the_rig_is_free_at_once_also_within_a_hold(self):
+        for name in ("lines", "white"):
+            with self.rig.pattern(name):
+                self.assertEqual(self.rig.holder().what, f"pattern {name}")
+        with self.rig.hold("focus"):
+            for name in ("lines", "white"):
+                with self.rig.pattern(name):
+                    self.assertEqual(self.rig.holder().what, f"focus (pattern {name})")
+            self.captured("after-patterns")
+
     def test_a_holder_that_dies_lets_go(self):
         holder = subprocess.Popen([sys.executable, "-c", HOLD_UNTIL_KILLED], env=self.daemons.environment,
                                   stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

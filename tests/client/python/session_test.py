@@ -3,6 +3,8 @@ errors. The command line and an independent reader of OpenEXR give the truth."""
 
 import dataclasses
 import functools
+import json
+import subprocess
 import unittest
 
 import exr_reader
@@ -124,6 +126,33 @@ class SessionTest(unittest.TestCase):
             with self.assertRaises(glasswing.InvalidInput):
                 self.vase.fetch(crop=crop)
 
+    def test_frames_are_those_of_an_export(self):
+        here, there = self.daemons.work / "here", self.daemons.work / "there"
+        self.vase.export(here)
+        self.daemons.glasswing("export", "vase", str(there))
+        frames = self.vase.frames()
+        self.assertEqual(len(frames), self.vase.info.steps)
+        files = sorted(file.relative_to(there) for file in there.rglob("*") if file.is_file())
+        self.assertEqual(files, sorted(file.relative_to(here) for file in here.rglob("*") if file.is_file()))
+        for file in files:
+            if file.suffix == ".tif":
+                self.assertEqual((here / file).read_bytes(), (there / file).read_bytes())
+        manifests = [json.loads((directory / "manifest.json").read_text()) for directory in (here, there)]
+        self.assertEqual(*manifests)
+        # Its pixels, as another program reads them.
+        middle = len(frames) // 2
+        plain = self.daemons.work / "frame.exr"
+        subprocess.run(["oiiotool", str(there / frames[middle].file), "-d", "float", "-o", str(plain)], check=True)
+        planes = exr_reader.read_exr(plain)[""]
+        codes = np.stack([np.rint(planes[letter] * 65535.0) for letter in "RGB"], -1)
+        np.testing.assert_array_equal(frames[middle].read(), codes)
+        height, width, _ = frames.shape
+        np.testing.assert_array_equal(frames.pixel(width - 1, height - 1)[middle], codes[-1, -1])
+        np.testing.assert_array_equal(frames.rows(3, 2)[middle], codes[3:5])
+
+    def test_what_is_solved_so_far_of_a_finished_session_is_its_matte(self):
+        np.testing.assert_array_equal(self.vase.draft().modes.weight, self.matte.modes.weight)
+
     def test_metadata(self):
         self.assertEqual(self.matte.metadata.session, "vase")
         self.assertEqual(self.matte.metadata.method, "hierarchical")
@@ -141,6 +170,10 @@ class SessionTest(unittest.TestCase):
         quilt = glasswing.read_picture(QUILT)
         off = self.matte.composite({"back": quilt}) - self.matte.composite({"back": quilt}, exact=True)
         self.assertLessEqual(np.sqrt(np.mean(off**2)), 0.002)  # what the fast compositor promises
+
+    def test_an_error_that_is_not_known_is_refused(self):
+        # Method hierarchical does not say how it sampled.
+        self.refused(glasswing.Refused, "does not say how it was sampled", self.matte.error, {"back": glasswing.read_picture(QUILT)})
 
     def test_in_front_of_black_only_the_foreground_is_left(self):
         np.testing.assert_array_equal(self.matte.composite({}), self.matte.foreground)

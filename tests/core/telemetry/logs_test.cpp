@@ -1,8 +1,11 @@
 #include "core/telemetry/logs.h"
 
+#include <grpc/grpc.h>
+#include <grpc/support/log.h>
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -53,6 +56,24 @@ TEST(Logs, AJsonLineHasTimeLevelProgramAndMessage) {
   // Strings, although they look like numbers: another session's name may not.
   EXPECT_EQ(line["session"], "12");
   EXPECT_EQ(line["seconds"], "1.50");
+}
+
+TEST(Logs, LinesOfGrpcAreLikeOurs) {
+  const auto before = spdlog::default_logger();
+  testing::internal::CaptureStderr();
+  start_logging("glasswing-test", {.level = "info", .format = "json"});
+  grpc_init();  // before it no line is let through
+  gpr_log(__FILE__, __LINE__, GPR_LOG_SEVERITY_ERROR, "Handshake failed:\n\"%s\"", "no shared cipher");
+  grpc_shutdown();
+  spdlog::default_logger()->flush();
+  spdlog::set_default_logger(before);
+  const std::string said = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::ranges::count(said, '\n'), 1) << said;
+  const nlohmann::json line = nlohmann::json::parse(said);
+  EXPECT_EQ(line["program"], "glasswing-test");
+  EXPECT_EQ(line["level"], "warning");
+  EXPECT_TRUE(line["message"].get<std::string>().starts_with("gRPC: Handshake failed:")) << said;
+  EXPECT_TRUE(line["source"].get<std::string>().starts_with("logs_test.cpp:")) << said;
 }
 
 TEST(Logs, WordsOfOthersStayWithinTheirLine) {

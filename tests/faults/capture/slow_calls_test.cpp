@@ -220,6 +220,25 @@ TEST_F(SlowCalls, ASessionThatGoesOnFindsTheCameraThatItBeganToStart) {
   expect_captured("s");
 }
 
+// The node goes on with what it was asked for; the session does not wait for it.
+TEST_F(SlowCalls, ACancelledCaptureEndsWhileTheCameraNodeStillHoldsItsCall) {
+  for (const auto& [point, visit] : {std::pair("frames written", 2), {"camera starts", 1}}) {
+    SCOPED_TRACE(point);
+    const std::string name = fmt::format("s{}", ++made_);
+    Hold held(point, visit);
+    begin(name);
+    held.wait_struck();
+    v1::CancelSessionRequest cancel;
+    cancel.set_name(name);
+    v1::CancelSessionResponse cancelled;
+    grpc::ClientContext context;
+    set_deadline(context, seconds(60));
+    const grpc::Status status = rig_->sessions().CancelSession(&context, cancel, &cancelled);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(cancelled.session().state(), v1::SESSION_STATE_CANCELLED);
+  }
+}
+
 class SlowResults : public SlowCalls {
  protected:
   void SetUp() override {

@@ -44,7 +44,7 @@ TEST(RigLock, AHoldKeepsTheRigBetweenSessions) {
     EXPECT_TRUE(drive.ok()) << drive.status();
     EXPECT_TRUE(lock.check(member).ok());
     EXPECT_TRUE(says(lock.drive(member, "session b").status(), "session a"));
-    EXPECT_EQ(lock.holder()->what(), "turntable series");
+    EXPECT_EQ(lock.holder()->what(), "turntable series (session a)");
   }
   hold->reset();
   EXPECT_TRUE(lock.drive(kBen, "doctor").ok());

@@ -71,6 +71,23 @@ TEST(Waits, NothingKeepsWorkThatGoesOnOrIsDone) {
     EXPECT_FALSE(waiting_of(session(static_cast<v1::SessionState>(state)), all_well())) << state;
 }
 
+TEST(Waits, AStalledCaptureSaysWhyHowOftenAndWhatToDo) {
+  v1::Session stalled = session(v1::SESSION_STATE_CAPTURING, "stalled: frame too late");
+  stalled.mutable_waiting()->set_since(kSince);
+  std::optional<v1::Waiting> waiting = waiting_of(stalled, all_well());
+  ASSERT_TRUE(waiting);
+  EXPECT_EQ(waiting->what(), "no step is being proven (frame too late)");
+  EXPECT_EQ(waiting->since(), kSince);
+  EXPECT_THAT(waiting->advice(),
+              testing::StartsWith("frames arrive faster than the camera node stores them"));
+  v1::RetakeCount& count = *stalled.add_retakes();
+  count.set_cause(v1::RETAKE_CAUSE_TOO_LATE);
+  count.set_count(2029);
+  waiting = waiting_of(stalled, all_well());
+  EXPECT_EQ(waiting->what(), "no step is being proven (frame too late)");  // the same words while it lasts
+  EXPECT_THAT(waiting->advice(), testing::StartsWith("2029 steps were shown again for this; frames arrive"));
+}
+
 TEST(Waits, ASolveWithoutASolverSaysHowToStartOne) {
   Surroundings around = not_begun();
   around.fleet->clear_solvers();

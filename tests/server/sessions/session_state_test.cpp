@@ -63,6 +63,11 @@ v1::Session video(v1::Session session) {
   return session;
 }
 
+v1::Session because(std::string_view reason, v1::Session session) {
+  session.set_reason(std::string(reason));
+  return session;
+}
+
 struct Row {
   const char* name;
   v1::Session session;
@@ -77,6 +82,9 @@ std::vector<Row> truth_table() {
       {"being imported", imported(captured_by_plan(v1::SESSION_STATE_CREATED)), "...C...D."},
       {"capturing", captured_by_plan(v1::SESSION_STATE_CAPTURING), "P..C....A"},
       {"capturing a calibration", calibration(captured_by_plan(v1::SESSION_STATE_CAPTURING)), "P..C....A"},
+      {"stalled", because("stalled: no frame", captured_by_plan(v1::SESSION_STATE_CAPTURING)), "P..C....A"},
+      {"being paused", because(kPausing, captured_by_plan(v1::SESSION_STATE_CAPTURING)), "...C....A"},
+      {"being cancelled", because(kCancelling, captured_by_plan(v1::SESSION_STATE_CAPTURING)), "........."},
       {"capture paused", captured_by_plan(v1::SESSION_STATE_PAUSED), ".R.C...DA"},
       {"paused without a plan", imported(captured_by_plan(v1::SESSION_STATE_PAUSED)), "...C...D."},
       {"solve paused", in_solve(v1::SESSION_STATE_PAUSED), ".R.CS.MD."},

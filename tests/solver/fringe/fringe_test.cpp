@@ -253,6 +253,34 @@ TEST(Unwrap, BarsTellOnePeriodFromTheNext) {
   EXPECT_GT(found, tried * 3 / 4);  // beside edges of bars, where one bar says nothing, some are left out
 }
 
+// Seven, eight and nine fringes along each side: no wave is as long as the monitor, their beats are.
+TEST(Unwrap, BeatsTellOnePeriodFromTheNext) {
+  WaveMonitor heterodyne{.texture = 0, .extent = {.width_px = 128.0, .height_px = 96.0}, .waves = {}};
+  for (const double fringes : {7.0, 8.0, 9.0}) {
+    heterodyne.waves.push_back(wave_of(0.0, 128.0 / fringes));
+    heterodyne.waves.push_back(wave_of(90.0, 96.0 / fringes));
+  }
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> x(0.0, 128.0), y(0.0, 96.0), noise(0.002, 0.1);
+  int quiet = 0, quiet_found = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const Footprint truth{.weight = 0.7, .x_px = x(random), .y_px = y(random), .xx_px2 = 0.5, .yy_px2 = 0.5};
+    if (near_edge(truth, heterodyne.extent)) continue;
+    const double sd = noise(random);
+    const Unwrapped place = unwrap(heterodyne, seen(heterodyne, one(truth), sd, random), 0.0);
+    // The nearest rivals, a period of 7 fringes apart, differ by 1/7 and 2/7 of a turn in 8 and 9 fringes:
+    // at this noise (1/200 of a turn in each phase) far more than 4.9 standard deviations.
+    const bool is_quiet = sd < 0.02;
+    quiet += is_quiet ? 1 : 0;
+    if (!place.found) continue;
+    quiet_found += is_quiet ? 1 : 0;
+    EXPECT_NEAR(place.centre_px.x(), truth.x_px, 5.0) << i << ", noise " << sd;  // a wrong period: 10 px
+    EXPECT_NEAR(place.centre_px.y(), truth.y_px, 5.0) << i << ", noise " << sd;
+  }
+  EXPECT_GT(quiet, 1000);
+  EXPECT_EQ(quiet_found, quiet);
+}
+
 TEST(SpectrumFit, TwoPlacesAreToldFromOneAndFound) {
   const WaveMonitor waves = monitor();
   std::mt19937 random(5);
@@ -385,6 +413,7 @@ void expect_truth(const Matte& matte) {
 
 TEST(Fringe, GivesBackTheMatteAndTheBackground) {
   expect_truth(Simulated(3, true).solve().value());
+  expect_truth(Simulated(3, true, 100.0).solve().value());  // no wave is as long as the monitor
 }
 
 TEST(Fringe, MeasuresNoiseItselfAndNeedsNoBlack) {
@@ -420,7 +449,18 @@ TEST(Fringe, SaysWhatIsMissing) {
     return lay_out_fringes(manifest).status();
   }();
   EXPECT_NE(message(two_phases).find("at 2 phases; at least 3"), std::string::npos) << two_phases;
-  const absl::Status ambiguous = lay_out_fringes(Simulated(3, true, 100.0).manifest).status();
+  const absl::Status ambiguous = [&] {
+    const v1::CaptureManifest manifest = Simulated(3, true, 100.0).manifest;
+    // The finer ones tell its two periods apart.
+    EXPECT_EQ(lay_out_fringes(manifest).status(), absl::OkStatus());
+    v1::CaptureManifest alone = manifest;
+    alone.clear_frames();
+    for (const v1::Frame& frame : manifest.frames()) {
+      if (frame.stimulus().kind() != "sinusoid" || frame.stimulus().period_px() == 100.0)
+        *alone.add_frames() = frame;
+    }
+    return lay_out_fringes(alone).status();
+  }();
   EXPECT_NE(message(ambiguous).find("along x on monitor \"back\" has a period of 100 px"), std::string::npos)
       << ambiguous;
   for (v1::Frame& frame : *simulated.manifest.mutable_frames()) {

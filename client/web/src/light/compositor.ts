@@ -59,10 +59,14 @@ export class Compositor {
   private readonly shapes: PyramidShape[];
   private readonly mix: PrimaryMix;
   private readonly pyramids: Pyramids;
+  /** Of whole pictures, stretched to their monitors, for drawing while they move. */
+  private readonly whole: Pyramids;
+  private readonly places: Float32Array;
+  private readonly unplaced = new Map<number, Placement>();
   private readonly program: Program;
   private readonly pictures: (Picture | undefined)[] = [];
 
-  /** Drawing sets the canvas to the matte's size. NoWebGl names what the browser lacks. */
+  /** Drawing sets the canvas to the size of the matte, or of `view`. NoWebGl names what the browser lacks. */
   constructor(canvas: HTMLCanvasElement, matte: Drawable) {
     const { metadata } = matte;
     if (metadata.monitors.length > kMaxMonitors)
@@ -78,6 +82,8 @@ export class Compositor {
       this.shapes.flatMap(({ width, height }) => [width, height]),
     );
     this.pyramids = new Pyramids(gl, this.shapes);
+    this.whole = new Pyramids(gl, this.shapes, true);
+    this.places = new Float32Array(4 * this.shapes.length);
     const levels = this.shapes.flatMap((shape) => shape.levels);
     this.program = new Program(
       gl,
@@ -94,6 +100,10 @@ export class Compositor {
         this.shapes.slice(0, t).reduce((sum, { levels: own }) => sum + own.length, 0),
       ),
     );
+    gl.uniform1iv(
+      this.program.at("u_last_level"),
+      this.shapes.map(({ levels: own }) => own.length - 1),
+    );
     gl.uniform1i(this.program.at("u_border"), kBorder);
     gl.uniformMatrix3fv(this.program.at("u_primaries"), true, this.mix.primaries);
     this.setMatte(matte);
@@ -104,33 +114,55 @@ export class Compositor {
     this.surface.setMatte(matte);
   }
 
+  /** Draws only this part of the matte; undefined: all of it. */
+  set view(part: Box | undefined) {
+    this.surface.view = part;
+  }
+
   /** Sets an sRGB picture for a monitor; null is black. */
   setPicture(monitor: number, image: ImageBitmap | null): void {
     const { gl } = this.surface;
     const before = this.pictures[monitor];
     if (before) gl.deleteTexture(before.texture);
     this.pictures[monitor] = undefined;
-    if (!image) return this.pyramids.clear(monitor);
-    this.pictures[monitor] = srgbPicture(gl, image);
+    this.unplaced.delete(monitor);
+    if (!image) {
+      this.whole.clear(monitor);
+      return this.pyramids.clear(monitor);
+    }
+    const picture = (this.pictures[monitor] = srgbPicture(gl, image));
+    const { width, height } = this.shapes[monitor]!.levels[0]!;
+    const stretched = { x: 0, y: 0, stepX: picture.width / width, stepY: picture.height / height };
+    this.whole.fill(monitor, picture, stretched, this.mix.seen[monitor]!);
   }
 
   place(monitor: number, standing: Standing): void {
     const picture = this.pictures[monitor];
     if (!picture) return;
-    this.pyramids.fill(
-      monitor,
-      picture,
-      placementOf(picture, this.shapes[monitor]!.levels[0]!, standing),
-      this.mix.seen[monitor]!,
-    );
+    const shape = this.shapes[monitor]!.levels[0]!;
+    const place = placementOf(picture, shape, standing);
+    const [acrossX, acrossY] = [shape.width / picture.width, shape.height / picture.height];
+    this.places.set([acrossX * place.x, acrossY * place.y, acrossX * place.stepX, acrossY * place.stepY], 4 * monitor);
+    this.unplaced.set(monitor, place);
   }
 
-  /** `gain`: factor on the composite's light. `step`: every how many pixels along both sides one is drawn. */
-  draw(gain: number, step: number): void {
+  /**
+   * `gain`: factor on the composite's light. `step`: every how many pixels along both sides one is drawn. `moving`: each footprint
+   * about, by a few look-ups.
+   */
+  draw(gain: number, step: number, moving = false): void {
     const { gl } = this.surface;
+    if (!moving) {
+      for (const [monitor, place] of this.unplaced)
+        this.pyramids.fill(monitor, this.pictures[monitor]!, place, this.mix.seen[monitor]!);
+      this.unplaced.clear();
+    }
     const program = this.program.use();
-    program.bind("u_pyramid", kFreeUnit, gl.TEXTURE_2D_ARRAY, this.pyramids.texture);
+    const { texture } = moving ? this.whole : this.pyramids;
+    program.bind("u_pyramid", kFreeUnit, gl.TEXTURE_2D_ARRAY, texture);
+    gl.uniform4fv(program.at("u_place"), this.places);
     gl.uniform1f(program.at("u_gain"), gain);
+    gl.uniform1i(program.at("u_moving"), moving ? 1 : 0);
     this.surface.draw(program, step);
   }
 

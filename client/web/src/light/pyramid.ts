@@ -37,6 +37,8 @@ export class Pyramids {
   constructor(
     private readonly gl: WebGL2RenderingContext,
     private readonly shapes: PyramidShape[],
+    /** Beyond its edges a picture goes on as it ends; else it is black there. */
+    private readonly clamps = false,
   ) {
     this.resize = new Program(gl, kEverything, kResize);
     this.halveAcross = new Program(gl, kEverything, kHalveAcross);
@@ -126,6 +128,7 @@ export class Pyramids {
     const across = this.halveAcross.use();
     across.bind("u_pyramid", 0, gl.TEXTURE_2D_ARRAY, this.texture);
     gl.uniform1i(across.at("u_layer"), layer);
+    gl.uniform1i(across.at("u_clamps"), this.clamps ? 1 : 0);
     gl.uniform1i(across.at("u_border"), kBorder);
     gl.uniform4i(across.at("u_above"), above.x, above.y, above.width, above.height);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -134,6 +137,7 @@ export class Pyramids {
     const down = this.halveDown.use();
     down.bind("u_across", 0, gl.TEXTURE_2D, this.scratch.texture);
     gl.uniform1i(down.at("u_border"), kBorder);
+    gl.uniform1i(down.at("u_clamps"), this.clamps ? 1 : 0);
     gl.uniform1i(down.at("u_height"), above.height);
     gl.uniform2i(down.at("u_corner"), level.x - kBorder, level.y - kBorder);
     gl.drawArrays(gl.TRIANGLES, 0, 3);

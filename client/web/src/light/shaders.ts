@@ -16,7 +16,7 @@ precision highp usampler2D;
 
 /**
  * Resamples a picture along one axis: sample i of the result is the picture's mean over [start + i step, start + (i + 1)
- * step], or, if step < 1, interpolated between two samples. The picture wraps around.
+ * step], or, if step < 1, interpolated between two samples. Beyond its edges the picture goes on as it ends (clamp).
  */
 export const kResize = `${kHead}
 uniform sampler2D u_picture;
@@ -32,19 +32,16 @@ vec3 at(int i, int across) { return texelFetch(u_picture, u_down ? ivec2(across,
 void main() {
   ivec2 to = ivec2(gl_FragCoord.xy) - u_corner;
   int across = u_down ? to.x : to.y;
-  float size = float(u_size), low = u_start + float(u_down ? to.y : to.x) * u_step;
-  low -= size * floor(low / size);
+  float low = clamp(u_start + float(u_down ? to.y : to.x) * u_step, -u_step - 1.0, float(u_size) + 1.0);
   vec3 sum = vec3(0.0);
   if (u_step > 1.0) {
-    int first = int(low), last = int(ceil(low + u_step - 1e-4));
+    int first = int(floor(low)), last = int(ceil(low + u_step - 1e-4));
     for (int i = first; i < last; ++i) {
       float share = min(low + u_step, float(i + 1)) - max(low, float(i));
-      sum += max(share, 0.0) / u_step * at(i % u_size, across);
+      sum += max(share, 0.0) / u_step * at(clamp(i, 0, u_size - 1), across);
     }
   } else {
-    float middle = low + 0.5 * u_step;
-    if (middle >= size) middle -= size;
-    middle -= 0.5;
+    float middle = low + 0.5 * u_step - 0.5;
     int i = int(floor(middle));
     sum = mix(at(clamp(i, 0, u_size - 1), across), at(clamp(i + 1, 0, u_size - 1), across), middle - float(i));
   }
@@ -52,6 +49,7 @@ void main() {
 }`;
 
 const kHalveBody = `
+uniform bool u_clamps;  // the level goes on as it ends; else it has a border
 const float kFilter[6] = float[](1.0 / 32.0, 5.0 / 32.0, 10.0 / 32.0, 10.0 / 32.0, 5.0 / 32.0, 1.0 / 32.0);
 out vec4 o_light;
 `;
@@ -66,6 +64,7 @@ void main() {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < 6; ++k) {
     int x = 2 * to.x + k - 2;
+    if (u_clamps) x = clamp(x, 0, u_above.z - 1);
     if (x < -u_border || x >= u_above.z + u_border) continue;
     sum += kFilter[k] * texelFetch(u_pyramid, ivec3(u_above.xy + ivec2(x, to.y), u_layer), 0).rgb;
   }
@@ -82,6 +81,7 @@ void main() {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < 6; ++k) {
     int y = 2 * (to.y - u_border) + k - 2;
+    if (u_clamps) y = clamp(y, 0, u_height - 1);
     if (y < -u_border || y >= u_height + u_border) continue;
     sum += kFilter[k] * texelFetch(u_across, ivec2(to.x, y + u_border), 0).rgb;
   }
@@ -170,11 +170,61 @@ vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec
   return sum;
 }`;
 
+/**
+ * glimpse(): about the light of a footprint, for pictures that move. It reads the pyramid of the whole picture, so that a move
+ * changes u_place alone, and is black beyond the monitor by a ramp of the blur's width. Up to eight probes stand along its wider axis, evenly, so that
+ * they have its variance there beyond that of the narrower axis; each reads the two levels whose blurs enclose the narrower one,
+ * mixed so that their variances are right. A reading of level l, interpolated between flat samples, has 4^l 2/3 - 5/12 px^2.
+ */
+const kGlimpse = `
+const float kMaxProbes = 8.0;
+// Probes may stand two deviations of their blur apart: eight of them reach 21 times its variance.
+const float kMaxRatio = 22.0;
+
+vec3 probe(vec2 at, int layer, ivec4 level, float scale, vec2 texel) {
+  vec2 inside = clamp(at * scale, vec2(0.5), vec2(level.zw) - 0.5);
+  return light_at(vec2(level.xy) + inside, layer, texel);
+}
+
+// Of centre and covariance in pixels of the monitor. place: the picture's pixels at the monitor's corner, and per pixel.
+vec3 glimpse(vec2 centre, vec3 q, vec4 place, int layer, int first, int last, vec2 texel) {
+  vec2 edge = vec2(u_levels[first].zw), soften = sqrt(12.0 * (max(q.xz, 0.0) + 1.0 / 12.0));
+  vec2 shown = clamp(0.5 + centre / soften, 0.0, 1.0) * clamp(0.5 + (edge - centre) / soften, 0.0, 1.0);
+  if (shown.x * shown.y == 0.0) return vec3(0.0);
+  centre = place.xy + place.zw * centre;
+  q *= vec3(place.z * place.z, place.z * place.w, place.w * place.w);
+  float mean = 0.5 * (q.x + q.z), away = length(vec2(0.5 * (q.x - q.z), q.y));
+  float wide = mean + away + 1.0 / 12.0, narrow = max(mean - away + 1.0 / 12.0, max(0.25, wide / kMaxRatio));
+  float beyond = max(wide - narrow, 0.0), probes = clamp(floor(sqrt(1.0 + 3.0 * beyond / narrow) + 0.5), 1.0, kMaxProbes);
+  vec2 along = vec2(0.0);
+  if (probes > 1.0) {
+    float more = mean + away;
+    along = sqrt(12.0 * beyond / (probes * probes - 1.0)) *
+            normalize(q.x > q.z ? vec2(more - q.z, q.y) : vec2(q.y, more - q.x));
+  } else {
+    narrow += 0.5 * beyond;
+  }
+  int level = clamp(int(0.5 * log2(1.5 * narrow + 0.625)), 0, max(last - 1, 0));
+  float scale = exp2(-float(level)), area = 1.0 / (scale * scale), blur = area * 2.0 / 3.0 - 5.0 / 12.0;
+  float share = clamp((narrow - blur) / (2.0 * area), 0.0, 1.0);
+  ivec4 sharp = u_levels[first + level], soft = u_levels[first + min(level + 1, last)];
+  vec3 sum = vec3(0.0);
+  for (float i = 0.5 - 0.5 * probes; i < 0.5 * probes; i += 1.0) {
+    vec2 at = centre + i * along;
+    vec3 light = probe(at, layer, sharp, scale, texel);
+    if (share > 0.0) light = mix(light, probe(at, layer, soft, 0.5 * scale, texel), share);
+    sum += light;
+  }
+  return shown.x * shown.y / probes * sum;
+}
+`;
+
 /** A pixel's composite: F and the light of its footprints, of which seen() tells by the eight words of each. */
 export const kComposite = `
 uniform usampler2D u_index, u_list;
 uniform sampler2D u_foreground;
 uniform int u_step;  // matte pixels per drawn pixel along each side
+uniform ivec4 u_view;  // the drawn part of the matte: x, y, width, height
 uniform mat3 u_primaries;
 uniform float u_gain;
 out vec4 o_colour;
@@ -185,9 +235,9 @@ vec3 coded(vec3 light) {  // sRGB
 }
 
 void main() {
-  ivec2 size = textureSize(u_foreground, 0), at = ivec2(gl_FragCoord.xy);
-  at.y = (size.y + u_step - 1) / u_step - 1 - at.y;  // the canvas counts from below
-  at = min(at * u_step + u_step / 2, size - 1);
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  at.y = (u_view.w + u_step - 1) / u_step - 1 - at.y;  // the canvas counts from below
+  at = u_view.xy + min(at * u_step + u_step / 2, u_view.zw - 1);
   vec3 light = texelFetch(u_foreground, at, 0).rgb;
   uvec2 range = texelFetch(u_index, at, 0).xy;
   int list_width = textureSize(u_list, 0).x;
@@ -204,14 +254,23 @@ void main() {
 /** The composite before monitors. */
 export const composite = (levelCount: number, monitorCount: number, box: boolean): string => `${kHead}
 uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
-uniform int u_first_level[${monitorCount}];  // of a monitor
+uniform int u_first_level[${monitorCount}], u_last_level[${monitorCount}];  // of a monitor; the last counts from its first
+uniform bool u_moving;
+uniform vec4 u_place[${monitorCount}];
 ${integrate(box)}
+${kGlimpse}
 
 vec3 seen(uvec4 one, uvec4 two) {
   int monitor = int((two.z >> 16) & 0xffu), level = int(two.z >> 24);
   vec3 q = vec3(uintBitsToFloat(one.z), uintBitsToFloat(two.x), uintBitsToFloat(one.w));
   vec2 centre = vec2(uintBitsToFloat(one.x), uintBitsToFloat(one.y));
-  return integrate(centre, q, uintBitsToFloat(two.w), monitor, u_levels[u_first_level[monitor] + level],
-                   1.0 / vec2(textureSize(u_pyramid, 0).xy));
+  int first = u_first_level[monitor];
+  vec2 texel = 1.0 / vec2(textureSize(u_pyramid, 0).xy);
+  if (u_moving) {
+    float scale = exp2(float(level)), area = scale * scale, less = 0.5 * (area - 1.0);
+    vec3 whole = vec3(area * q.x + less, area * q.y, area * q.z + less);
+    return glimpse(scale * centre, whole, u_place[monitor], monitor, first, u_last_level[monitor], texel);
+  }
+  return integrate(centre, q, uintBitsToFloat(two.w), monitor, u_levels[first + level], texel);
 }
 ${kComposite}`;

@@ -1,6 +1,7 @@
 // The canvas, its context, and a matte's pixels as the textures that both compositors' shaders read.
 import type { Footprints } from "./footprints";
 import { NoWebGl, Program, makeTexture, openContext } from "./gl";
+import type { Box } from "./matte";
 
 export interface Pixels {
   width: number;
@@ -17,10 +18,12 @@ export class Surface {
   private readonly foreground: WebGLTexture;
   private readonly index: WebGLTexture;
   private readonly list: WebGLTexture;
-  private size = { width: 0, height: 0 };
+  private whole: Box = { x: 0, y: 0, width: 0, height: 0 };
+  /** The part of the matte that is drawn; undefined: all of it. */
+  view: Box | undefined;
   private drawn: WebGLSync | null = null;
 
-  /** Drawing sets the canvas to the matte's size. NoWebGl names what the browser lacks. */
+  /** Drawing sets the canvas to the size of the matte, or of `view`. NoWebGl names what the browser lacks. */
   constructor(private readonly canvas: HTMLCanvasElement) {
     const gl = (this.gl = openContext(canvas));
     this.foreground = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
@@ -39,7 +42,7 @@ export class Surface {
 
   setMatte({ width, height, foreground, footprints }: Pixels): void {
     const { gl } = this;
-    this.size = { width, height };
+    this.whole = { x: 0, y: 0, width, height };
     const light = new Float32Array(4 * width * height);
     for (let i = 0; i < width * height; ++i) light.set(foreground.subarray(3 * i, 3 * i + 3), 4 * i);
     const load = (
@@ -71,11 +74,13 @@ export class Surface {
   /** `program`: in use, with all else that it needs. `step`: every how many pixels along both sides one is drawn. */
   draw(program: Program, step: number): void {
     const { gl, canvas } = this;
-    const [width, height] = [Math.ceil(this.size.width / step), Math.ceil(this.size.height / step)];
+    const part = this.view ?? this.whole;
+    const [width, height] = [Math.ceil(part.width / step), Math.ceil(part.height / step)];
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, width, height);
     gl.uniform1i(program.at("u_step"), step);
+    gl.uniform4i(program.at("u_view"), part.x, part.y, part.width, part.height);
     program.bind("u_index", 0, gl.TEXTURE_2D, this.index);
     program.bind("u_list", 1, gl.TEXTURE_2D, this.list);
     program.bind("u_foreground", 2, gl.TEXTURE_2D, this.foreground);

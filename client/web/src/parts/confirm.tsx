@@ -9,6 +9,8 @@ interface ConfirmProps {
   action: string;
   /** The other button's text; default: "Keep". Then nothing is lost by the action. */
   refusal?: string;
+  /** Something is lost although `refusal` is named. */
+  danger?: boolean;
   run: () => Promise<unknown>;
   /** Called after `run` succeeded and the dialog was closed. */
   done: () => void;
@@ -17,7 +19,7 @@ interface ConfirmProps {
 }
 
 /** Asks before something is lost, or before the rig is used. */
-export function Confirm({ title, action, refusal, run, done, close, children }: ConfirmProps) {
+export function Confirm({ title, action, refusal, danger = !refusal, run, done, close, children }: ConfirmProps) {
   const { busy, error, act } = useAction();
   const confirm = async (): Promise<void> => {
     if (!(await act(run))) return;
@@ -36,7 +38,7 @@ export function Confirm({ title, action, refusal, run, done, close, children }: 
         <button type="button" onClick={close}>
           {refusal ?? "Keep"}
         </button>
-        <button type="button" class={refusal ? "primary" : "danger"} disabled={busy} onClick={() => void confirm()}>
+        <button type="button" class={danger ? "danger" : "primary"} disabled={busy} onClick={() => void confirm()}>
           {action}
         </button>
       </div>

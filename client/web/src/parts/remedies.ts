@@ -37,7 +37,7 @@ const kPlaces: Record<string, Place> = {
   hold: { label: "Rig", hash: "#/rig" },
 };
 
-const calibrations = (label: string): { place: Place } => ({ place: { label, hash: "#/rig/calibrations" } });
+const calibrations = (label: string): { place: Place } => ({ place: { label, hash: "#/calibrations" } });
 
 type Offer = Pick<Part, "call" | "place">;
 

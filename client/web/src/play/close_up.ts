@@ -18,10 +18,10 @@ export function pointAt(element: DOMRectReadOnly, at: { clientX: number; clientY
   };
 }
 
-/** The region of `picture` around a point of the canvas. */
-export function closeUp(canvas: HTMLCanvasElement, at: { clientX: number; clientY: number }, picture: Size): Box {
-  const { x, y } = pointAt(canvas.getBoundingClientRect(), at, picture);
-  return regionAround(x, y, picture);
+/** The region of `picture` around a point of the canvas, which shows the part `view` of it. */
+export function closeUp(canvas: HTMLCanvasElement, at: { clientX: number; clientY: number }, view: Box, picture: Size): Box {
+  const { x, y } = pointAt(canvas.getBoundingClientRect(), at, view);
+  return regionAround(view.x + x, view.y + y, picture);
 }
 
 export function middleOf(element: Element): { clientX: number; clientY: number } {

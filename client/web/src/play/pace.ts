@@ -22,6 +22,11 @@ export class Pace {
     return step;
   }
 
+  /** What follows is drawn at full resolution until its time is known. */
+  forget(): void {
+    this.whole_ms = 0;
+  }
+
   /** Coarse pictures can only show slowness: times below a refresh cannot be measured. */
   took(step: number, time_ms: number): void {
     const whole_ms = time_ms * step * step;

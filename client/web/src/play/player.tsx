@@ -132,6 +132,7 @@ export function Player({ session, frames, draft }: PlayerProps) {
       }
       if (stage.current) return stage.current.setMatte(matte);
       const made = (stage.current = new Stage(canvas.current!, matte));
+      made.setCrop(crop);
       made.monitors.forEach(({ width, height }, t) =>
         made.setPicture(t, paint("landscape", width, height, kFirstChoice.colour)),
       );
@@ -156,7 +157,7 @@ export function Player({ session, frames, draft }: PlayerProps) {
       set: (standing) => stage.current!.move(chosen.current, standing),
       size: () => {
         const { width, height } = stage.current!.monitors[chosen.current]!;
-        const share = (shown.current?.width ?? whole.current.width) / whole.current.width;
+        const share = stage.current!.shownShare * ((shown.current?.width ?? whole.current.width) / whole.current.width);
         return { width: share * width, height: share * height };
       },
     });
@@ -188,12 +189,14 @@ export function Player({ session, frames, draft }: PlayerProps) {
   };
   const download = (): void => {
     const name = frame === undefined ? `${session}.png` : `${session}-${String(frame).padStart(4, "0")}.png`;
-    stage.current!.picture(fill, crop).then((picture) => save(picture, name), setError);
+    stage.current!.picture(fill).then((picture) => save(picture, name), setError);
   };
 
   const lookCloser = (at: { clientX: number; clientY: number }): void => {
     setPicking(false);
-    setCloser(closeUp(canvas.current!, at, whole.current));
+    const { x, y, width, height } = stage.current!.view ?? { x: 0, y: 0, ...whole.current };
+    const step = stage.current!.view ? sampling : 1;
+    setCloser(closeUp(canvas.current!, at, { x: step * x, y: step * y, width: step * width, height: step * height }, whole.current));
   };
   const sampling = metadata ? samplingOf(metadata) : 1;
 
@@ -281,7 +284,14 @@ export function Player({ session, frames, draft }: PlayerProps) {
           )}
           {!seesAll && (
             <label title="Without the rows and columns that see no picture on a monitor, such as its id patch">
-              <input type="checkbox" checked={crop} onChange={(event) => setCrop(event.currentTarget.checked)} />
+              <input
+                type="checkbox"
+                checked={crop}
+                onChange={(event) => {
+                  setCrop(event.currentTarget.checked);
+                  stage.current!.setCrop(event.currentTarget.checked);
+                }}
+              />
               Crop the id patch
             </label>
           )}

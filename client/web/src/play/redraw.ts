@@ -1,5 +1,5 @@
-// Coalesces changes into one drawing, which starts once the previous one is done; on slow devices moving pictures are drawn
-// coarser.
+// Coalesces changes into one drawing, which starts once the previous one is done. Moving pictures may be drawn with less care, on
+// slow devices also coarser; once they rest they are drawn as they are.
 import { Pace } from "./pace";
 
 /** Time after the last change until the picture counts as still. */
@@ -8,18 +8,18 @@ const kRest_ms = 200;
 export interface Drawing {
   /** True once everything that was drawn is on the canvas. */
   isDone: () => boolean;
-  /** `step`: every how many pixels along both sides one is drawn. */
-  draw: (step: number) => void;
+  /** `step`: every how many pixels along both sides one is drawn. `moving`: another picture may follow at once. */
+  draw: (step: number, moving: boolean) => void;
 }
 
 export class Redraw {
   private readonly pace: Pace;
   /** A change is not drawn yet, or only coarsely. */
   private isOld = false;
-  private isCoarse = false;
+  private isRough = false;
   private changed_ms = 0;
   private prepares = false;
-  private drawing: { step: number; since_ms: number; prepares: boolean } | undefined;
+  private drawing: { step: number; since_ms: number; counts: boolean } | undefined;
   private waiting = 0;
 
   /** `side_px`: the picture's longer side. The canvas is busy until everything is drawn. */
@@ -27,6 +27,8 @@ export class Redraw {
     private readonly canvas: HTMLCanvasElement,
     side_px: number,
     private readonly to: Drawing,
+    /** Drawing takes care of moving pictures. */
+    private readonly hurries = false,
   ) {
     this.pace = new Pace(side_px);
   }
@@ -34,7 +36,7 @@ export class Redraw {
   /** `prepares`: more than a picture is to be drawn, so that its time says nothing of the next one's. */
   soon(prepares = false): void {
     this.prepares ||= prepares;
-    if (prepares && this.drawing) this.drawing.prepares = true; // which waits for it
+    if (prepares && this.drawing) this.drawing.counts = false; // which waits for it
     this.canvas.ariaBusy = "true";
     this.isOld = true;
     this.changed_ms = performance.now();
@@ -42,7 +44,7 @@ export class Redraw {
   }
   /** At full resolution. */
   now(): void {
-    this.draw(1);
+    this.draw(1, false);
   }
   close(): void {
     cancelAnimationFrame(this.waiting);
@@ -55,18 +57,20 @@ export class Redraw {
     this.waiting = 0;
     if (!this.to.isDone()) return this.look();
     const now = performance.now();
-    if (this.drawing && !this.drawing.prepares) this.pace.took(this.drawing.step, now - this.drawing.since_ms);
+    if (this.drawing?.counts) this.pace.took(this.drawing.step, now - this.drawing.since_ms);
     this.drawing = undefined;
-    if (this.isOld) this.draw(this.pace.step);
-    else if (this.isCoarse && now - this.changed_ms > kRest_ms) this.draw(1);
-    if (this.drawing || this.isCoarse) this.look();
+    if (this.isOld) this.draw(this.pace.step, true);
+    else if (this.isRough && now - this.changed_ms > kRest_ms) this.draw(1, false);
+    if (this.drawing || this.isRough) this.look();
     else this.canvas.ariaBusy = "false";
   }
-  private draw(step: number): void {
-    this.to.draw(step);
-    this.drawing = { step, since_ms: performance.now(), prepares: this.prepares };
+  private draw(step: number, moving: boolean): void {
+    this.to.draw(step, moving);
+    if (!moving && this.hurries) this.pace.forget();
+    // The pace is that of moving pictures.
+    this.drawing = { step, since_ms: performance.now(), counts: !this.prepares && (moving || !this.hurries) };
     this.prepares = false;
     this.isOld = false;
-    this.isCoarse = step > 1;
+    this.isRough = step > 1 || (moving && this.hurries);
   }
 }

@@ -12,20 +12,22 @@ export class Stage {
   private readonly standings: Standing[];
   private readonly moved = new Set<number>();
   private gain = 1;
-  private unsolved: Uint32Array;
-  private seeing: Box;
+  private cropped = false;
+  private matte: Drawable;
   private readonly redraw: Redraw;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
     matte: Drawable,
   ) {
+    this.matte = matte;
     this.compositor = new Compositor(canvas, matte);
-    [this.unsolved, this.seeing] = [matte.unsolved, matte.seeing];
-    this.redraw = new Redraw(canvas, Math.max(matte.width, matte.height), {
-      isDone: () => this.compositor.isDone,
-      draw: (step) => this.draw(step),
-    });
+    this.redraw = new Redraw(
+      canvas,
+      Math.max(matte.width, matte.height),
+      { isDone: () => this.compositor.isDone, draw: (step, moving) => this.draw(step, moving) },
+      true,
+    );
     this.monitors = matte.metadata.monitors.map(({ name, width_px, height_px }) => ({
       name,
       width: width_px,
@@ -41,13 +43,29 @@ export class Stage {
     return this.standings[monitor]!;
   }
   setMatte(matte: Drawable): void {
+    this.matte = matte;
     this.compositor.setMatte(matte);
-    [this.unsolved, this.seeing] = [matte.unsolved, matte.seeing];
+    this.compositor.view = this.view;
+    this.redraw.soon(true);
+  }
+  /** `on`: only the pixels that see a monitor's picture are shown, and downloaded. */
+  setCrop(on: boolean): void {
+    this.cropped = on;
+    this.compositor.view = this.view;
     this.redraw.soon();
+  }
+  /** Of the matte's width. */
+  get shownShare(): number {
+    return (this.view?.width ?? this.matte.width) / this.matte.width;
+  }
+  /** The part of the matte that is shown; undefined: all of it. */
+  get view(): Box | undefined {
+    return this.cropped ? this.matte.seeing : undefined;
   }
   setPicture(monitor: number, image: ImageBitmap): void {
     this.compositor.setPicture(monitor, image);
-    this.move(monitor, this.standing(monitor));
+    this.moved.add(monitor);
+    this.redraw.soon(true);
   }
   move(monitor: number, standing: Standing): void {
     this.standings[monitor] = standing;
@@ -59,22 +77,22 @@ export class Stage {
     this.redraw.soon();
   }
 
-  /**
-   * The canvas as a PNG, once everything requested is drawn. `fill`: the unsolved pixels from their neighbours. `crop`: to
-   * the pixels that see a monitor's picture.
-   */
-  picture(fill: boolean, crop: boolean): Promise<Blob> {
+  /** What is shown as a PNG, once everything requested is drawn. `fill`: the unsolved pixels from their neighbours. */
+  picture(fill: boolean): Promise<Blob> {
+    this.compositor.view = undefined; // pixels are filled from those beyond the crop, too
     this.redraw.now();
     const copy = new OffscreenCanvas(this.canvas.width, this.canvas.height);
     const pen = copy.getContext("2d")!;
     pen.drawImage(this.canvas, 0, 0);
     if (fill) {
       const pixels = pen.getImageData(0, 0, copy.width, copy.height);
-      fillUnsolved(pixels, this.unsolved);
+      fillUnsolved(pixels, this.matte.unsolved);
       pen.putImageData(pixels, 0, 0);
     }
-    if (!crop) return copy.convertToBlob({ type: "image/png" });
-    const { x, y, width, height } = this.seeing;
+    if (!this.view) return copy.convertToBlob({ type: "image/png" });
+    this.compositor.view = this.view;
+    this.redraw.now();
+    const { x, y, width, height } = this.view;
     const part = new OffscreenCanvas(width, height);
     part.getContext("2d")!.drawImage(copy, -x, -y);
     return part.convertToBlob({ type: "image/png" });
@@ -85,9 +103,9 @@ export class Stage {
     this.compositor.close();
   }
 
-  private draw(step: number): void {
+  private draw(step: number, moving: boolean): void {
     for (const monitor of this.moved) this.compositor.place(monitor, this.standing(monitor));
     this.moved.clear();
-    this.compositor.draw(this.gain, step);
+    this.compositor.draw(this.gain, step, moving);
   }
 }

@@ -89,8 +89,8 @@ export function Calibrations() {
     ...(known.sync?.monitors ?? []).map(syncRow),
   ];
   return (
-    <section id="calibrations" class="card">
-      <h2>Calibrations</h2>
+    <section class="card">
+      <h2>In force</h2>
       <Calibrate done={look} />
       {error !== undefined && <Failure error={error} />}
       {known?.fits?.map(({ session = "", since = "" }) => (

@@ -1,4 +1,5 @@
 import type { ClockOffsetJson } from "../gen/glasswing/v1/node_service_pb";
+import { nanosecondsText } from "../parts/words";
 
 const kMax = 900; // samples kept: the server's, one every ten seconds, and then one per second
 
@@ -8,6 +9,11 @@ export interface History {
   offset: number[];
   above: number[];
   below: number[];
+}
+
+/** Of a node's clock from the server's, with its bound. */
+export function offsetText({ offsetNs, boundNs }: ClockOffsetJson): string {
+  return `${nanosecondsText(Number(offsetNs ?? 0))} ± ${nanosecondsText(Number(boundNs ?? 0))}`;
 }
 
 /** Adds a measurement unless it is known. Undefined: nothing is known yet. */

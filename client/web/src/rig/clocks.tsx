@@ -2,7 +2,7 @@ import { call } from "../api";
 import type { GetClockHistoryResponseJson, NodeJson } from "../gen/glasswing/v1/node_service_pb";
 import { Chart, type ChartLine } from "../parts/chart";
 import { nanosecondsText } from "../parts/words";
-import { withOffset, type History } from "./clock_history";
+import { offsetText, withOffset, type History } from "./clock_history";
 
 // Kept across pages.
 const histories = new Map<string, History>();
@@ -27,7 +27,7 @@ export async function keepClocks(nodes: readonly NodeJson[], signal: AbortSignal
 const kLines: ChartLine[] = [
   { label: "at most", token: "--band-edge", width: 1 },
   { label: "at least", token: "--band-edge", width: 1 },
-  { label: "offset", token: "--accent" },
+  { label: "change", token: "--accent" },
 ];
 
 export function ClockCharts({ nodes }: { nodes: NodeJson[] }) {
@@ -36,19 +36,22 @@ export function ClockCharts({ nodes }: { nodes: NodeJson[] }) {
   return (
     <section class="card clocks">
       <h2>Clocks</h2>
-      <p class="note">The offset of each node's clock from the server's in the last hour, and its bounds.</p>
+      <p class="note">
+        How the offset of each node's clock from the server's has changed in the last hour, with its bounds: by how much it
+        was above that of now.
+      </p>
       <div class="charts">
         {shown.map(({ name = "", clock }) => {
-          const { time, offset, above, below, first_ns } = histories.get(name)!;
+          const { time, offset, above, below } = histories.get(name)!;
+          const since = (offsets: number[]): number[] => offsets.map((each) => each - offset.at(-1)!);
           return (
             <figure key={name}>
               <figcaption>
-                <b>{name}</b> <span class="digits">± {nanosecondsText(Number(clock?.boundNs ?? 0))}</span>
-                {Math.abs(first_ns) >= 1e6 && <span class="note"> from {nanosecondsText(first_ns)}</span>}
+                <b>{name}</b> <span class="note">offset now</span> <span class="digits">{offsetText(clock!)}</span>
               </figcaption>
               <Chart
-                label={`Clock of ${name} in the last hour`}
-                data={[[...time], [...above], [...below], [...offset]]}
+                label={`Change of the clock offset of ${name} in the last hour`}
+                data={[[...time], since(above), since(below), since(offset)]}
                 lines={kLines}
                 band={[1, 2]}
                 text={nanosecondsText}

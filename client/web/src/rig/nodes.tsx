@@ -1,7 +1,8 @@
 import { useState } from "preact/hooks";
 import type { NodeJson } from "../gen/glasswing/v1/node_service_pb";
 import { State } from "../parts/state";
-import { bytesText, nanosecondsText, plainName } from "../parts/words";
+import { bytesText, plainName } from "../parts/words";
+import { offsetText } from "./clock_history";
 import { LogDialog } from "./log";
 import { preparationText } from "./preparation";
 import { programOf, usualProgram } from "./programs";
@@ -19,12 +20,7 @@ function Disk({ node: { health } }: { node: NodeJson }) {
 }
 
 function Clock({ node: { clock } }: { node: NodeJson }) {
-  if (!clock) return <>–</>;
-  return (
-    <>
-      {nanosecondsText(Number(clock.offsetNs ?? 0))} ± {nanosecondsText(Number(clock.boundNs ?? 0))}
-    </>
-  );
+  return <>{clock ? offsetText(clock) : "–"}</>;
 }
 
 function Program({ node, usual }: { node: NodeJson; usual: string }) {
@@ -59,7 +55,7 @@ export function Nodes({ nodes }: { nodes: NodeJson[] }) {
               <th>Address</th>
               <th>Program</th>
               <th>Disk free</th>
-              <th>Clock</th>
+              <th>Clock offset</th>
               <th>Temperature</th>
               <th>Log</th>
             </tr>
@@ -86,7 +82,7 @@ export function Nodes({ nodes }: { nodes: NodeJson[] }) {
                 <td data-label="Disk free">
                   <Disk node={node} />
                 </td>
-                <td data-label="Clock" class="digits">
+                <td data-label="Clock offset" class="digits">
                   <Clock node={node} />
                 </td>
                 <td data-label="Temperature">

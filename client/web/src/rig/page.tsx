@@ -4,7 +4,6 @@ import type { PageProps } from "../pages";
 import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
 import { Message } from "../parts/message";
-import { Calibrations } from "./calibrations";
 import { ClockCharts, keepClocks } from "./clocks";
 import { Doctor } from "./doctor";
 import { Holder } from "./holder";
@@ -20,7 +19,7 @@ async function* nodesWithHistory(signal: AbortSignal): AsyncGenerator<ListNodesR
   }
 }
 
-/** `path`: the section to show: "check", "pattern" or "calibrations". */
+/** `path`: the section to show: "check" or "pattern". */
 export default function Page({ path: [section = ""] }: PageProps) {
   useEffect(() => document.getElementById(section)?.scrollIntoView(), [section]);
   const { value, live, error } = useFeed(nodesWithHistory, []);
@@ -46,7 +45,6 @@ export default function Page({ path: [section = ""] }: PageProps) {
       <ClockCharts nodes={nodes} />
       <Pattern />
       <Doctor />
-      <Calibrations />
     </div>
   );
 }

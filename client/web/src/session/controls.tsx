@@ -11,7 +11,7 @@ import { bytesText, timeText } from "../parts/words";
 import { fitCalibration } from "../rig/calibrate";
 import { useRunningFit } from "../rig/running_fit";
 import { SolveDialog } from "./solve";
-import { allows } from "./states";
+import { allows, isCalibration } from "./states";
 
 function RetryDialog({ name, close }: { name: string; close: () => void }) {
   const [retries, setRetries] = useState("");
@@ -44,13 +44,19 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
   );
 }
 
+function afterCancel(session: SessionJson): string {
+  if (session.state === "SESSION_STATE_SOLVING" || session.tileCount)
+    return "The solve ends. The frames stay, and a matte of before.";
+  return "A cancelled capture cannot be resumed or solved; to go on with it later, pause it.";
+}
+
 /** A button for each action that the server allows now; viewers get none. */
 export function Controls({ session }: { session: SessionJson }) {
-  const [asked, setAsked] = useState<"solve" | "retry" | "remove">();
+  const [asked, setAsked] = useState<"solve" | "retry" | "cancel" | "remove">();
   const [fitted, setFitted] = useState(false);
   const { busy, error, act } = useAction();
-  const isCalibration = session.plan?.calibration !== undefined && session.state === "SESSION_STATE_CAPTURED";
-  const fitting = useRunningFit(session.name ?? "", isCalibration && mayOperate.value);
+  const canBeFitted = isCalibration(session) && session.state === "SESSION_STATE_CAPTURED";
+  const fitting = useRunningFit(session.name ?? "", canBeFitted && mayOperate.value);
   if (!mayOperate.value)
     return <p class="note">You are logged in as a viewer and cannot change anything.</p>;
   const name = session.name ?? "";
@@ -77,7 +83,7 @@ export function Controls({ session }: { session: SessionJson }) {
           {session.matteReady ? "Solve again…" : "Solve…"}
         </button>
       )}
-      {isCalibration && (
+      {canBeFitted && (
         <button class="primary" disabled={busy || fitting !== undefined} onClick={() => void act(() => fitCalibration(name)).then(setFitted)}>
           Fit the calibration
         </button>
@@ -89,12 +95,12 @@ export function Controls({ session }: { session: SessionJson }) {
       )}
       {fitted && (
         <b role="status">
-          Fitted: <a href="#/rig/calibrations">Calibrations</a>
+          Fitted: <a href="#/calibrations">Calibrations</a>
         </b>
       )}
       {allows(session, "SESSION_ACTION_CANCEL") && (
-        <button disabled={busy} onClick={change("CancelSession")}>
-          Cancel
+        <button disabled={busy} onClick={() => setAsked("cancel")}>
+          Cancel…
         </button>
       )}
       {allows(session, "SESSION_ACTION_DELETE") && (
@@ -105,12 +111,25 @@ export function Controls({ session }: { session: SessionJson }) {
       {error !== undefined && <Failure error={error} />}
       {asked === "solve" && <SolveDialog session={session} close={() => setAsked(undefined)} />}
       {asked === "retry" && <RetryDialog name={name} close={() => setAsked(undefined)} />}
+      {asked === "cancel" && (
+        <Confirm
+          title={`Cancel ${name}?`}
+          action="Cancel it"
+          refusal="Go on"
+          danger
+          run={async () => change("CancelSession")()}
+          done={() => undefined}
+          close={() => setAsked(undefined)}
+        >
+          <p>{afterCancel(session)}</p>
+        </Confirm>
+      )}
       {asked === "remove" && (
         <Confirm
           title={`Delete ${name}?`}
           action="Delete"
           run={() => call<DeleteSessionResponseJson>("SessionService/DeleteSession", { name })}
-          done={() => (location.hash = "#/session")}
+          done={() => (location.hash = isCalibration(session) ? "#/calibrations" : "#/session")}
           close={() => setAsked(undefined)}
         >
           <p>Its frames and mattes are removed for good.</p>

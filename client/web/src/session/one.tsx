@@ -16,7 +16,7 @@ import { stepLimit } from "./rates";
 import { Retakes } from "./retakes";
 import { RigChanges } from "./rig_changes";
 import { Scrubber } from "./scrubber";
-import { isCapturing, isUnderWay, kindOf, waitingText } from "./states";
+import { isCalibration, isCapturing, isUnderWay, kindOf, waitingText } from "./states";
 import { TimelineView } from "./timeline_view";
 import { useArchive } from "./use_archive";
 import { useTimeline } from "./use_timeline";
@@ -49,7 +49,7 @@ function Head({ session }: { session: SessionJson }) {
           {looks ? "Try backgrounds" : "Try backgrounds with the draft"}
         </a>
       )}
-      <a href="#/session">All sessions</a>
+      {isCalibration(session) ? <a href="#/calibrations">All calibrations</a> : <a href="#/session">All sessions</a>}
     </div>
   );
 }

@@ -58,9 +58,12 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
     retakenCount = 0,
     refusedCount = 0,
   } = session;
-  const perSecond = timeline && recentRate(timeline.provenAt);
+  // What waits has no rate, and nobody knows how long it takes.
+  const advances = isCapturing(session) && !session.waiting;
+  const perSecond =
+    timeline && recentRate(timeline.provenAt, Math.max(timeline.seconds, Number(session.captureSeconds ?? 0)));
   const limit = stepLimit(session.plan, archive.manifest?.monitors ?? []);
-  const left = isCapturing(session) ? secondsLeft(stepCount - provenCount, perSecond ?? limit) : undefined;
+  const left = advances ? secondsLeft(stepCount - provenCount, perSecond ?? limit) : undefined;
   const pixels = Number(session.objectPixelCount ?? 0),
     flagged = Number(session.flaggedPixelCount ?? 0),
     unsolved = Number(session.unsolvedPixelCount ?? 0);
@@ -79,7 +82,7 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
       text: retakenCount.toLocaleString("en"),
       ...(refusedCount > 0 && { more: `${refusedCount} frames showed another id` }),
     },
-    rateFact(session, perSecond, limit),
+    (advances || !isCapturing(session)) && rateFact(session, perSecond, limit),
     left !== undefined && { name: "Time left", text: secondsText(left) },
     !isCapturing(session) &&
       Number(session.captureSeconds ?? 0) > 0 && {

@@ -4,13 +4,17 @@ import type { PlanJson } from "../gen/glasswing/v1/plan_pb";
 const kWindow_s = 5;
 const kUsualHold = 2;
 
-/** Steps per second over the last `window` seconds. `times`: when each step was proven, ascending from 0; undefined: none was. */
-export function recentRate(times: Float64Array, window = kWindow_s): number | undefined {
+/**
+ * Steps per second over the last `window` seconds before `now`. `times`: when each step was proven, ascending from 0; undefined:
+ * none was.
+ */
+export function recentRate(times: Float64Array, now: number, window = kWindow_s): number | undefined {
   const last = times.at(-1);
   if (!last) return undefined;
+  const end = Math.max(now, last);
   let first = times.length;
-  while (first > 0 && times[first - 1]! > last - window) --first;
-  return (times.length - first) / Math.min(window, last);
+  while (first > 0 && times[first - 1]! > end - window) --first;
+  return (times.length - first) / Math.min(window, end);
 }
 
 /** Steps per second that the plan's slowest monitor allows, at holdRefreshes per step; undefined: no monitor is known. */

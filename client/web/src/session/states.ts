@@ -20,6 +20,11 @@ export function kindOf({ state }: SessionJson): StateKind {
   return kKinds[state ?? ""] ?? "faint";
 }
 
+/** It measures the rig's devices; other sessions hold an object. */
+export function isCalibration({ plan }: SessionJson): boolean {
+  return plan?.calibration !== undefined;
+}
+
 export function isCapturing({ state }: SessionJson): boolean {
   return state === "SESSION_STATE_CAPTURING" || state === "SESSION_STATE_CREATED";
 }

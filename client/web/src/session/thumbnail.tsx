@@ -1,4 +1,5 @@
 import { useEffect, useRef, useState } from "preact/hooks";
+import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { manifestOf } from "../parts/archive";
 import { fileName, framesBySteps, showpieceOf } from "./frames";
@@ -6,18 +7,30 @@ import { isCapturing } from "./states";
 
 const kWidth_px = 160; // of the picture; style.css shows it in half of that
 
+interface Showpiece {
+  file: string;
+  /** Width over height, without the id patch below a monitor that fills the picture. */
+  shape: number;
+}
+
 // Each session's frame to show, by its name and number of frames; one manifest is read at a time.
-const found = new Map<string, Promise<string | undefined>>();
+const found = new Map<string, Promise<Showpiece | undefined>>();
 let reading: Promise<unknown> = Promise.resolve();
 
-function showpiece(session: SessionJson): Promise<string | undefined> {
+export function shapeAbovePatch({ camera, monitors = [] }: CaptureManifestJson): number {
+  const shares = monitors.map(({ heightPx = 1, patchRows = 0 }) => heightPx / (heightPx + patchRows));
+  return (camera?.widthPx ?? 1) / ((camera?.heightPx ?? 1) * Math.min(1, ...shares));
+}
+
+function showpiece(session: SessionJson): Promise<Showpiece | undefined> {
   const key = `${session.name} ${session.provenCount ?? 0}`;
   let file = found.get(key);
   if (!file) {
     file = reading.then(async () => {
-      const frames = framesBySteps(await manifestOf(session));
+      const manifest = await manifestOf(session);
+      const frames = framesBySteps(manifest);
       const frame = frames[showpieceOf(frames)];
-      return frame && fileName(frame);
+      return frame && { file: fileName(frame), shape: shapeAbovePatch(manifest) };
     });
     found.set(key, file);
     file.catch(() => found.delete(key)); // its node may come back
@@ -29,7 +42,7 @@ function showpiece(session: SessionJson): Promise<string | undefined> {
 /** A session's frame with the object, when the row is first seen; empty during a capture and without frames. */
 export function Thumbnail({ session }: { session: SessionJson }) {
   const box = useRef<HTMLSpanElement>(null);
-  const [file, setFile] = useState<string>();
+  const [shown, setShown] = useState<Showpiece>();
   const { name = "", archiveAddress, provenCount = 0 } = session;
   const hasFrames = Boolean(archiveAddress) && provenCount > 0 && !isCapturing(session);
   useEffect(() => {
@@ -39,7 +52,7 @@ export function Thumbnail({ session }: { session: SessionJson }) {
       if (!seen.some(({ isIntersecting }) => isIntersecting)) return;
       watch.disconnect();
       showpiece(session).then(
-        (shown) => gone || setFile(shown),
+        (piece) => gone || setShown(piece),
         () => undefined, // the row says what it can without it
       );
     });
@@ -48,7 +61,14 @@ export function Thumbnail({ session }: { session: SessionJson }) {
   }, [name, hasFrames, provenCount]);
   return (
     <span ref={box} class="thumbnail">
-      {file && <img src={`/frames/${name}/${file}.jpg?width=${kWidth_px}`} alt="" loading="lazy" />}
+      {shown && (
+        <img
+          src={`/frames/${name}/${shown.file}.jpg?width=${kWidth_px}`}
+          alt=""
+          loading="lazy"
+          style={{ "--shape": shown.shape }}
+        />
+      )}
     </span>
   );
 }

@@ -121,6 +121,7 @@ async function measure_first_visits(browser, link) {
     ["#/matte/first", ".panels"],
     ["#/play/first", ".stage:visible"],
     ["#/rays", ".ray-choice"],
+    ["#/calibrations", "h1"],
     ["#/fleet", "table"],
   ])
     await look(page, hash, sign);
@@ -328,14 +329,14 @@ async function hold_and_release(page, rig) {
 }
 
 async function calibrate(page, rig) {
-  await look(page, "#/rig/calibrations", "#calibrations");
+  await look(page, "#/calibrations", ".curve, .note");
   await page.getByRole("button", { name: "Calibrate the camera…" }).click();
   await page.getByRole("dialog").getByRole("button", { name: "Start" }).click();
-  await page.locator("#calibrations .curve polyline").nth(2).waitFor();
+  await page.locator(".curve polyline").nth(2).waitFor();
   await photograph(page, "calibrations");
   const { cameras } = JSON.parse(rig.glasswing("--json", "calibrate", "list"));
   assert.deepEqual(
-    await page.locator("#calibrations .curve b").allTextContents(),
+    await page.locator(".curve b").allTextContents(),
     cameras.map(({ camera }) => camera),
   );
   await page.getByRole("button", { name: "Calibrate the monitors…" }).click();
@@ -443,6 +444,7 @@ const kPages = [
   ["sessions", "#/session", "table"],
   ["new-session", "#/session/+new", "main .figures"],
   ["session", "#/session/second", ".scrubber img"],
+  ["calibrations", "#/calibrations", "table.sessions"],
   ["matte", "#/matte/first", ".panels"],
   ["play", "#/play/first", ".stage:visible"],
   ["rays-start", "#/rays", ".ray-choice"],

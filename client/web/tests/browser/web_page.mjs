@@ -30,6 +30,33 @@ async function served(folder) {
 export const wait_until_drawn = (page) =>
   page.waitForFunction(() => document.querySelector("#stage").ariaBusy === "false", undefined, { timeout: 120_000 });
 
+/** Drags the picture away and back, and resolves once that is drawn; it does not come to rest until the page's rest() is called. */
+export function move_and_return(page) {
+  return page.evaluate(async () => {
+    const stage = document.querySelector("#stage");
+    const pointer = (type, x) => stage.dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX: x }));
+    stage.setPointerCapture = () => undefined;
+    const clock = performance.now;
+    performance.now = () => 0; // so that no time passes since the last move
+    window.rest = () => (performance.now = clock);
+    let drawn = 0;
+    const fence = WebGL2RenderingContext.prototype.fenceSync;
+    WebGL2RenderingContext.prototype.fenceSync = function (...args) {
+      ++drawn;
+      return fence.apply(this, args);
+    };
+    pointer("pointerdown", 0);
+    for (const x of [40, 0]) {
+      const before = drawn;
+      pointer("pointermove", x);
+      while (drawn === before) await new Promise(requestAnimationFrame);
+    }
+    pointer("pointerup", 0);
+    WebGL2RenderingContext.prototype.fenceSync = fence;
+    await new Promise(requestAnimationFrame);
+  });
+}
+
 const kMoving_ms = 4000;
 
 /** Pictures a second while a pointer moves by a pixel a picture: the median, and the best sixteenth. Each is `whole`, or drawn

@@ -9,20 +9,27 @@ describe("recentRate", () => {
         (_, i) => (Math.floor(i / atOnce) + 1) * (atOnce / 32),
       );
       for (let proven = atOnce; proven <= 960; proven += atOnce)
-        expect(recentRate(times.subarray(0, proven))).toBe(32);
+        expect(recentRate(times.subarray(0, proven), times[proven - 1]!)).toBe(32);
     }
   });
 
   it("counts the time before the first proof, in which nothing came", () => {
-    expect(recentRate(Float64Array.of(2, 2, 2, 2))).toBe(2);
+    expect(recentRate(Float64Array.of(2, 2, 2, 2), 2)).toBe(2);
   });
 
   it("looks at the last seconds alone", () => {
     const times = Float64Array.from({ length: 200 }, (_, i) => (i < 100 ? i / 100 : 1 + (i - 99) / 10));
-    expect(recentRate(times)).toBeCloseTo(10, 9);
+    expect(recentRate(times, 11)).toBeCloseTo(10, 9);
   });
 
-  it("says nothing of nothing", () => expect(recentRate(new Float64Array())).toBeUndefined());
+  it("counts the time since the last proof, until it is a standstill", () => {
+    const times = Float64Array.from({ length: 100 }, (_, i) => (i + 1) / 10);
+    expect(recentRate(times, 12.5)).toBeCloseTo(5, 9);
+    expect(recentRate(times, 240)).toBe(0);
+    expect(recentRate(times, 0)).toBeCloseTo(10, 9); // proofs come before the session that tells the time
+  });
+
+  it("says nothing of nothing", () => expect(recentRate(new Float64Array(), 7)).toBeUndefined());
 });
 
 describe("stepLimit", () => {
