@@ -86,6 +86,8 @@ absl::Status solve(const Solve& solve) {
   if (watched) std::cerr << "\n";
   for (const std::string& warning : matte.metadata.warnings())
     std::cerr << fmt::format("warning: {}\n", warning);
+  if (const std::string flagged = flagged_text(count_pixels(matte)); !flagged.empty())
+    std::cerr << flagged << "\n";
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
   return write_file_durably(solve.matte, bytes);
 }

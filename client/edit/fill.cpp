@@ -17,7 +17,7 @@ struct FillArguments : EditArguments {
 
 absl::Status fill_matte(const Client& client, const FillArguments& arguments) {
   GW_ASSIGN_OR_RETURN(Matte matte, read_for_edit(arguments));
-  constexpr std::uint8_t kAllFlags = kFlagNotConverged | kFlagSaturated | kFlagPoorFit | kFlagNoData;
+  constexpr std::uint8_t kAllFlags = kFlagNotConverged | kFlagSaturated | kFlagPoorFit | kFlagNoData | kFlagDisturbed;
   const std::int64_t count = fill(matte, arguments.flagged ? kAllFlags : std::uint8_t{kFlagNoData});
   return write_edited(client, arguments.output, std::move(matte), arguments.flagged ? "fill flagged" : "fill",
                       Digits::kAsTheyAre, fmt::format("; {} pixels filled from their neighbours", count),
@@ -36,7 +36,7 @@ void add_matte_fill_command(CLI::App& matte, Client& client) {
                        "  glasswing matte fill vase.exr --flagged -o filled.exr",
                        arguments, fill_matte);
   command.add_flag("--flagged", arguments->flagged,
-                   "also pixels with another flag: not converged, saturated, poor fit");
+                   "also pixels with another flag: not converged, saturated, disturbed, poor fit");
 }
 
 }  // namespace glasswing

@@ -9,6 +9,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/matte_notes.h"
 #include "client/cli/output_file.h"
 #include "client/cli/progress.h"
 #include "client/pictures/commands.h"
@@ -27,13 +28,15 @@ namespace {
 
 // Says how many pixels are not solved, and what became of them.
 void print_composite(const Client& client, const CompositeArguments& arguments, const RadianceImage& picture,
-                     std::int64_t unsolved) {
+                     const v1::MatteMetadata* metadata = nullptr, const PixelCount& pixels = {}) {
+  const std::int64_t unsolved = pixels.unsolved;
   if (client.json) {
-    const nlohmann::ordered_json written = {{"file", arguments.output},
-                                            {"width_px", picture.width_px},
-                                            {"height_px", picture.height_px},
-                                            {"unsolved_pixels", unsolved},
-                                            {"filled", arguments.fill}};
+    nlohmann::ordered_json written = {{"file", arguments.output},
+                                      {"width_px", picture.width_px},
+                                      {"height_px", picture.height_px},
+                                      {"unsolved_pixels", unsolved},
+                                      {"filled", arguments.fill}};
+    if (metadata != nullptr) add_notes(*metadata, pixels, written);
     std::cout << written.dump(1) << "\n";
     return;
   }
@@ -44,6 +47,7 @@ void print_composite(const Client& client, const CompositeArguments& arguments, 
                                             : "they are black, or filled from their neighbours with --fill");
   }
   std::cout << "\n";
+  print_flagged(pixels);
 }
 
 // The output's name, or one that says what --format puts on standard output.
@@ -84,7 +88,7 @@ absl::Status composite_rays_still(const Client& client, const CompositeArguments
   }
   GW_RETURN_IF_ERROR(picture.status());
   GW_RETURN_IF_ERROR(write_composite(arguments, colours, *picture, PictureColour()));
-  print_composite(client, arguments, picture->light, 0);
+  print_composite(client, arguments, picture->light);
   return absl::OkStatus();
 }
 
@@ -109,20 +113,21 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
   absl::StatusOr<ObjectPicture> picture;
   absl::StatusOr<RadianceImage> error;
   PictureColour colour;
-  std::int64_t unsolved = 0;
+  v1::MatteMetadata metadata;
+  PixelCount pixels;
   {
     Progress progress("compositing");
     const auto report = [&progress](double fraction) { progress.update(fraction); };
     GW_ASSIGN_OR_RETURN(ObjectInFront object,
                         ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kOne));
-    for (const std::string& warning : object.metadata().warnings())
-      std::cerr << fmt::format("warning: {}\n", printable(warning));
+    metadata = object.metadata();
+    print_warnings(metadata);
     GW_ASSIGN_OR_RETURN(Backgrounds backgrounds, Backgrounds::open(arguments.backgrounds, object.metadata(),
                                                                    colours, arguments.encoding()));
     colour = backgrounds.colour_of_composite();
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
     picture = object.composite(*behind, report);
-    unsolved = object.unsolved_count();
+    pixels = object.pixels();
     if (picture.ok() && !arguments.error.empty()) {
       Progress errors("errors");
       error = object.error(*behind, [&errors](double fraction) { errors.update(fraction); });
@@ -135,7 +140,7 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
     GW_ASSIGN_OR_RETURN(const std::string bytes, encode_composite_error(*error));
     GW_RETURN_IF_ERROR(write_file_durably(arguments.error, bytes));
   }
-  print_composite(client, arguments, picture->light, unsolved);
+  print_composite(client, arguments, picture->light, &metadata, pixels);
   return absl::OkStatus();
 }
 

@@ -204,6 +204,11 @@ absl::Status ObjectInFront::prepare(Pictures pictures, bool exact) {
 void ObjectInFront::take(Matte& rows) {
   const int top = rows.y0_px() - outline_.y0_px;
   note_unsolved(rows, top, unsolved_);
+  {
+    const PixelCount count = count_pixels(rows);
+    const std::lock_guard lock(counted_->mutex);
+    counted_->pixels += count;
+  }
   for (int y = 0; y < rows.height_px(); ++y) {
     for (int x = 0; x < rows.width_px(); ++x) {
       if (!coverage_.empty()) coverage_.at(x, top + y, 0) = rows.coverage(x, y);

@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
@@ -70,6 +72,8 @@ class ObjectInFront {
                                           const std::function<void(double)>& progress = nullptr);
   // The pixels that are not solved; known after a composite.
   std::int64_t unsolved_count() const { return std::ranges::count(unsolved_, 1); }
+  // The same by flags.
+  const PixelCount& pixels() const { return counted_->pixels; }
   // The standard error that the frames' noise leaves in the composite (core/footprint/composite_error.h).
   absl::StatusOr<RadianceImage> error(const std::vector<RadianceImage>& backgrounds,
                                       const std::function<void(double)>& progress = nullptr) const;
@@ -90,6 +94,11 @@ class ObjectInFront {
   bool fill_;
   float foreground_gain_;
   UnsolvedPixels unsolved_;
+  struct Counted {
+    std::mutex mutex;
+    PixelCount pixels;
+  };
+  std::unique_ptr<Counted> counted_ = std::make_unique<Counted>();
   RadianceImage coverage_;  // empty unless it is asked for
   std::optional<Matte> exact_;
   std::optional<FastCompositor> many_;

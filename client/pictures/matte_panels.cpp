@@ -308,41 +308,37 @@ MattePanel uncertainty_of(const Matte& matte, int channel) {
                      });
 }
 
-// The most serious flag comes first.
-struct FlagColour {
-  int flag;
-  const char* name;
-  Code colour;
-};
-constexpr std::array<FlagColour, 6> kFlagColours{{{kFlagNoData, "not solved", {40, 40, 40}},
-                                                  {kFlagSaturated, "saturated", {214, 64, 52}},
-                                                  {kFlagNotConverged, "did not converge", {240, 170, 40}},
-                                                  {kFlagPoorFit, "poor fit", {86, 124, 200}},
-                                                  {kFlagFilled, "filled", {170, 110, 190}},
-                                                  {kFlagNone, "good", {150, 205, 160}}}};
+// Of kNamedFlags, and of pixels that have none.
+constexpr std::array<Code, kNamedFlags.size() + 1> kFlagColours{{{40, 40, 40},
+                                                                 {214, 64, 52},
+                                                                 {240, 170, 40},
+                                                                 {120, 200, 210},
+                                                                 {86, 124, 200},
+                                                                 {170, 110, 190},
+                                                                 {150, 205, 160}}};
 
 MattePanel flags_of(const Matte& matte) {
   const auto found = [&](int x, int y) {
-    return std::ranges::find_if(kFlagColours, [&](const FlagColour& each) {
-      return each.flag == kFlagNone || (matte.flags(x, y) & each.flag) != 0;
-    });
+    const auto worst = std::ranges::find_if(
+        kNamedFlags, [&](const NamedFlag& named) { return (matte.flags(x, y) & named.flag) != 0; });
+    return static_cast<size_t>(worst - kNamedFlags.begin());
   };
   MattePanel panel{.name = "flags",
                    .title = "Flags, the most serious; % of the object",
                    .picture = painted(matte,
                                       [&](int x, int y) {
-                                        const FlagColour& flag = *found(x, y);
-                                        return flag.flag == kFlagNone && !shows_object(matte, x, y)
+                                        const size_t flag = found(x, y);
+                                        return flag == kNamedFlags.size() && !shows_object(matte, x, y)
                                                    ? kNoValue
-                                                   : flag.colour;
+                                                   : kFlagColours[flag];
                                       }),
                    .keys = {},
                    .bar = std::nullopt};
-  for (const FlagColour& each : kFlagColours) {
-    panel.keys.push_back(
-        key_of(each.colour, fmt::format("{}: {}", each.name, share_of(matte, [&](int x, int y) {
-                                          return found(x, y)->flag == each.flag;
-                                        }))));
+  for (size_t flag = 0; flag < kFlagColours.size(); ++flag) {
+    const char* const name = flag < kNamedFlags.size() ? kNamedFlags[flag].name : "good";
+    panel.keys.push_back(key_of(
+        kFlagColours[flag],
+        fmt::format("{}: {}", name, share_of(matte, [&](int x, int y) { return found(x, y) == flag; }))));
   }
   std::ranges::reverse(panel.keys);
   return panel;

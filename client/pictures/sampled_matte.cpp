@@ -25,9 +25,7 @@ absl::StatusOr<SampledMatte> sample_matte(std::string_view file, std::int64_t ma
     }
     const PixelCount count = count_pixels(rows);
     const std::lock_guard lock(mutex);
-    sampled.pixels.object += count.object;
-    sampled.pixels.flagged += count.flagged;
-    sampled.pixels.unsolved += count.unsolved;
+    sampled.pixels += count;
     return absl::OkStatus();
   }));
   return sampled;

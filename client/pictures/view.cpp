@@ -5,7 +5,9 @@
 #include <filesystem>
 #include <iostream>
 #include <limits>
+#include <nlohmann/json.hpp>
 
+#include "client/cli/matte_notes.h"
 #include "client/cli/output.h"
 #include "client/cli/output_file.h"
 #include "client/pictures/commands.h"
@@ -75,9 +77,16 @@ absl::Status view(const Client& client, const ViewArguments& arguments) {
           : std::ranges::find(panels, arguments.only, &MattePanel::name)->picture;
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_png8(picture));
   GW_RETURN_IF_ERROR(write_output(arguments.output, bytes));
-  print_written(client, arguments.output, picture.width_px, picture.height_px);
-  for (const std::string& warning : matte.metadata.warnings())
-    std::cerr << fmt::format("warning: {}\n", printable(warning));
+  if (client.json) {
+    nlohmann::ordered_json written = {
+        {"file", arguments.output}, {"width_px", picture.width_px}, {"height_px", picture.height_px}};
+    add_notes(matte.metadata, sampled->pixels, written);
+    std::cout << written.dump(1) << "\n";
+  } else {
+    print_written(client, arguments.output, picture.width_px, picture.height_px);
+    print_flagged(sampled->pixels);
+  }
+  print_warnings(matte.metadata);
   return absl::OkStatus();
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "client/cli/interrupt.h"
+#include "client/cli/matte_notes.h"
 #include "client/cli/output.h"
 #include "client/cli/output_file.h"
 #include "client/cli/progress.h"
@@ -39,6 +40,7 @@ struct Fetched {
   MatteOutline outline;
   std::uint64_t bytes = 0;
   int unsolved_rows = 0;  // in which nothing is solved yet, or which saw the id patch
+  PixelCount pixels;
 };
 
 absl::StatusOr<Fetched> verified(const PositionedFile& file) {
@@ -47,6 +49,7 @@ absl::StatusOr<Fetched> verified(const PositionedFile& file) {
   GW_ASSIGN_OR_RETURN(const PackedMatteReader matte, PackedMatteReader::open(file));
   fetched.outline = matte.outline();
   GW_RETURN_IF_ERROR(matte.for_rows(0, matte.outline().height_px, [&](const Matte& rows) {
+    fetched.pixels += count_pixels(rows);
     for (int y = 0; y < rows.height_px(); ++y) {
       bool solved = false;
       for (int x = 0; x < rows.width_px() && !solved; ++x) solved = (rows.flags(x, y) & kFlagNoData) == 0;
@@ -109,14 +112,13 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Fetc
   GW_RETURN_IF_ERROR(check_output_file(arguments.output, {".exr", kStandardOutput}));
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const MatteOutline& matte = whole.outline;
-  const auto& warnings = matte.metadata.warnings();
   if (client.json) {
     nlohmann::ordered_json written = {{"session", arguments.session}, {"file", arguments.output},
                                       {"bytes", whole.bytes},         {"width_px", matte.width_px},
                                       {"height_px", matte.height_px}, {"x_px", matte.x0_px},
                                       {"y_px", matte.y0_px},          {"unsolved_rows", whole.unsolved_rows}};
     if (matte.metadata.has_draft()) written["draft"] = json_of(matte.metadata.draft());
-    if (!warnings.empty()) written["warnings"] = std::vector<std::string>(warnings.begin(), warnings.end());
+    add_notes(matte.metadata, whole.pixels, written);
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format("{}: the matte of session {}, {}x{}{}\n", arguments.output, arguments.session,
@@ -130,7 +132,9 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Fetc
     if (whole.unsolved_rows > 0)
       std::cout << fmt::format("{} of its {} rows are not solved yet\n", whole.unsolved_rows,
                                matte.height_px);
-    for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", printable(warning));
+    print_flagged(whole.pixels);
+    for (const std::string& warning : matte.metadata.warnings())
+      std::cout << fmt::format("warning: {}\n", printable(warning));
   }
   return absl::OkStatus();
 }

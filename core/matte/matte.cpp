@@ -1,5 +1,8 @@
 #include "core/matte/matte.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 
 namespace glasswing {
@@ -41,10 +44,36 @@ PixelCount count_pixels(const Matte& matte) {
       if ((matte.flags(x, y) & kFlagNoData) != 0) ++count.unsolved;
       if (matte.coverage(x, y) <= 0.0f) continue;
       ++count.object;
-      if (matte.flags(x, y) != kFlagNone) ++count.flagged;
+      if (matte.flags(x, y) == kFlagNone) continue;
+      ++count.flagged;
+      const auto worst = std::ranges::find_if(
+          kNamedFlags, [&](const NamedFlag& named) { return (matte.flags(x, y) & named.flag) != 0; });
+      if (worst != kNamedFlags.end()) ++count.worst[static_cast<size_t>(worst - kNamedFlags.begin())];
     }
   }
   return count;
+}
+
+PixelCount& PixelCount::operator+=(const PixelCount& other) {
+  object += other.object;
+  flagged += other.flagged;
+  unsolved += other.unsolved;
+  for (size_t i = 0; i < worst.size(); ++i) worst[i] += other.worst[i];
+  return *this;
+}
+
+std::string flagged_text(const PixelCount& count) {
+  if (count.flagged == 0) return "";
+  const auto share = [&](std::int64_t pixels) {
+    const double percent = 100.0 * static_cast<double>(pixels) / static_cast<double>(count.object);
+    return percent < 0.05 ? "less than 0.1 %" : fmt::format("{:.1f} %", percent);
+  };
+  std::vector<std::string> parts;
+  for (size_t i = 0; i < kNamedFlags.size(); ++i) {
+    if (count.worst[i] > 0) parts.push_back(fmt::format("{} {}", share(count.worst[i]), kNamedFlags[i].name));
+  }
+  return fmt::format("{} of the object's pixels are flagged: {}", share(count.flagged),
+                     fmt::join(parts, ", "));
 }
 
 }  // namespace glasswing

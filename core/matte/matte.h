@@ -50,7 +50,20 @@ enum PixelFlag : std::uint8_t {
   kFlagPoorFit = 4,       // the residual exceeds the noise
   kFlagNoData = 8,        // not solved
   kFlagFilled = 16,       // made of its neighbours (core/edit/fill.h)
+  kFlagDisturbed = 32,    // something moved while it was photographed, which is not corrected
 };
+
+// All flags with their names for users, the most serious first.
+struct NamedFlag {
+  PixelFlag flag;
+  const char* name;
+};
+inline constexpr std::array<NamedFlag, 6> kNamedFlags{{{kFlagNoData, "not solved"},
+                                                       {kFlagSaturated, "saturated"},
+                                                       {kFlagNotConverged, "did not converge"},
+                                                       {kFlagDisturbed, "disturbed"},
+                                                       {kFlagPoorFit, "poor fit"},
+                                                       {kFlagFilled, "filled"}}};
 
 // A matte, or a tile of one: pixels [x0, x0 + width) x [y0, y0 + height) of the camera's picture.
 class Matte {
@@ -115,7 +128,13 @@ class Matte {
 // solved.
 struct PixelCount {
   std::int64_t object = 0, flagged = 0, unsolved = 0;
+  std::array<std::int64_t, kNamedFlags.size()> worst{};  // of the object, by its most serious flag
+
+  PixelCount& operator+=(const PixelCount& other);
 };
 PixelCount count_pixels(const Matte& matte);
+
+// For users: "12.5 % of the object's pixels are flagged: 10.0 % disturbed, 2.5 % filled"; empty if none are.
+std::string flagged_text(const PixelCount& count);
 
 }  // namespace glasswing

@@ -31,18 +31,27 @@ std::vector<int> solids_of_empty_stage(const v1::CaptureManifest& manifest, cons
   return solids;
 }
 
-// By how much the middle of nine samples lies beyond all but one of the others.
-float beyond(const std::array<const float*, 3>& rows, size_t x, size_t step) {
-  std::array<float, 8> around{};
-  size_t count = 0;
+// By how much the middle of nine samples lies beyond all but one of the others, of which the picture has five
+// at its edges. Null: rows that it does not have. `count`: samples of a row.
+float beyond(const std::array<const float*, 3>& rows, size_t x, size_t step, size_t count) {
+  // The two least and the two greatest of the others.
+  float lowest = INFINITY, low = INFINITY, highest = -INFINITY, high = -INFINITY;
+  int found = 0;
   for (size_t r = 0; r < 3; ++r) {
-    for (const size_t at : {x - step, x, x + step}) {
-      if (r != 1 || at != x) around[count++] = rows[r][at];
+    if (rows[r] == nullptr) continue;
+    for (const size_t at : {x - step, x, x + step}) {  // left of the picture is beyond `count`
+      if (at >= count || (r == 1 && at == x)) continue;
+      const float light = rows[r][at];
+      low = std::min(low, std::max(lowest, light));
+      lowest = std::min(lowest, light);
+      high = std::max(high, std::min(highest, light));
+      highest = std::max(highest, light);
+      ++found;
     }
   }
-  std::ranges::sort(around);
+  if (found < 5) return 0.0f;  // a corner
   const float own = rows[1][x];
-  return std::max({around[1] - own, own - around[6], 0.0f});
+  return std::max({low - own, own - high, 0.0f});
 }
 
 // Whole pictures of these frames, as light.
@@ -88,16 +97,18 @@ absl::Status drop_near_patch(const v1::CaptureManifest& manifest, size_t lanes, 
   if (patches.empty()) return absl::OkStatus();
   const int width = manifest.camera().width_px(), away = static_cast<int>(reach);
   std::map<int, std::vector<bool>> sees;  // by row
+  const auto is_inside = [](int at, int size) { return at >= 0 && at < size; };
+  const int height = manifest.camera().height_px();
   for (const int pixel : pixels) {
     for (const int y : {pixel / width - away, pixel / width, pixel / width + away}) {
-      if (sees.contains(y)) continue;
+      if (!is_inside(y, height) || sees.contains(y)) continue;
       GW_ASSIGN_OR_RETURN(sees[y], sees_patch(patches, y, static_cast<size_t>(width), lanes, step, read));
     }
   }
   std::erase_if(pixels, [&](int pixel) {
     for (const int y : {pixel / width - away, pixel / width, pixel / width + away}) {
       for (const int x : {pixel % width - away, pixel % width, pixel % width + away}) {
-        if (sees[y][static_cast<size_t>(x)]) return true;
+        if (is_inside(y, height) && is_inside(x, width) && sees[y][static_cast<size_t>(x)]) return true;
       }
     }
     return false;
@@ -126,11 +137,12 @@ absl::StatusOr<std::vector<int>> find_bad_pixels(const v1::CaptureManifest& mani
     const double sd =
         std::max(1.4826 / std::sqrt(2.0) * static_cast<double>(median(steps)), kMinStep / kBeyond);
     noisiest = std::max(noisiest, sd);
-    for (size_t y = reach; y + reach < height; ++y) {
-      const auto row = [&](size_t at) { return own.data() + at * width * lanes; };
+    for (size_t y = 0; y < height; ++y) {
+      const auto row = [&](size_t at) { return at < height ? own.data() + at * width * lanes : nullptr; };
       const std::array<const float*, 3> rows{row(y - reach), row(y), row(y + reach)};
-      for (size_t x = reach * lanes; x + reach * lanes < width * lanes; ++x) {
-        const auto size = static_cast<float>(static_cast<double>(beyond(rows, x, reach * lanes)) / sd);
+      for (size_t x = 0; x < width * lanes; ++x) {
+        const auto size =
+            static_cast<float>(static_cast<double>(beyond(rows, x, reach * lanes, width * lanes)) / sd);
         const size_t pixel = y * width + x / lanes;
         worst[pixel] = std::max(worst[pixel], size);
         count[pixel] += size > static_cast<float>(kBeyond);

@@ -1,12 +1,5 @@
 // Which of the differences between a session's frames (frame_report.h) are significant: what is taken off
 // them, and what users are told. Where nothing is wrong nothing is taken off.
-//
-// The scale that gains are corrected to is that of most frames where the light flickers, that of the first
-// frames where it drifts, and that of the empty stage where it jumps; or that of the stripes, where all
-// solids and bars differ from them alike.
-//
-// What the rig does to a frame it does everywhere; light that the object throws beside itself, and what the
-// model lacks, lie somewhere. So each quarter of what is seen beside the object must say the same.
 #pragma once
 
 #include <functional>
@@ -14,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "solver/frames/disturbed_pixels.h"
 #include "solver/frames/frame_report.h"
 #include "solver/method/frame_correction.h"
 
@@ -23,6 +17,7 @@ struct FrameFaults {
   std::shared_ptr<const FrameCorrections> corrections;  // null: none
   std::vector<int> bad_pixels;                          // of the camera, to be filled: y width + x, ascending
   std::vector<std::string> warnings;
+  Disturbance disturbance;                // that is not corrected
   std::shared_ptr<const StageMaps> maps;  // null: of corrected frames, not measured
 };
 

@@ -211,7 +211,8 @@ ShiftCourse shift_course(const FrameReport& report) {
                 "the picture trembles by {:.2f} px from frame to frame: the camera, the monitor or the table "
                 "vibrates; capture again on firmer ground",
                 rms_px),
-            .knock = std::nullopt};
+            .knock = std::nullopt,
+            .moved_px = 2.0 * rms_px};
   }
   std::vector<Place> places;
   // Stretches grow until they saw both directions.
@@ -238,7 +239,8 @@ ShiftCourse shift_course(const FrameReport& report) {
     return {.warning = fmt::format(
                 "from frame {} on everything lies {}: the camera, the monitor or the table was touched",
                 knock.frame, words_of(knock.dx_px, knock.dy_px)),
-            .knock = knock};
+            .knock = knock,
+            .moved_px = knock.size_px()};
   }
   const Place creep = creep_of(frames);
   const double length_px = std::hypot(creep.x_px, creep.y_px);
@@ -248,7 +250,8 @@ ShiftCourse shift_course(const FrameReport& report) {
               "the picture moves by at least {} from frame {} to frame {}: the camera or its stand "
               "sinks, or was touched; capture again",
               words_of(x, y), frames.front().frame, frames.back().frame),
-          .knock = std::nullopt};
+          .knock = std::nullopt,
+          .moved_px = length_px};
 }
 
 Knock step_left(const FrameReport& report, int frame) {

@@ -20,6 +20,7 @@ struct Knock {
 struct ShiftCourse {
   std::string warning;  // for users: which frames, how far, and the likely cause
   std::optional<Knock> knock;
+  double moved_px = 0.0;  // by which frames lie apart
 };
 
 // Neither if nothing moved by 0.1 px, by ten errors of one frame, or by more than frames lie off the course.

@@ -9,6 +9,7 @@
 
 #include "core/base/status.h"
 #include "core/edit/fill.h"
+#include "core/edit/interpolate.h"
 #include "core/matte/matte_rounding.h"
 #include "solver/background/stage_maps.h"
 #include "solver/frames/code_response.h"
@@ -132,8 +133,9 @@ absl::Status PreparedSolve::map_stage(const RowReader& read,
 }
 
 int PreparedSolve::margin_rows() const {
-  const int bad = std::max(faults_.bad_pixels.empty() ? 0 : kBadPixelReach,
-                           registration_reach(faults_.corrections.get()));
+  const int bad = std::max({faults_.bad_pixels.empty() ? 0 : kBadPixelReach,
+                            registration_reach(faults_.corrections.get()),
+                            faults_.disturbance.moved_px > 0.0 ? kBadPixelReach : 0});
   if (interpolated_) return std::max(kInterpolationReach, bad);
   return std::max(manifest_.camera().mosaic().empty() ? 0 : kMosaicReach, bad);
 }
@@ -148,7 +150,9 @@ void PreparedSolve::fill_bad_pixels(Matte& matte) const {
     matte.flags(x, y) = kBad;
     any = true;
   }
-  if (any) fill(matte, kBad);
+  if (!any) return;
+  interpolate_pixels(matte, kBad);
+  fill(matte, kBad);
 }
 
 absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int thread_count,
@@ -240,7 +244,10 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
     whole.metadata.set_mosaic(manifest_.camera().mosaic());
     fill_channels(whole, *mosaic, thread_count);
   }
-  if (column_step == 1) fill_bad_pixels(whole);
+  if (column_step == 1) {
+    fill_bad_pixels(whole);
+    flag_disturbed(faults_.disturbance, whole);
+  }
   round_to_errors(whole);
   return whole;
 }

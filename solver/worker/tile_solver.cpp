@@ -31,13 +31,6 @@ std::vector<std::string> addresses_of(const v1::ClaimTileResponse& tile) {
   return addresses;
 }
 
-void count(const Matte& matte, SolvedTile& solved) {
-  const PixelCount pixels = count_pixels(matte);
-  solved.pixels.object += pixels.object;
-  solved.pixels.flagged += pixels.flagged;
-  solved.pixels.unsolved += pixels.unsolved;
-}
-
 absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const SolveSource& source,
                                         int thread_count, std::stop_token stop) {
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> method,
@@ -70,7 +63,7 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
   GW_RETURN_IF_ERROR(solve_video(*method, *video, tile.first_frame(), tile.frame_count(), thread_count, stop,
                                  [&](int frame, absl::StatusOr<Matte> matte) {
                                    if (!matte.ok()) return refuse(frame, matte.status());
-                                   count(*matte, solved);
+                                   solved.pixels += count_pixels(*matte);
                                    const absl::Status taken = take_encoded();
                                    encoding = frame;
                                    encoded = std::async(std::launch::async, [of = *std::move(matte)] {
@@ -174,7 +167,7 @@ absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token s
         "a draft: one pixel in {} is solved, and the others are interpolated between those", step * step));
   }
   SolvedTile solved;
-  count(matte, solved);
+  solved.pixels += count_pixels(matte);
   GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte));
   solved.files.push_back({.frame = std::nullopt, .bytes = std::move(bytes)});
   return solved;

@@ -82,6 +82,11 @@ class Matte(Pixels):
         return tuple(monitor.name for monitor in self.metadata.monitors)
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What may be wrong with it, in sentences for people."""
+        return tuple(self.metadata.warnings)
+
+    @property
     def modes(self) -> Modes:
         """The footprints: where on the monitors the light came from."""
         return Modes(**{field.name: getattr(self._native, field.name) for field in dataclasses.fields(Modes)})

@@ -22,7 +22,9 @@ class PixelFlag(enum.IntFlag):
     NO_DATA = 8
     """Not solved."""
     FILLED = 16
-    """Made of its neighbours by "glasswing matte fill"."""
+    """Made of its neighbours: by "glasswing matte fill", or where the camera's pixel is bad."""
+    DISTURBED = 32
+    """Something moved while it was photographed, which is not corrected."""
 
 
 class _NativePixels(Protocol):

@@ -12,7 +12,7 @@ const [kWeight, kXx, kYy, kTexture] = [0, 3, 5, 6] as const;
 export const kChannels = ["R", "G", "B"] as const;
 
 /** Bits of a pixel's flags. */
-export const kFlags = { notConverged: 1, saturated: 2, residual: 4, notSolved: 8, filled: 16 } as const;
+export const kFlags = { notConverged: 1, saturated: 2, residual: 4, notSolved: 8, filled: 16, disturbed: 32 } as const;
 
 export interface MatteMonitor {
   name: string;

@@ -252,8 +252,9 @@ export const kFlagWords: { flag: number; words: string; colour: Colour }[] = [
   { flag: kFlags.notSolved, words: "not solved", colour: [40, 40, 40] },
   { flag: kFlags.saturated, words: "saturated", colour: [214, 64, 52] },
   { flag: kFlags.notConverged, words: "did not converge", colour: [240, 170, 40] },
-  { flag: kFlags.residual, words: "residual above the noise", colour: [86, 124, 200] },
-  { flag: kFlags.filled, words: "filled from neighbours", colour: [170, 110, 190] },
+  { flag: kFlags.disturbed, words: "disturbed", colour: [120, 200, 210] },
+  { flag: kFlags.residual, words: "poor fit", colour: [86, 124, 200] },
+  { flag: kFlags.filled, words: "filled", colour: [170, 110, 190] },
   { flag: 0, words: "good", colour: [150, 205, 160] },
 ];
 
