@@ -17,7 +17,8 @@ struct FillArguments : EditArguments {
 
 absl::Status fill_matte(const Client& client, const FillArguments& arguments) {
   GW_ASSIGN_OR_RETURN(Matte matte, read_for_edit(arguments));
-  constexpr std::uint8_t kAllFlags = kFlagNotConverged | kFlagSaturated | kFlagPoorFit | kFlagNoData | kFlagDisturbed;
+  constexpr std::uint8_t kAllFlags =
+      kFlagNotConverged | kFlagSaturated | kFlagPoorFit | kFlagNoData | kFlagDisturbed;
   const std::int64_t count = fill(matte, arguments.flagged ? kAllFlags : std::uint8_t{kFlagNoData});
   return write_edited(client, arguments.output, std::move(matte), arguments.flagged ? "fill flagged" : "fill",
                       Digits::kAsTheyAre, fmt::format("; {} pixels filled from their neighbours", count),
