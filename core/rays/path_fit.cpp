@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "core/base/median.h"
+
 namespace glasswing {
 namespace {
 
@@ -22,30 +24,17 @@ Row row_of(const Eigen::Vector2d& step, double unit_px) {
   return row;
 }
 
-using WeightedSizes = std::vector<std::pair<double, double>>;
-
-double weighted_median(WeightedSizes& sizes, double total) {
-  std::ranges::sort(sizes);
-  double left = 0.5 * total;
-  for (const auto& [size, weight] : sizes) {
-    left -= weight;
-    if (left <= 0.0) return size;
-  }
-  return sizes.back().first;
-}
-
 // How far each step lies from the middle of all, in medians of that.
-std::vector<double> leverages(std::span<const PathSample> samples, double total) {
+std::vector<double> leverages(std::span<const PathSample> samples) {
   Eigen::Vector2d middle;
   for (int axis = 0; axis < 2; ++axis) {
-    WeightedSizes along;
+    WeightedValues along;
     for (const PathSample& sample : samples) along.emplace_back(sample.step[axis], sample.weight);
-    middle[axis] = weighted_median(along, total);
+    middle[axis] = weighted_median(std::move(along));
   }
-  WeightedSizes sizes;
+  WeightedValues sizes;
   for (const PathSample& sample : samples) sizes.emplace_back((sample.step - middle).norm(), sample.weight);
-  WeightedSizes ordered = sizes;
-  const double usual = std::max(weighted_median(ordered, total), kMinScatter_px);
+  const double usual = std::max(weighted_median(sizes), kMinScatter_px);
   std::vector<double> all;
   for (const auto& [size, weight] : sizes) all.push_back(size / usual);
   return all;
@@ -56,32 +45,34 @@ std::vector<double> leverages(std::span<const PathSample> samples, double total)
 PathFit fit_path(std::span<const PathSample> samples, PathShape shape, double unit_px) {
   const int terms = static_cast<int>(shape);
   double total = 0.0, scatter = 1.0;
-  for (const PathSample& sample : samples) total += sample.weight;
+  std::vector<Row> rows;
+  for (const PathSample& sample : samples) {
+    rows.push_back(row_of(sample.step, unit_px));
+    total += sample.weight;
+  }
   // The start doubts those that lie apart: they would bend it to themselves.
-  std::vector<double> off_px = leverages(samples, total);
+  std::vector<double> off_px = leverages(samples);
   PathFit fit;
   for (int round = 0; round < kRounds; ++round) {
     Eigen::Matrix<double, kMaxTerms, kMaxTerms> normal = Eigen::Matrix<double, kMaxTerms, kMaxTerms>::Zero();
     Eigen::Matrix<double, kMaxTerms, 2> right = Eigen::Matrix<double, kMaxTerms, 2>::Zero();
     for (size_t i = 0; i < samples.size(); ++i) {
       const double z = off_px[i] / scatter, weight = samples[i].weight / (1.0 + z * z);
-      const Row row = row_of(samples[i].step, unit_px);
-      normal += weight * row * row.transpose();
-      right += weight * row * samples[i].seen.transpose();
+      normal += weight * rows[i] * rows[i].transpose();
+      right += weight * rows[i] * samples[i].seen.transpose();
     }
     Eigen::MatrixXd left = normal.topLeftCorner(terms, terms);
     left.diagonal().array() += kRidge * total;
     Eigen::Matrix<double, kMaxTerms, 2> found = Eigen::Matrix<double, kMaxTerms, 2>::Zero();
     found.topRows(terms) = left.ldlt().solve(right.topRows(terms));
     double squares = 0.0;
-    WeightedSizes sizes;
+    WeightedValues sizes;
     for (size_t i = 0; i < samples.size(); ++i) {
-      const Row row = row_of(samples[i].step, unit_px);
-      off_px[i] = (found.transpose() * row - samples[i].seen).norm();
+      off_px[i] = (found.transpose() * rows[i] - samples[i].seen).norm();
       squares += samples[i].weight * off_px[i] * off_px[i];
       sizes.emplace_back(off_px[i], samples[i].weight);
     }
-    scatter = std::max(weighted_median(sizes, total), kMinScatter_px);
+    scatter = std::max(weighted_median(std::move(sizes)), kMinScatter_px);
     fit = {.at_start = found.row(0).transpose(), .rms_px = std::sqrt(0.5 * squares / total)};
   }
   return fit;

@@ -38,25 +38,38 @@ double surprise_at(const WaveMonitor& monitor, const Spectrum& spectrum, size_t 
   return chi_square;
 }
 
-// The place on the monitor, of all that are whole periods of a wave apart, that bars and waves speak for;
-// none: not for one alone.
+// The place on the monitor, of all that are whole periods apart, of the least chi-square, if the next one's
+// is surely greater. `margin_px`: how far beyond the monitor's edges it may lie.
+struct Likeliest {
+  std::optional<double> place_px;
+  double chi_square = kUnknown;
+};
+template <typename ChiSquareAt>
+Likeliest likeliest_place(double place_px, double period_px, double side_px, double margin_px,
+                          const ChiSquareAt& chi_square_at) {
+  Likeliest best;
+  double next = kUnknown;
+  const double first_px = place_px - period_px * std::floor((place_px + margin_px) / period_px);
+  for (double at_px = first_px; at_px < side_px + margin_px; at_px += period_px) {
+    const double chi_square = chi_square_at(at_px);
+    next = std::min(next, std::max(chi_square, best.chi_square));
+    if (chi_square < best.chi_square) best = {.place_px = at_px, .chi_square = chi_square};
+  }
+  if (next - best.chi_square > kWrongPeriod * kWrongPeriod) return best;
+  return {};
+}
+
+// That bars and waves speak for; none: not for one alone.
 std::optional<double> settled_place(const WaveMonitor& monitor, const Spectrum& spectrum, size_t wave,
                                     size_t axis, double place_px) {
   const double period_px = 1.0 / std::abs(axis == 0 ? monitor.waves[wave].fx : monitor.waves[wave].fy);
   const double side_px = axis == 0 ? monitor.extent.width_px : monitor.extent.height_px;
-  const double margin_px = kNearEdge * period_px;
-  double best = kUnknown, next = kUnknown;
-  std::optional<double> found;
-  const double first_px = place_px - period_px * std::floor((place_px + margin_px) / period_px);
-  for (double at_px = first_px; at_px < side_px + margin_px; at_px += period_px) {
-    const double chi_square = surprise_at(monitor, spectrum, wave, axis, at_px);
-    if (chi_square < best) found = at_px;
-    next = std::min(next, std::max(chi_square, best));
-    best = std::min(best, chi_square);
-  }
+  const Likeliest best =
+      likeliest_place(place_px, period_px, side_px, kNearEdge * period_px,
+                      [&](double at_px) { return surprise_at(monitor, spectrum, wave, axis, at_px); });
   // Bars that contradict one another are of no place.
   const double most = kMostSurprise * static_cast<double>(monitor.bars[axis].size());
-  return next - best > kWrongPeriod * kWrongPeriod && best < most ? found : std::nullopt;
+  return best.chi_square < most ? best.place_px : std::nullopt;
 }
 
 // The phase of a wave, in turns.
@@ -72,40 +85,45 @@ Phase phase_of(const Phasor& phasor, double tolerated) {
           .gaussian = size > kWrongPeriod * sd};
 }
 
-// The place, of all that are whole periods of a wave apart, where the finer waves along its axis have the
-// phases that the pixel sees (heterodyne: the beats of all waves are as long as the monitor); none: not of
-// one alone. Each candidate moves with the waves before it.
+// What the finer waves along an axis, whose phases the pixel sees, say of a place: a chi-square and its
+// degrees of freedom. The place moves with the waves before each.
+struct Beat {
+  double chi_square = 0.0, degrees = 0.0;
+};
+Beat beat_at(const WaveMonitor& monitor, const Spectrum& spectrum, double tolerated, size_t wave, size_t axis,
+             double at_px, double sd_px) {
+  Beat beat;
+  double variance_px2 = sd_px * sd_px;
+  for (size_t w = wave + 1; w < monitor.waves.size(); ++w) {
+    const Wave& other = monitor.waves[w];
+    const double f = axis == 0 ? other.fx : other.fy;
+    const Phase phase = phase_of(spectrum.phasors[w], tolerated);
+    if (f == 0.0 || (other.fx != 0.0 && other.fy != 0.0) || !phase.gaussian) continue;
+    const double variance = f * f * variance_px2 + phase.variance;
+    if (kWrongPeriod * std::sqrt(variance) > 0.5) continue;
+    const double miss = std::remainder(phase.turns - f * at_px, 1.0);
+    beat.chi_square += miss * miss / variance;
+    beat.degrees += 1.0;
+    at_px += variance_px2 * f * miss / variance;
+    variance_px2 *= phase.variance / variance;
+  }
+  return beat;
+}
+
+// Where the finer waves have the phases that the pixel sees (heterodyne: the beats of all waves are as long
+// as the monitor); none: not of one alone.
 std::optional<double> beaten_place(const WaveMonitor& monitor, const Spectrum& spectrum, double tolerated,
                                    size_t wave, size_t axis, double place_px, double sd_px) {
-  const auto frequency_of = [axis](const Wave& each) { return axis == 0 ? each.fx : each.fy; };
-  const double period_px = 1.0 / std::abs(frequency_of(monitor.waves[wave]));
+  const double period_px = 1.0 / std::abs(axis == 0 ? monitor.waves[wave].fx : monitor.waves[wave].fy);
   const double side_px = axis == 0 ? monitor.extent.width_px : monitor.extent.height_px;
-  const double margin_px = kWrongPeriod * sd_px;
-  double best = kUnknown, next = kUnknown, degrees = 0.0;
-  std::optional<double> found;
-  const double first_px = place_px - period_px * std::floor((place_px + margin_px) / period_px);
-  for (double start_px = first_px; start_px < side_px + margin_px; start_px += period_px) {
-    double at_px = start_px, variance_px2 = sd_px * sd_px, chi_square = 0.0;
-    degrees = 0.0;
-    for (size_t w = wave + 1; w < monitor.waves.size(); ++w) {
-      const Wave& other = monitor.waves[w];
-      const double f = frequency_of(other);
-      const Phase phase = phase_of(spectrum.phasors[w], tolerated);
-      if (f == 0.0 || (other.fx != 0.0 && other.fy != 0.0) || !phase.gaussian) continue;
-      const double variance = f * f * variance_px2 + phase.variance;
-      if (kWrongPeriod * std::sqrt(variance) > 0.5) continue;
-      const double miss = std::remainder(phase.turns - f * at_px, 1.0);
-      chi_square += miss * miss / variance;
-      at_px += variance_px2 * f * miss / variance;
-      variance_px2 *= phase.variance / variance;
-      degrees += 1.0;
-    }
-    if (chi_square < best) found = start_px;
-    next = std::min(next, std::max(chi_square, best));
-    best = std::min(best, chi_square);
-  }
-  const double surprising = kWrongPeriod * kWrongPeriod;
-  return next - best > surprising && best < degrees + surprising ? found : std::nullopt;
+  double degrees = 0.0;  // whether a wave counts does not hang on the place
+  const Likeliest best =
+      likeliest_place(place_px, period_px, side_px, kWrongPeriod * sd_px, [&](double at_px) {
+        const Beat beat = beat_at(monitor, spectrum, tolerated, wave, axis, at_px, sd_px);
+        degrees = beat.degrees;
+        return beat.chi_square;
+      });
+  return best.chi_square < degrees + kWrongPeriod * kWrongPeriod ? best.place_px : std::nullopt;
 }
 
 }  // namespace

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
-#include <numeric>
 #include <tuple>
 
+#include "core/base/median.h"
 #include "core/base/status.h"
 #include "core/frame/mosaic.h"
 #include "core/pattern/stimulus_kind.h"
@@ -80,17 +80,12 @@ struct Point {
 };
 
 // The median of the rows' ratios, weighted by their light.
-double weighted_median(std::vector<RowSums> rows) {
-  std::erase_if(rows, [](const RowSums& row) { return !(row.reference > 0.0); });
-  std::ranges::sort(rows, {}, [](const RowSums& row) { return row.light / row.reference; });
-  const double half =
-      0.5 * std::accumulate(rows.begin(), rows.end(), 0.0,
-                            [](double sum, const RowSums& row) { return sum + row.reference; });
-  double sum = 0.0;
+double usual_ratio(const std::vector<RowSums>& rows) {
+  WeightedValues ratios;
   for (const RowSums& row : rows) {
-    if ((sum += row.reference) >= half) return row.light / row.reference;
+    if (row.reference > 0.0) ratios.emplace_back(row.light / row.reference, row.reference);
   }
-  return 1.0;
+  return weighted_median(std::move(ratios));
 }
 
 class Measurement {
@@ -126,7 +121,7 @@ class Measurement {
         all.variance += row.variance;
       }
       if (!(all.reference > 0.0) || std::sqrt(all.variance) > kMaxError * all.reference) continue;
-      points.push_back({.time_ns = whites[w].time_ns, .brightness = weighted_median(sums[w])});
+      points.push_back({.time_ns = whites[w].time_ns, .brightness = usual_ratio(sums[w])});
     }
     if (points.empty()) return points;
     // The first white is 1, whatever its exposure.
