@@ -43,7 +43,7 @@ bool nearly_explains(const MixtureFit& fit, int samples) {
   return excess(fit, samples) < 3.0;
 }
 
-// Whether one more mode lowers n log chi2 by 4 log n.
+// Whether one more mode lowers n log chi2 by 4 log n, where noise alone leaves n.
 bool earns_its_place(double before, double after, int samples) {
   const double n = samples;
   return n * std::log(std::max(before, n) / std::max(after, n)) > 4.0 * std::log(n);
@@ -131,7 +131,7 @@ Footprint FootprintDictionary::best(const MixtureLanes& samples, const Residual&
 }
 
 bool MixtureSearch::explains(const MixtureFit& fit, int samples) {
-  return excess(fit, samples) < 1.0;
+  return excess(fit, samples) < 1.0 || !earns_its_place(fit.chi2, 0.0, samples);
 }
 
 Footprints MixtureSearch::with_best(const MixtureLanes& samples, const FootprintDictionary::Norms& norms,

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/footprint/cut_footprint.h"
 #include "core/footprint/wave_answer.h"
 
 namespace glasswing {
@@ -121,16 +120,21 @@ bool PatternLanes::cut_in_lanes(const Footprint& mode) const {
   const MonitorExtent& extent = answers_.extent();
   const bool both = cut_across(mode.x_px, mode.xx_px2, extent.width_px) &&
                     cut_across(mode.y_px, mode.yy_px2, extent.height_px);
-  return stripe_end_ == wave_end_ && !narrow(mode) &&
-         (!both || std::abs(mode.xy_px2) * most_turn_ <= kMaxTurn);
+  return stripe_end_ == wave_end_ &&
+         (narrow(mode) || !both || std::abs(mode.xy_px2) * most_turn_ <= kMaxTurn);
 }
 
 void PatternLanes::answer_cut(const Footprint& mode, bool through_pixels, const float* scale,
                               float* columns) const {
   if (cut_in_lanes(mode)) {
     LitShare share(mode, answers_.extent());
-    internal::answer_cut_waves(lanes(), mode, answers_.extent(), share.of({}), wave_end_, size_, scale,
-                               columns);
+    const NormalShare level = share.of({});
+    if (narrow(mode)) {
+      internal::answer_reached_waves(lanes(), mode.weight, reached_pixels(mode, answers_.extent()), level,
+                                     wave_end_, size_, scale, columns);
+    } else {
+      internal::answer_cut_waves(lanes(), mode, answers_.extent(), level, wave_end_, size_, scale, columns);
+    }
     return answer_areas(share, mode, scale, columns);
   }
   const size_t count = lane_.size();

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "core/footprint/cut_footprint.h"
 #include "core/footprint/pattern_answer.h"
 
 namespace glasswing {
@@ -74,6 +75,10 @@ void answer_stripes(const WaveLanes& lanes, const Footprint& seen, const SeenSlo
 // Of waves from lane 0, before which an edge of the monitor cuts the footprint. `level`: H(0) of weight 1.
 void answer_cut_waves(const WaveLanes& lanes, const Footprint& mode, const MonitorExtent& extent,
                       const NormalShare& level, size_t end, size_t size, const float* scale, float* columns);
+// Of a narrow footprint, of which these pixels see something.
+void answer_reached_waves(const WaveLanes& lanes, double weight, std::span<const ReachedPixel> pixels,
+                          const NormalShare& level, size_t end, size_t size, const float* scale,
+                          float* columns);
 
 // Takes from each column its part along `root`, whose square sum is `information`.
 void centre(const float* root, double information, std::span<float* const> columns, size_t size);
