@@ -11,8 +11,9 @@ constexpr double kPointsAPeriod = 5.0;  // of the finest sinusoid, or of as much
 constexpr double kMaxPoints = 64.0;     // along the longer side
 constexpr double kWide[] = {1.0 / 20.0, 1.0 / 7.0};  // sigmas of wide footprints, of the longer side
 constexpr int kFirstSteps = 2, kFurther = 3, kFurtherSteps = 6, kSteps = 60;
-constexpr int kNearSteps = 8;  // from a neighbour's footprints
-constexpr int kSplits = 2;     // of the strongest modes
+constexpr int kNearSteps = 8;        // from a neighbour's footprints
+constexpr double kNearEnough = 0.5;  // whether they explain the samples is then told; MixtureSolver goes on
+constexpr int kSplits = 2;           // of the strongest modes
 
 // The period of the finest pattern.
 double finest_px(const PatternAnswers& answers) {
@@ -131,7 +132,7 @@ Footprint FootprintDictionary::best(const MixtureLanes& samples, const Residual&
 }
 
 bool MixtureSearch::explains(const MixtureFit& fit, int samples) {
-  return excess(fit, samples) < 1.0 || !earns_its_place(fit.chi2, 0.0, samples);
+  return excess(fit, samples) < 1.0;
 }
 
 Footprints MixtureSearch::with_best(const MixtureLanes& samples, const FootprintDictionary::Norms& norms,
@@ -172,16 +173,17 @@ MixtureFit MixtureSearch::run(const MixtureSamples& samples, std::span<const Foo
   }
   MixtureFit near;
   if (likeliest != nullptr) {
-    near = fit_mixture(lanes, *likeliest, false, kNearSteps);
+    near = fit_mixture(lanes, *likeliest, false, kNearSteps, kNearEnough);
     if (explains(near, lanes.count)) return fewest(lanes, near);
   }
   const FootprintDictionary::Norms norms = dictionary_.norms(lanes);
   if (likeliest != nullptr && near.modes.size() < max_modes_) {
     // Beyond an edge of the object's surface the pixel sees another place.
-    const MixtureFit other = fit_mixture(lanes, with_best(lanes, norms, {}), false, kNearSteps);
+    const MixtureFit other = fit_mixture(lanes, with_best(lanes, norms, {}), false, kNearSteps, kNearEnough);
     if (explains(other, lanes.count)) return other;
     // On the edge, it sees one more.
-    const MixtureFit more = fit_mixture(lanes, with_best(lanes, norms, near.modes), false, kNearSteps);
+    const MixtureFit more =
+        fit_mixture(lanes, with_best(lanes, norms, near.modes), false, kNearSteps, kNearEnough);
     const bool earned = earns_its_place(near.chi2, more.chi2, lanes.count);
     if (earned && explains(more, lanes.count)) return fewest(lanes, more);
     if (!earned && nearly_explains(near, lanes.count)) return fewest(lanes, near);
@@ -194,8 +196,8 @@ MixtureFit MixtureSearch::fewest(const MixtureLanes& samples, MixtureFit fit) co
   while (fit.modes.size() > 1) {
     Footprints fewer = fit.modes;
     fewer.remove(fewer.size() - 1);
-    MixtureFit next = fit_mixture(samples, fewer, false, kNearSteps);
-    if (!explains(next, samples.count)) break;
+    MixtureFit next = fit_mixture(samples, fewer, false, kNearSteps, kNearEnough);
+    if (!(excess(next, samples.count) < 1.0)) break;
     sort(next);
     fit = next;
   }

@@ -42,7 +42,9 @@ class PatternLanes {
 
  private:
   internal::WaveLanes lanes() const;
-  void answer_areas(LitShare& share, const Footprint& mode, const float* scale, float* columns) const;
+  // `share_of(lit)`: NormalShare of the footprint.
+  template <typename ShareOf>
+  void answer_areas(const ShareOf& share_of, const Footprint& mode, const float* scale, float* columns) const;
   // Of waves whose cut answers may be computed in lanes; others are few.
   bool cut_in_lanes(const Footprint& mode) const;
   void answer_cut(const Footprint& mode, bool through_pixels, const float* scale, float* columns) const;
