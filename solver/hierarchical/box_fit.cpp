@@ -15,13 +15,12 @@ constexpr double kMuch = 0.1;      // of the strongest weight
 // shares. It is accepted if it reduces n log chi-square by as much as four more parameters must.
 constexpr double kPoor = 2.0;
 constexpr std::array<double, 4> kStraightStarts{0.5, 0.25, 0.75, 0.0};
-constexpr size_t kFirstStarts = 2;  // that must come near:
-constexpr double kHopeless = 4.0;   // beyond this multiple of what is accepted, others fail too
+constexpr double kHopeless = 5.0;  // a start that ends beyond this multiple of what is accepted is the last
 constexpr std::array<double, 7> kStraightSteps{0.05, 0.1, -0.05, 0.15, 0.2, 0.25, -0.1};
 constexpr size_t kFirstSteps = 2;  // that must halve chi-square
 constexpr double kCriterion = 4.0;
-// It leaves at least as much of the background's contrast, though boxes stand in for most of it: a tenth of
-// the background behind a box of any place and size left 0.03.
+// Without it, at least this much is left of the background's contrast, though a box stands in for most of it:
+// a fifth and more of the background, beside a box of any place and size, left 0.036.
 constexpr double kLeastLeft = 0.022;
 constexpr double kAlike = 0.07;      // of the strongest weight: waves that differ by less look alike
 constexpr double kCoverError = 0.1;  // of alpha, beyond which it is not certain
@@ -660,11 +659,10 @@ bool BoxFitter::may_be_covered(const BoxPixel& pixel, const BoxFit& fit) const {
 
 void BoxFitter::try_partial_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best) {
   const auto count = static_cast<double>(best.sample_count);
-  double enough = best.chi_square * std::exp(-kCriterion * std::log(count) / count), least = INFINITY;
-  for (size_t i = 0; i < kStraightStarts.size(); ++i) {
-    if (i == kFirstStarts && least > kHopeless * enough) break;
-    const BoxFit partly = partly_covered(pixel, start, best, kStraightStarts[i]);
-    least = std::min(least, partly.chi_square);
+  double enough = best.chi_square * std::exp(-kCriterion * std::log(count) / count);
+  for (const double straight : kStraightStarts) {
+    const BoxFit partly = partly_covered(pixel, start, best, straight);
+    if (partly.chi_square > kHopeless * enough) break;
     if (partly.chi_square >= enough || partly.straight <= 0.0) continue;
     enough = partly.chi_square;
     best = partly;
