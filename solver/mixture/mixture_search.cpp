@@ -181,6 +181,8 @@ MixtureFit MixtureSearch::run(const MixtureSamples& samples, std::span<const Foo
     // Beyond an edge of the object's surface the pixel sees another place.
     const MixtureFit other = fit_mixture(lanes, with_best(lanes, norms, {}), false, kNearSteps, kNearEnough);
     if (explains(other, lanes.count)) return other;
+    if (!earns_its_place(near.chi2, 0.0, lanes.count) && nearly_explains(near, lanes.count))
+      return fewest(lanes, near);
     // On the edge, it sees one more.
     const MixtureFit more =
         fit_mixture(lanes, with_best(lanes, norms, near.modes), false, kNearSteps, kNearEnough);
@@ -210,7 +212,8 @@ MixtureFit MixtureSearch::search(const MixtureLanes& samples, const FootprintDic
   MixtureFit best{.modes = {}, .chi2 = empty.chi2, .floor = empty.floor, .converged = true};
   Footprints pursued;
   std::vector<Footprints> starts;
-  while (best.modes.size() < max_modes_ && !explains(best, samples.count)) {
+  while (best.modes.size() < max_modes_ && !explains(best, samples.count) &&
+         earns_its_place(best.chi2, 0.0, samples.count)) {
     const int size = best.modes.size() + 1;
     starts.assign(1, with_best(samples, norms, best.modes));
     // From the dictionary alone: where two places are wanted, one mode may have settled between them.

@@ -49,7 +49,7 @@ class MixtureSearch {
   // weight.
   MixtureFit run(const MixtureSamples& samples, std::span<const Footprints> neighbours) const;
 
-  // Whether nothing but noise is left, or no further mode could be told from it.
+  // Whether nothing but noise is left.
   static bool explains(const MixtureFit& fit, int samples);
 
  private:
