@@ -76,8 +76,11 @@ SeenAxis seen_through_pixels(double centre_px, double variance_px2) {
 }
 
 Footprint seen_through_pixels(const Footprint& mode) {
-  const SeenAxis x = seen_through_pixels(mode.x_px, mode.xx_px2),
-                 y = seen_through_pixels(mode.y_px, mode.yy_px2);
+  return seen_through_pixels(mode, seen_through_pixels(mode.x_px, mode.xx_px2),
+                             seen_through_pixels(mode.y_px, mode.yy_px2));
+}
+
+Footprint seen_through_pixels(const Footprint& mode, const SeenAxis& x, const SeenAxis& y) {
   // Stein's lemma: the covariance of functions of normal variables is that of the variables times the means
   // of the derivatives, to first order.
   return {.weight = mode.weight,

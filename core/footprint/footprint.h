@@ -76,6 +76,7 @@ struct SeenAxis {
   double centre_by_centre, centre_by_variance, variance_by_centre, variance_by_variance;
 };
 SeenAxis seen_through_pixels(double centre_px, double variance_px2);
+Footprint seen_through_pixels(const Footprint& mode, const SeenAxis& x, const SeenAxis& y);
 
 // sigma_r^2, but for the place within a pixel.
 double answered_variance(const Footprint& mode, const StripeAxis& axis);

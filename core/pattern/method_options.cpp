@@ -211,7 +211,7 @@ absl::StatusOr<const MethodOption*> find_option(std::string_view method, const s
 
 const std::map<std::string, int>& method_versions() {
   static const std::map<std::string, int> versions = {{"alpha", 2},        {"fringe", 4}, {"gaussian", 3},
-                                                      {"hierarchical", 3}, {"ramp", 1},   {"matte", 2}};
+                                                      {"hierarchical", 4}, {"ramp", 1},   {"matte", 2}};
   return versions;
 }
 

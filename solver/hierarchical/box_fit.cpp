@@ -14,13 +14,14 @@ constexpr double kMuch = 0.1;      // of the strongest weight
 // Partial cover is tried where chi-square exceeds this multiple of the sample count, starting from these
 // shares. It is accepted if it reduces n log chi-square by as much as four more parameters must.
 constexpr double kPoor = 2.0;
-constexpr std::array<double, 9> kStraightStarts{0.5, 0.25, 0.75};
+constexpr std::array<double, 4> kStraightStarts{0.5, 0.25, 0.75, 0.0};
+constexpr double kHopeless = 5.0;  // a start that ends beyond this multiple of what is accepted is the last
 constexpr std::array<double, 7> kStraightSteps{0.05, 0.1, -0.05, 0.15, 0.2, 0.25, -0.1};
 constexpr size_t kFirstSteps = 2;  // that must halve chi-square
 constexpr double kCriterion = 4.0;
-// Signs of the background: chi-square that it explains, in units of what is left of a sample, and how much of
-// its light boxes may stand in for.
-constexpr double kSign = 1.0, kSameLight = 0.5;
+// Without it, at least this much is left of the background's contrast, though a box stands in for most of it:
+// a fifth and more of the background, beside a box of any place and size, left 0.036.
+constexpr double kLeastLeft = 0.022;
 constexpr double kAlike = 0.07;      // of the strongest weight: waves that differ by less look alike
 constexpr double kCoverError = 0.1;  // of alpha, beyond which it is not certain
 
@@ -60,14 +61,16 @@ bool has_complement(const BoxMonitor& monitor, const std::vector<BoxSample>& sam
          own.light[c] > 0.0 && samples[p].information[c] > 0.0 && samples[p + 1].information[c] > 0.0;
 }
 
-// Chi-square of all waves around their mean.
-double spread_of(const BoxMonitor& monitor, const std::vector<BoxSample>& samples, size_t c) {
+// Chi-square around their mean of what all waves show, `light`.
+double spread_of(const BoxMonitor& monitor, const std::vector<BoxSample>& samples, size_t c,
+                 Samples3 BoxSample::*light) {
   double sum = 0.0, squares = 0.0, information = 0.0;
   for (size_t p = 0; p < samples.size(); ++p) {
     if (monitor.patterns[p].axis == BoxPattern::kSolid) continue;
-    sum += samples[p].information[c] * samples[p].radiance[c];
-    squares += samples[p].information[c] * samples[p].radiance[c] * samples[p].radiance[c];
-    information += samples[p].information[c];
+    const double own = samples[p].information[c], y = (samples[p].*light)[c];
+    sum += own * y;
+    squares += own * y * y;
+    information += own;
   }
   return information > 0.0 ? squares - sum * sum / information : 0.0;
 }
@@ -213,7 +216,7 @@ bool BoxFitter::sees(const BoxPixel& pixel, size_t m, const Samples3& weight) co
       if (has_complement(monitors_[m], samples, p, c)) add(samples[p], samples[p + 1]);
       if (monitors_[m].patterns[p].axis == BoxPattern::kSolid) add(samples[p], pixel.black);
     }
-    if (!compared) chi_square += spread_of(monitors_[m], samples, c);
+    if (!compared) chi_square += spread_of(monitors_[m], samples, c, &BoxSample::radiance);
   }
   return chi_square > seen_thresholds_[m][pixel.gray ? 1 : 0];
 }
@@ -515,8 +518,6 @@ std::optional<BoxFit> BoxFitter::decoded(const BoxFit& start) {
     }
   }
   settle(false, false, fit);
-  // Of a wide footprint, a box in the matte shows more than the box that is nearest to a Gaussian.
-  if (!narrower(fit, kMaxSoft)) return std::nullopt;
   return fit;
 }
 
@@ -606,12 +607,14 @@ void BoxFitter::start_from(const BoxFit& other, BoxFit& fit) const {
 BoxFit BoxFitter::fit_whole(const BoxFit& start) {
   const std::optional<BoxFit> soft = decoded(start);
   BoxFit box = start;
+  // Of a wide footprint, a box in the matte shows more than the box that is nearest to a Gaussian.
+  const bool wide = soft && !narrower(*soft, kMaxSoft);
   // The decoded position is right unless noise decides it, the footprint is wide, or there are several.
-  const bool certain = soft && is_certain(*soft), enough = certain && explains(*soft);
+  const bool certain = soft && !wide && is_certain(*soft), enough = certain && explains(*soft);
   const bool explained = enough && narrower(*soft, kNarrow);
   if (soft) start_from(*soft, box);
   settle(!explained, false, box);
-  if (!soft) return box;
+  if (!soft || wide) return box;
   // The matte shows a Gaussian as a box, so that it and its halos have to explain more than one at the same
   // place. A box that was looked for everywhere has to explain more than one at a certain position, unless
   // neither explains the pixel.
@@ -645,11 +648,21 @@ BoxFit BoxFitter::partly_covered(const BoxPixel& pixel, const BoxFit& start, con
   return partly;
 }
 
+bool BoxFitter::may_be_covered(const BoxPixel& pixel, const BoxFit& fit) const {
+  double contrast = 0.0;
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    for (size_t c = 0; c < pixel.channel_count(); ++c)
+      contrast += spread_of(monitors_[m], pixel.samples[m], c, &BoxSample::straight);
+  }
+  return fit.chi_square > std::max(kPoor * fit.sample_count, kLeastLeft * kLeastLeft * contrast);
+}
+
 void BoxFitter::try_partial_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best) {
   const auto count = static_cast<double>(best.sample_count);
   double enough = best.chi_square * std::exp(-kCriterion * std::log(count) / count);
   for (const double straight : kStraightStarts) {
     const BoxFit partly = partly_covered(pixel, start, best, straight);
+    if (partly.chi_square > kHopeless * enough) break;
     if (partly.chi_square >= enough || partly.straight <= 0.0) continue;
     enough = partly.chi_square;
     best = partly;
@@ -696,13 +709,13 @@ BoxFit BoxFitter::fit(const BoxPixel& pixel) {
     return start;
   }
   BoxFit best = fit_whole(start);
-  const bool poor = best.chi_square > kPoor * best.sample_count;
+  const bool cover = pixel.has_straight && may_be_covered(pixel, best);
   if (!explains(best)) {
     see(best);
     sums_.gather(pixel, misfit_of(pixel, best));
     settle(false, false, best);
   }
-  if (pixel.has_straight && poor) try_partial_cover(pixel, start, best);
+  if (cover) try_partial_cover(pixel, start, best);
   if (best.straight > 0.0 && !find_exact_cover(pixel, start, best)) {
     see(best);
     sums_.gather(pixel, misfit_of(pixel, best));

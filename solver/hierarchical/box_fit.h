@@ -67,7 +67,7 @@ class BoxFitter {
   bool narrower(const BoxFit& fit, double bars) const;
   // Whether all boxes are within a finest bar of the decoded positions.
   bool near(const BoxFit& fit, const BoxFit& soft) const;
-  // The best soft fit with halos, from the decoded position; none if that cannot be told, or if it is wide.
+  // The best soft fit with halos, from the decoded position; none if that cannot be told.
   std::optional<BoxFit> decoded(const BoxFit& start);
   // By how much the lit shares h of a box differ between the patterns, black included.
   double lit_range(const BoxPixel& pixel, size_t monitor) const;
@@ -79,6 +79,8 @@ class BoxFitter {
   BoxFit fit_whole(const BoxFit& start);
   // From boxes like another fit's, with this part of the background beside them.
   BoxFit partly_covered(const BoxPixel& pixel, const BoxFit& start, const BoxFit& like, double straight);
+  // Whether a fit without partial cover leaves so much that the background may be behind it.
+  bool may_be_covered(const BoxPixel& pixel, const BoxFit& fit) const;
   // Replaces `best` by a fit with alpha below 1 where that explains enough more.
   void try_partial_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best);
   // Replaces a fit with alpha below 1 by one nearby that leaves only noise, if there is one: weighed by their

@@ -254,6 +254,19 @@ class CutWaves {
   const double xy_;
 };
 
+// Columns of lanes k and on: half of the level, and half of what is seen of a wave.
+HWY_INLINE void put(const std::array<V, 6>& wave, double weight, const NormalShare& level, V scale,
+                    size_t size, float* columns) {
+  const D d;
+  const std::array<double, 6> by{level.share, level.by_x, level.by_y, level.by_xx, level.by_xy, level.by_yy};
+  const V half = set(0.5), scaled = hn::Mul(scale, set(weight));
+  for (size_t p = 0; p < 6; ++p) {
+    const V own = hn::Mul(half, hn::Add(wave[p], set(by[p])));
+    hn::StoreU(hn::Mul(p == 0 ? scale : scaled, own), d, columns + (p + 1) * size);
+    if (p == 0) hn::StoreU(hn::Mul(scaled, own), d, columns);
+  }
+}
+
 }  // namespace
 
 void AnswerCutWaves(const internal::WaveLanes& lanes, const Footprint& mode, const MonitorExtent& extent,
@@ -261,23 +274,34 @@ void AnswerCutWaves(const internal::WaveLanes& lanes, const Footprint& mode, con
   const D d;
   for (size_t k = 0; k < end; k += hn::Lanes(d)) {
     const CutWaves::Answer own = CutWaves(lanes, mode, extent, k).answer();
-    // Of a phase: half of what is seen of a wave.
     const V angle = hn::Mul(set(kTau), Frequencies{lanes.from, lanes.from, k}.part(1.0, 0.0));
-    const V cosine = hn::Cos(d, angle), sine = hn::Sin(d, angle), half = set(0.5);
-    const V flat = hn::LoadU(d, lanes.height + k);  // half of sinc(fx) sinc(fy)
-    const V each = hn::LoadU(d, scale + k);
+    const V cosine = hn::Cos(d, angle), sine = hn::Sin(d, angle);
+    const V flat = hn::Mul(set(2.0), hn::LoadU(d, lanes.height + k));  // sinc(fx) sinc(fy)
     const auto seen = [&](const Complex& z)
                           HWY_ATTR { return hn::MulAdd(z.re, cosine, hn::Mul(z.im, sine)); };
-    const V unit =
-        hn::MulAdd(flat, seen(own.value), hn::MulAdd(half, seen(own.slope[0]), set(0.5 * level.share)));
-    const V weight = set(mode.weight);
-    hn::StoreU(hn::Mul(each, hn::Mul(weight, unit)), d, columns + k);
-    hn::StoreU(hn::Mul(each, unit), d, columns + size + k);
-    const std::array<double, 6> by{0.0, level.by_x, level.by_y, level.by_xx, level.by_xy, level.by_yy};
-    for (size_t p = 1; p < 6; ++p) {
-      const V slope = hn::MulAdd(flat, seen(own.slope[p]), set(0.5 * by[p]));
-      hn::StoreU(hn::Mul(each, hn::Mul(weight, slope)), d, columns + (p + 1) * size + k);
+    std::array<V, 6> wave;
+    wave[0] = hn::MulAdd(flat, seen(own.value), seen(own.slope[0]));
+    for (size_t p = 1; p < 6; ++p) wave[p] = hn::Mul(flat, seen(own.slope[p]));
+    put(wave, mode.weight, level, hn::LoadU(d, scale + k), size, columns + k);
+  }
+}
+
+void AnswerReachedWaves(const internal::WaveLanes& lanes, double weight, std::span<const ReachedPixel> pixels,
+                        const NormalShare& level, size_t end, size_t size, const float* scale,
+                        float* columns) {
+  const D d;
+  for (size_t k = 0; k < end; k += hn::Lanes(d)) {
+    const Frequencies frequencies{lanes.by_x, lanes.by_y, k};
+    const V from = Frequencies{lanes.from, lanes.from, k}.part(1.0, 0.0);
+    std::array<V, 6> wave;
+    wave.fill(hn::Zero(d));
+    for (const ReachedPixel& pixel : pixels) {
+      const NormalShare& part = pixel.part;
+      const V light = hn::Cos(d, hn::Mul(set(kTau), hn::Sub(frequencies.part(pixel.x_px, pixel.y_px), from)));
+      const std::array<double, 6> by{part.share, part.by_x, part.by_y, part.by_xx, part.by_xy, part.by_yy};
+      for (size_t p = 0; p < 6; ++p) wave[p] = hn::MulAdd(set(by[p]), light, wave[p]);
     }
+    put(wave, weight, level, hn::LoadU(d, scale + k), size, columns + k);
   }
 }
 
@@ -289,10 +313,17 @@ HWY_AFTER_NAMESPACE();
 namespace glasswing::internal {
 
 HWY_EXPORT(AnswerCutWaves);
+HWY_EXPORT(AnswerReachedWaves);
 
 void answer_cut_waves(const WaveLanes& lanes, const Footprint& mode, const MonitorExtent& extent,
                       const NormalShare& level, size_t end, size_t size, const float* scale, float* columns) {
   HWY_DYNAMIC_DISPATCH(AnswerCutWaves)(lanes, mode, extent, level, end, size, scale, columns);
+}
+
+void answer_reached_waves(const WaveLanes& lanes, double weight, std::span<const ReachedPixel> pixels,
+                          const NormalShare& level, size_t end, size_t size, const float* scale,
+                          float* columns) {
+  HWY_DYNAMIC_DISPATCH(AnswerReachedWaves)(lanes, weight, pixels, level, end, size, scale, columns);
 }
 
 }  // namespace glasswing::internal

@@ -73,8 +73,7 @@ void evaluate(const MixtureLanes& samples, const Footprints& modes, bool through
     equations.matrix(6 * m, 6 * m) += bound;
     equations.gradient[6 * m] -= bound * excess;
   }
-  // A hundredth of one sample's residual, or of its noise.
-  equations.enough = 0.01 * std::max(equations.chi2 / samples.count, 1.0);
+  equations.enough = std::max(equations.chi2 / samples.count, 1.0);
   equations.little = kLittle * equations.cost;
   equations.rounding = kRounding;
 }
@@ -129,10 +128,14 @@ std::vector<double> model_of(const MixtureSamples& samples, const Footprints& mo
 }
 
 MixtureFit fit_mixture(const MixtureLanes& samples, const Footprints& start, bool through_pixels,
-                       int max_steps) {
+                       int max_steps, double enough) {
   const MonitorExtent& extent = samples.patterns->answers().extent();
   const Minimum<Equations> found = minimise<Equations>(
-      start, [&](const Footprints& modes, Equations& at) { evaluate(samples, modes, through_pixels, at); },
+      start,
+      [&](const Footprints& modes, Equations& at) {
+        evaluate(samples, modes, through_pixels, at);
+        at.enough *= enough;
+      },
       [&](const Footprints& modes) { return sane(modes, extent); }, {.max_steps = max_steps});
   return {.modes = found.modes, .chi2 = found.at.chi2, .floor = found.at.floor, .converged = found.converged};
 }

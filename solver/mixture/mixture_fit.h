@@ -54,9 +54,10 @@ Residual residual_of(const MixtureLanes& samples, const Footprints& modes, bool 
 // sum_m y_m by pattern, black included.
 std::vector<double> model_of(const MixtureSamples& samples, const Footprints& modes, bool through_pixels);
 
-// Levenberg-Marquardt from `start`; Sigma stays positive semi-definite (minimise.h).
+// Levenberg-Marquardt from `start`; Sigma stays positive semi-definite (minimise.h). Converged where a step
+// promises to lower chi2 by no more than `enough` of one sample's residual, or of its noise.
 MixtureFit fit_mixture(const MixtureLanes& samples, const Footprints& start, bool through_pixels,
-                       int max_steps);
+                       int max_steps, double enough = 0.01);
 
 // Sets the standard errors, from the inverse of the normal matrix; infinite where that is singular.
 void find_errors(const MixtureLanes& samples, MixtureFit& fit);

@@ -11,8 +11,9 @@ constexpr double kPointsAPeriod = 5.0;  // of the finest sinusoid, or of as much
 constexpr double kMaxPoints = 64.0;     // along the longer side
 constexpr double kWide[] = {1.0 / 20.0, 1.0 / 7.0};  // sigmas of wide footprints, of the longer side
 constexpr int kFirstSteps = 2, kFurther = 3, kFurtherSteps = 6, kSteps = 60;
-constexpr int kNearSteps = 8;  // from a neighbour's footprints
-constexpr int kSplits = 2;     // of the strongest modes
+constexpr int kNearSteps = 8;        // from a neighbour's footprints
+constexpr double kNearEnough = 0.5;  // whether they explain the samples is then told; MixtureSolver goes on
+constexpr int kSplits = 2;           // of the strongest modes
 
 // The period of the finest pattern.
 double finest_px(const PatternAnswers& answers) {
@@ -43,7 +44,7 @@ bool nearly_explains(const MixtureFit& fit, int samples) {
   return excess(fit, samples) < 3.0;
 }
 
-// Whether one more mode lowers n log chi2 by 4 log n.
+// Whether one more mode lowers n log chi2 by 4 log n, where noise alone leaves n.
 bool earns_its_place(double before, double after, int samples) {
   const double n = samples;
   return n * std::log(std::max(before, n) / std::max(after, n)) > 4.0 * std::log(n);
@@ -172,16 +173,19 @@ MixtureFit MixtureSearch::run(const MixtureSamples& samples, std::span<const Foo
   }
   MixtureFit near;
   if (likeliest != nullptr) {
-    near = fit_mixture(lanes, *likeliest, false, kNearSteps);
+    near = fit_mixture(lanes, *likeliest, false, kNearSteps, kNearEnough);
     if (explains(near, lanes.count)) return fewest(lanes, near);
   }
   const FootprintDictionary::Norms norms = dictionary_.norms(lanes);
   if (likeliest != nullptr && near.modes.size() < max_modes_) {
     // Beyond an edge of the object's surface the pixel sees another place.
-    const MixtureFit other = fit_mixture(lanes, with_best(lanes, norms, {}), false, kNearSteps);
+    const MixtureFit other = fit_mixture(lanes, with_best(lanes, norms, {}), false, kNearSteps, kNearEnough);
     if (explains(other, lanes.count)) return other;
+    if (!earns_its_place(near.chi2, 0.0, lanes.count) && nearly_explains(near, lanes.count))
+      return fewest(lanes, near);
     // On the edge, it sees one more.
-    const MixtureFit more = fit_mixture(lanes, with_best(lanes, norms, near.modes), false, kNearSteps);
+    const MixtureFit more =
+        fit_mixture(lanes, with_best(lanes, norms, near.modes), false, kNearSteps, kNearEnough);
     const bool earned = earns_its_place(near.chi2, more.chi2, lanes.count);
     if (earned && explains(more, lanes.count)) return fewest(lanes, more);
     if (!earned && nearly_explains(near, lanes.count)) return fewest(lanes, near);
@@ -194,8 +198,8 @@ MixtureFit MixtureSearch::fewest(const MixtureLanes& samples, MixtureFit fit) co
   while (fit.modes.size() > 1) {
     Footprints fewer = fit.modes;
     fewer.remove(fewer.size() - 1);
-    MixtureFit next = fit_mixture(samples, fewer, false, kNearSteps);
-    if (!explains(next, samples.count)) break;
+    MixtureFit next = fit_mixture(samples, fewer, false, kNearSteps, kNearEnough);
+    if (!(excess(next, samples.count) < 1.0)) break;
     sort(next);
     fit = next;
   }
@@ -208,7 +212,8 @@ MixtureFit MixtureSearch::search(const MixtureLanes& samples, const FootprintDic
   MixtureFit best{.modes = {}, .chi2 = empty.chi2, .floor = empty.floor, .converged = true};
   Footprints pursued;
   std::vector<Footprints> starts;
-  while (best.modes.size() < max_modes_ && !explains(best, samples.count)) {
+  while (best.modes.size() < max_modes_ && !explains(best, samples.count) &&
+         earns_its_place(best.chi2, 0.0, samples.count)) {
     const int size = best.modes.size() + 1;
     starts.assign(1, with_best(samples, norms, best.modes));
     // From the dictionary alone: where two places are wanted, one mode may have settled between them.

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/footprint/cut_footprint.h"
 #include "core/footprint/wave_answer.h"
 
 namespace glasswing {
@@ -13,6 +12,23 @@ namespace {
 
 size_t padded(size_t count) {
   return (count + PatternLanes::kPad - 1) / PatternLanes::kPad * PatternLanes::kPad;
+}
+
+// What of a footprint of weight 1 lies on lit pixels.
+NormalShare share_of(std::span<const ReachedPixel> pixels, const LitArea& lit) {
+  NormalShare sum{};
+  for (const ReachedPixel& pixel : pixels) {
+    const double bar = std::floor(((lit.horizontal ? pixel.y_px : pixel.x_px) - lit.offset_px) / lit.bar_px);
+    if (lit.bars && (std::fmod(bar, 2.0) == 0.0) == lit.inverse) continue;
+    const NormalShare& part = pixel.part;
+    sum = {.share = sum.share + part.share,
+           .by_x = sum.by_x + part.by_x,
+           .by_y = sum.by_y + part.by_y,
+           .by_xx = sum.by_xx + part.by_xx,
+           .by_xy = sum.by_xy + part.by_xy,
+           .by_yy = sum.by_yy + part.by_yy};
+  }
+  return sum;
 }
 
 }  // namespace
@@ -65,9 +81,9 @@ void PatternLanes::answer(const Footprint& mode, bool through_pixels, const floa
   Footprint seen = mode;
   internal::SeenSlopes slopes;
   if (through_pixels) {
-    seen = seen_through_pixels(mode);
     const SeenAxis x = seen_through_pixels(mode.x_px, mode.xx_px2),
                    y = seen_through_pixels(mode.y_px, mode.yy_px2);
+    seen = seen_through_pixels(mode, x, y);
     slopes = {.centre_by_centre_x = static_cast<float>(x.centre_by_centre),
               .centre_by_variance_x = static_cast<float>(x.centre_by_variance),
               .variance_by_centre_x = static_cast<float>(x.variance_by_centre),
@@ -80,7 +96,7 @@ void PatternLanes::answer(const Footprint& mode, bool through_pixels, const floa
   internal::answer_waves(lanes(), seen, slopes, 0, wave_end_, size_, scale, columns);
   internal::answer_stripes(lanes(), seen, slopes, wave_end_, stripe_end_, size_, scale, columns);
   LitShare share(mode, answers_.extent());
-  answer_areas(share, mode, scale, columns);
+  answer_areas([&](const LitArea& lit) { return share.of(lit); }, mode, scale, columns);
 }
 
 internal::WaveLanes PatternLanes::lanes() const {
@@ -96,12 +112,13 @@ internal::WaveLanes PatternLanes::lanes() const {
           .fy = fy_.data()};
 }
 
-void PatternLanes::answer_areas(LitShare& share, const Footprint& mode, const float* scale,
+template <typename ShareOf>
+void PatternLanes::answer_areas(const ShareOf& share_of, const Footprint& mode, const float* scale,
                                 float* columns) const {
   for (size_t p = 0; p < kColumns; ++p)
     std::fill_n(columns + p * size_ + stripe_end_, size_ - stripe_end_, 0.0f);
   for (const size_t area : areas_) {
-    const NormalShare own = share.of(answers_.patterns()[area].lit);
+    const NormalShare own = share_of(answers_.patterns()[area].lit);
     const size_t k = lane_[area];
     const double by = static_cast<double>(scale[k]), light = by * mode.weight;
     const std::array<double, kColumns> at{light * own.share, by * own.share,    light * own.by_x,
@@ -121,17 +138,22 @@ bool PatternLanes::cut_in_lanes(const Footprint& mode) const {
   const MonitorExtent& extent = answers_.extent();
   const bool both = cut_across(mode.x_px, mode.xx_px2, extent.width_px) &&
                     cut_across(mode.y_px, mode.yy_px2, extent.height_px);
-  return stripe_end_ == wave_end_ && !narrow(mode) &&
-         (!both || std::abs(mode.xy_px2) * most_turn_ <= kMaxTurn);
+  return stripe_end_ == wave_end_ && (!both || std::abs(mode.xy_px2) * most_turn_ <= kMaxTurn);
 }
 
 void PatternLanes::answer_cut(const Footprint& mode, bool through_pixels, const float* scale,
                               float* columns) const {
+  const MonitorExtent& extent = answers_.extent();
+  if (narrow(mode) && stripe_end_ == wave_end_) {
+    const std::vector<ReachedPixel> pixels = reached_pixels(mode, extent);
+    internal::answer_reached_waves(lanes(), mode.weight, pixels, share_of(pixels, {}), wave_end_, size_,
+                                   scale, columns);
+    return answer_areas([&](const LitArea& lit) { return share_of(pixels, lit); }, mode, scale, columns);
+  }
   if (cut_in_lanes(mode)) {
-    LitShare share(mode, answers_.extent());
-    internal::answer_cut_waves(lanes(), mode, answers_.extent(), share.of({}), wave_end_, size_, scale,
-                               columns);
-    return answer_areas(share, mode, scale, columns);
+    LitShare share(mode, extent);
+    internal::answer_cut_waves(lanes(), mode, extent, share.of({}), wave_end_, size_, scale, columns);
+    return answer_areas([&](const LitArea& lit) { return share.of(lit); }, mode, scale, columns);
   }
   const size_t count = lane_.size();
   std::vector<double> exact(kColumns * count);

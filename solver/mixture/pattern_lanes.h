@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "core/footprint/cut_footprint.h"
 #include "core/footprint/pattern_answer.h"
 
 namespace glasswing {
@@ -41,7 +42,9 @@ class PatternLanes {
 
  private:
   internal::WaveLanes lanes() const;
-  void answer_areas(LitShare& share, const Footprint& mode, const float* scale, float* columns) const;
+  // `share_of(lit)`: NormalShare of the footprint.
+  template <typename ShareOf>
+  void answer_areas(const ShareOf& share_of, const Footprint& mode, const float* scale, float* columns) const;
   // Of waves whose cut answers may be computed in lanes; others are few.
   bool cut_in_lanes(const Footprint& mode) const;
   void answer_cut(const Footprint& mode, bool through_pixels, const float* scale, float* columns) const;
@@ -74,6 +77,10 @@ void answer_stripes(const WaveLanes& lanes, const Footprint& seen, const SeenSlo
 // Of waves from lane 0, before which an edge of the monitor cuts the footprint. `level`: H(0) of weight 1.
 void answer_cut_waves(const WaveLanes& lanes, const Footprint& mode, const MonitorExtent& extent,
                       const NormalShare& level, size_t end, size_t size, const float* scale, float* columns);
+// Of a narrow footprint, of which these pixels see something.
+void answer_reached_waves(const WaveLanes& lanes, double weight, std::span<const ReachedPixel> pixels,
+                          const NormalShare& level, size_t end, size_t size, const float* scale,
+                          float* columns);
 
 // Takes from each column its part along `root`, whose square sum is `information`.
 void centre(const float* root, double information, std::span<float* const> columns, size_t size);

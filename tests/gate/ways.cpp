@@ -1,6 +1,26 @@
 #include "tests/gate/ways.h"
 
+#include <google/protobuf/text_format.h>
+
+#include "core/design/plan_design.h"
+
 namespace glasswing::gate {
+namespace {
+
+// As `glasswing plan design` makes it for the scenes' monitor.
+std::string designed(int images) {
+  v1::Monitor monitor;
+  monitor.set_name("back");
+  monitor.set_width_px(64);
+  monitor.set_height_px(48);
+  const DesignWish wish{.images = images, .noise = {.read_sd = 0.005, .full_well = {}}};
+  std::string text;
+  google::protobuf::TextFormat::PrintToString(
+      design_plan(wish, {.monitors = {monitor}, .camera = {}}).value().plan, &text);
+  return text;
+}
+
+}  // namespace
 
 const std::map<std::string, Way>& ways() {
   static const std::map<std::string, Way> all = [] {
@@ -19,6 +39,7 @@ const std::map<std::string, Way>& ways() {
         {"gaussian", {"gaussian", {}, "method: 'gaussian' " + bars + sweeps}},
         {"few", {"gaussian", {{"images", "80"}}, "method: 'gaussian' " + bars + sweeps}},
         {"hierarchical", {"hierarchical", {}, "method: 'hierarchical' " + bars}},
+        {"designed", {"gaussian", {}, designed(62)}},
         {"fringe", {"fringe", {{"modes", "2"}}, "method: 'fringe' " + solids + waves}},
         {"alpha", {"alpha", {}, "method: 'alpha' " + solids}},
         {"ramp", {"ramp", {}, "method: 'ramp' ramp { empty_frames: 4 frames: 3 }"}}};
