@@ -28,6 +28,8 @@ export function srgbPicture(gl: WebGL2RenderingContext, image: ImageBitmap): Pic
 
 export class Pyramids {
   readonly texture: WebGLTexture;
+  readonly width: number;
+  readonly height: number;
   private readonly resize: Program;
   private readonly halveAcross: Program;
   private readonly halveDown: Program;
@@ -45,10 +47,8 @@ export class Pyramids {
     this.halveDown = new Program(gl, kEverything, kHalveDown);
     this.frame = gl.createFramebuffer();
     this.scratch = { texture: makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST), width: 0, height: 0 };
-    const [width, height] = [
-      Math.max(...shapes.map((shape) => shape.width)),
-      Math.max(...shapes.map((shape) => shape.height)),
-    ];
+    const width = (this.width = Math.max(...shapes.map((shape) => shape.width)));
+    const height = (this.height = Math.max(...shapes.map((shape) => shape.height)));
     this.texture = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
     gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA16F, width, height, shapes.length);
     for (let layer = 0; layer < shapes.length; ++layer) this.clear(layer);
