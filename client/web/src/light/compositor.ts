@@ -6,7 +6,7 @@
 import type { Footprints } from "./footprints";
 import { NoWebGl, Program, makeTexture } from "./gl";
 import type { Box, MatteMetadata } from "./matte";
-import { primaryMix, type PrimaryMix } from "./primary_mix";
+import { kUnit, primaryMix, type PrimaryMix } from "./primary_mix";
 import { Pyramids, srgbPicture, type Picture, type Placement } from "./pyramid";
 import { kBorder, pyramidShape, type PyramidShape } from "./pyramid_shape";
 import { composite, kEverything, movingComposite, sketch } from "./shaders";
@@ -114,6 +114,7 @@ export class Compositor {
     this.program = make(composite(levels.length, monitors, metadata.footprint === "box"));
     this.sketchProgram = make(sketch(levels.length, monitors));
     this.movingProgram = make(movingComposite(levels.length, monitors));
+    gl.uniformMatrix3fv(this.movingProgram.at("u_seen"), true, this.mix.seen.flat());
     gl.uniform2f(this.movingProgram.at("u_texel"), 1 / this.whole.width, 1 / this.whole.height);
     this.setMatte(matte);
   }
@@ -148,7 +149,7 @@ export class Compositor {
     const picture = (this.pictures[monitor] = srgbPicture(gl, image));
     const { width, height } = this.shapes[monitor]!.levels[0]!;
     const stretched = { x: 0, y: 0, stepX: picture.width / width, stepY: picture.height / height };
-    this.whole.fill(monitor, picture, stretched, this.mix.seen[monitor]!);
+    this.whole.fill(monitor, picture, stretched, kUnit);
   }
 
   place(monitor: number, standing: Standing): void {

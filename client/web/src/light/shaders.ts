@@ -25,6 +25,7 @@ uniform int u_size;  // of the picture, along the axis
 uniform ivec2 u_corner;
 uniform float u_start, u_step;
 uniform mat3 u_seen;
+uniform bool u_whole;  // as in kHalveBody
 out vec4 o_light;
 
 vec3 at(int i, int across) { return texelFetch(u_picture, u_down ? ivec2(across, i) : ivec2(i, across), 0).rgb; }
@@ -45,11 +46,12 @@ void main() {
     int i = int(floor(middle));
     sum = mix(at(clamp(i, 0, u_size - 1), across), at(clamp(i + 1, 0, u_size - 1), across), middle - float(i));
   }
-  o_light = vec4(u_seen * sum, 1.0);
+  vec3 light = u_seen * sum;
+  o_light = vec4(u_whole ? sqrt(light) : light, 1.0);
 }`;
 
 const kHalveBody = `
-uniform bool u_clamps;  // the level goes on as it ends; else it has a border
+uniform bool u_whole;  // the level goes on as it ends, and keeps roots of light in bytes; else it has a border
 const float kFilter[6] = float[](1.0 / 32.0, 5.0 / 32.0, 10.0 / 32.0, 10.0 / 32.0, 5.0 / 32.0, 1.0 / 32.0);
 out vec4 o_light;
 `;
@@ -64,9 +66,10 @@ void main() {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < 6; ++k) {
     int x = 2 * to.x + k - 2;
-    if (u_clamps) x = clamp(x, 0, u_above.z - 1);
+    if (u_whole) x = clamp(x, 0, u_above.z - 1);
     if (x < -u_border || x >= u_above.z + u_border) continue;
-    sum += kFilter[k] * texelFetch(u_pyramid, ivec3(u_above.xy + ivec2(x, to.y), u_layer), 0).rgb;
+    vec3 read = texelFetch(u_pyramid, ivec3(u_above.xy + ivec2(x, to.y), u_layer), 0).rgb;
+    sum += kFilter[k] * (u_whole ? read * read : read);
   }
   o_light = vec4(sum, 1.0);
 }`;
@@ -81,11 +84,11 @@ void main() {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < 6; ++k) {
     int y = 2 * (to.y - u_border) + k - 2;
-    if (u_clamps) y = clamp(y, 0, u_height - 1);
+    if (u_whole) y = clamp(y, 0, u_height - 1);
     if (y < -u_border || y >= u_height + u_border) continue;
     sum += kFilter[k] * texelFetch(u_across, ivec2(to.x, y + u_border), 0).rgb;
   }
-  o_light = vec4(sum, 1.0);
+  o_light = vec4(u_whole ? sqrt(sum) : sum, 1.0);
 }`;
 
 /**
@@ -278,12 +281,14 @@ uniform int u_sketch_bits;  // 2^bits is its width
 uniform sampler2DArray u_pyramid;
 uniform vec4 u_areas[${levelCount}];  // x, y, width, height in the pyramid
 uniform int u_first_level[${monitorCount}];
+uniform mat3 u_seen[${monitorCount}];
 uniform vec4 u_place[${monitorCount}];  // the picture's pixel of a sketch's (0, 0), and its pixels from there to (1, 1)
 uniform vec2 u_texel;
 
 vec3 probe(vec2 at, float layer, vec4 area) {
   vec2 inside = clamp(at, vec2(0.5), area.zw - 0.5);
-  return textureLod(u_pyramid, vec3((area.xy + inside) * u_texel, layer), 0.0).rgb;
+  vec3 root = textureLod(u_pyramid, vec3((area.xy + inside) * u_texel, layer), 0.0).rgb;
+  return root * root;
 }
 
 vec3 light_of(int footprint) {
@@ -311,6 +316,6 @@ vec3 light_of(int footprint) {
     if (share > 0.0) light = mix(light, probe(0.5 * at, layer, soft), share);
     sum += light;
   }
-  return sum * vec3(unpackHalf2x16(read.w), unpackHalf2x16(read.z >> 16).x);
+  return u_seen[monitor] * sum * vec3(unpackHalf2x16(read.w), unpackHalf2x16(read.z >> 16).x);
 }
 ${kPixel}`;
