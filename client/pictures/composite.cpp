@@ -187,12 +187,17 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
                   "bits per sample: 8 or 16 for PNG and TIFF (with --linear default 16), 32 or 16 for EXR")
       ->check(CLI::IsMember({8, 16, 32}));
   command
-      .add_option("--shift", arguments.backgrounds.shifts,
-                  "[TEXTURE=]DX,DY: shift the picture by monitor px to the right and down; it wraps around")
+      .add_option(
+          "--shift", arguments.backgrounds.shifts,
+          "[TEXTURE=]DX,DY: shift the picture by monitor px to the right and down; beyond its edges it goes "
+          "on as it ends (clamp)")
       ->allow_extra_args(false);
   command
       .add_option("--pan", arguments.backgrounds.pans, "[TEXTURE=]DX,DY: shift it further with every frame")
       ->allow_extra_args(false);
+  command.add_flag(
+      "--wrap", arguments.backgrounds.wraps,
+      "of --shift and --pan: beyond its edges the picture begins anew, as for a pan without end");
   command.add_option("--frames", arguments.frame_count, "number of frames, for one matte")
       ->check(CLI::Range(1, 1000000));
   command.add_option("--fps", arguments.frame_rate_hz, "frame rate of the written video, Hz")
@@ -322,6 +327,7 @@ absl::StatusOr<Backgrounds> Backgrounds::open(const BackgroundArguments& argumen
   GW_RETURN_IF_ERROR(each(arguments.pans, "--pan", [](const BackgroundArgument& pan, Screen& screen) {
     return read_shift(pan, "--pan", screen.pan_x_px, screen.pan_y_px);
   }));
+  backgrounds.wraps_ = arguments.wraps;
   backgrounds.now_.resize(backgrounds.screens_.size());
   return backgrounds;
 }
@@ -342,7 +348,7 @@ absl::StatusOr<const std::vector<RadianceImage>*> Backgrounds::next() {
       }
       if (screen.match) screen.match->apply(screen.placed);
     }
-    now_[t] = shifted(screen.placed, screen.dx_px, screen.dy_px);
+    now_[t] = shifted(screen.placed, screen.dx_px, screen.dy_px, wraps_);
     screen.dx_px += screen.pan_x_px;
     screen.dy_px += screen.pan_y_px;
   }
@@ -394,7 +400,7 @@ void add_composite_command(CLI::App& app, Client& client) {
       "  glasswing composite pour/ --background waves.mp4 -o pour.mp4 --fps 30\n"
       "  glasswing composite vase.exr --background waves.mp4 -o vase.mp4\n"
       "  glasswing composite vase.exr --background harbour.png --pan 2,0 --frames 300 -o vase.mp4\n"
-      "  glasswing composite vase.exr --background harbour.png --pan 8,0 --frames 60 -o vase.webp\n"
+      "  glasswing composite vase.exr --background harbour.png --pan 8,0 --wrap --frames 60 -o vase.webp\n"
       "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png -o vase.png --error vase_error.exr\n"

@@ -33,6 +33,7 @@ struct BackgroundArguments {
   std::vector<std::string> pictures, matches;
   // DX,DY, monitor px right and down: of the first picture, and from each picture to the next.
   std::vector<std::string> shifts, pans;
+  bool wraps = false;  // a shifted picture begins anew beyond its edges
 };
 
 // The pictures behind the object, frame by frame.
@@ -69,7 +70,7 @@ class Backgrounds {
   };
   Backgrounds() = default;
 
-  bool calibrated_ = false, are_rec709_ = true;
+  bool calibrated_ = false, are_rec709_ = true, wraps_ = false;
   std::vector<Screen> screens_;
   std::vector<RadianceImage> now_;
 };

@@ -44,6 +44,7 @@ absl::Status check_options(const CompositeArguments& arguments) {
   const BackgroundArguments& backgrounds = arguments.backgrounds;
   GW_RETURN_IF_ERROR(refuse(!backgrounds.shifts.empty(), "--shift"));
   GW_RETURN_IF_ERROR(refuse(!backgrounds.pans.empty(), "--pan"));
+  GW_RETURN_IF_ERROR(refuse(backgrounds.wraps, "--wrap"));
   GW_RETURN_IF_ERROR(refuse(!backgrounds.matches.empty(), "--match"));
   GW_RETURN_IF_ERROR(refuse(!arguments.error.empty(), "--error"));
   GW_RETURN_IF_ERROR(refuse(arguments.fill, "--fill"));

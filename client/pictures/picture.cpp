@@ -114,19 +114,23 @@ absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::s
   return part;
 }
 
-RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px) {
+RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px, bool wraps) {
   // For each column or row: the two source indices, and the weight of the second.
   struct Parts {
     std::vector<int> first, second;
     float part;
   };
-  const auto parts_of = [](double shift, int extent) {
+  const auto parts_of = [wraps](double shift, int extent) {
     const double whole = std::floor(shift);
-    const int away = static_cast<int>(std::fmod(whole, extent));
+    const int away =
+        static_cast<int>(wraps ? std::fmod(whole, extent) : std::clamp(whole, -1.0 * extent, 1.0 * extent));
+    const auto inside = [&](int i) {
+      return wraps ? (i + 2 * extent) % extent : std::clamp(i, 0, extent - 1);
+    };
     Parts parts{.first = {}, .second = {}, .part = static_cast<float>(shift - whole)};
     for (int i = 0; i < extent; ++i) {
-      parts.first.push_back((i - away + 2 * extent) % extent);
-      parts.second.push_back((i - away - 1 + 2 * extent) % extent);
+      parts.first.push_back(inside(i - away));
+      parts.second.push_back(inside(i - away - 1));
     }
     return parts;
   };

@@ -43,8 +43,9 @@ absl::StatusOr<CapturedPicture> read_picture(const std::filesystem::path& file, 
 // The region "WIDTHxHEIGHT+X+Y" of a picture, px from its top-left corner; all of it if `region` is empty.
 // INVALID_ARGUMENT: `region` is not of that form, or reaches beyond the picture.
 absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::string& region);
-// Shifts the picture by dx px right and dy px down, interpolating linearly; it wraps around.
-RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px);
+// Shifts the picture by dx px right and dy px down, interpolating linearly. Beyond its edges it goes on as it
+// ends (clamp), or, if it wraps, begins anew.
+RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px, bool wraps);
 
 inline constexpr const char* kCropHelp =
     "WIDTHxHEIGHT+X+Y: write only this region, px from the top left corner";

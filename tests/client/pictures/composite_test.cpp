@@ -266,17 +266,31 @@ TEST_F(CompositeCommand, CropLeavesThePartThatItNames) {
 }
 
 // The matte sees straight through with half of the light; pixels are whole px apart.
-TEST_F(CompositeCommand, ShiftMovesThePictureRoundTheMonitor) {
-  const auto run = [this](const std::string& shift, const std::string& output) {
-    return run_glasswing({"composite", matte_, "--background", background_, "--shift", shift, "-o", output});
+TEST_F(CompositeCommand, ShiftMovesThePictureWhichGoesOnAsItEnds) {
+  const auto run = [this](const std::string& shift, const std::string& output, bool wraps = false) {
+    std::vector<std::string> command{"composite", matte_, "--background", background_,
+                                     "--shift",   shift,  "-o",           output};
+    if (wraps) command.push_back("--wrap");
+    return run_glasswing(command);
   };
-  ASSERT_EQ(run("back=3,-2", path("out.exr")).status, 0);
-  const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value(), still = gradient();
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const float there = still.at((x - 3 + kWidth) % kWidth, (y + 2) % kHeight, 1);
-      EXPECT_NEAR(picture.at(x, y, 1), 0.125f + 0.5f * there, 2 * kExrRounding);
+  const RadianceImage still = gradient();
+  const auto expect = [&](int dx, int dy, bool wraps) {
+    SCOPED_TRACE(fmt::format("{},{} {}", dx, dy, wraps));
+    ASSERT_EQ(run(fmt::format("back={},{}", dx, dy), path("out.exr"), wraps).status, 0);
+    const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value();
+    const auto inside = [&](int at, int extent) {
+      return wraps ? (at % extent + extent) % extent : std::clamp(at, 0, extent - 1);
+    };
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const float there = still.at(inside(x - dx, kWidth), inside(y - dy, kHeight), 1);
+        EXPECT_NEAR(picture.at(x, y, 1), 0.125f + 0.5f * there, 2 * kExrRounding);
+      }
     }
+  };
+  for (const bool wraps : {false, true}) {
+    expect(3, -2, wraps);
+    expect(-5 * kWidth - 1, 2 * kHeight, wraps);
   }
   expect_one_line_error(run("3", path("out.png")), "it must be DX,DY");
   expect_one_line_error(run("left=3,4", path("out.png")), "\"left\", which has no --background");

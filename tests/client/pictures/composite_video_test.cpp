@@ -186,7 +186,7 @@ TEST_F(CompositeVideo, PanMovesAStillOnWithEveryFrame) {
     command.insert(command.end(), more.begin(), more.end());
     return run_glasswing(command);
   };
-  ASSERT_EQ(run({"--pan", "1.5,0", "--frames", "3"}).status, 0);
+  ASSERT_EQ(run({"--pan", "1.5,0", "--frames", "3", "--wrap"}).status, 0);
   // Wraps around the monitor's edge; at half a pixel, two pixels share it.
   const std::vector<std::vector<float>> light{{0, 0, 0.5f, 0}, {0, 0, 0, 0.25f}, {0, 0.5f, 0, 0}};
   const std::vector<int> columns{0, 1, kWidth - 2, kWidth - 1};

@@ -173,6 +173,7 @@ export class EnvironmentCompositor {
     const { gl } = this.surface;
     const program = this.program.use();
     this.map.bindFaces(program);
+    this.surface.bindList(program, 1);
     program.bind("u_wide", kFreeUnit + 1, gl.TEXTURE_2D_ARRAY, this.map.wide);
     gl.uniform1f(program.at("u_first_width"), kFirstWidth);
     gl.uniform2f(program.at("u_turn"), Math.cos(turn), Math.sin(turn));

@@ -134,12 +134,11 @@ export abstract class FootprintWords {
 
   /** `before` the weights five numbers, after them one; `high`: 16 bits beside blue's weight. */
   protected put(before: readonly number[], weights: readonly number[], high: number, after: number): void {
-    const [red, green, blue] = weights.map(toHalf) as [number, number, number];
     const at = 8 * this.count++;
     ++this.index[2 * this.pixel + 1]!;
-    this.floats.set(before, at);
-    this.list[at + 5] = red | (green << 16);
-    this.list[at + 6] = blue | (high << 16);
+    for (let i = 0; i < before.length; ++i) this.floats[at + i] = before[i]!;
+    this.list[at + 5] = toHalf(weights[0]!) | (toHalf(weights[1]!) << 16);
+    this.list[at + 6] = toHalf(weights[2]!) | (high << 16);
     this.floats[at + 7] = after;
   }
 
@@ -170,7 +169,7 @@ export class FootprintList extends FootprintWords {
       [place.x, place.y, place.xx, place.yy, place.xy],
       weights,
       mode.texture | (place.level << 8),
-      Math.max(...weights),
+      Math.max(weights[0]!, weights[1]!, weights[2]!),
     );
   }
 }

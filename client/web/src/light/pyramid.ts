@@ -28,6 +28,8 @@ export function srgbPicture(gl: WebGL2RenderingContext, image: ImageBitmap): Pic
 
 export class Pyramids {
   readonly texture: WebGLTexture;
+  readonly width: number;
+  readonly height: number;
   private readonly resize: Program;
   private readonly halveAcross: Program;
   private readonly halveDown: Program;
@@ -37,20 +39,19 @@ export class Pyramids {
   constructor(
     private readonly gl: WebGL2RenderingContext,
     private readonly shapes: PyramidShape[],
-    /** Beyond its edges a picture goes on as it ends; else it is black there. */
-    private readonly clamps = false,
+    /** Beyond its edges a picture goes on as it ends, and the texture has roots of light in bytes, which software reads fast; else
+     * it is black there. */
+    private readonly whole = false,
   ) {
     this.resize = new Program(gl, kEverything, kResize);
     this.halveAcross = new Program(gl, kEverything, kHalveAcross);
     this.halveDown = new Program(gl, kEverything, kHalveDown);
     this.frame = gl.createFramebuffer();
     this.scratch = { texture: makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST), width: 0, height: 0 };
-    const [width, height] = [
-      Math.max(...shapes.map((shape) => shape.width)),
-      Math.max(...shapes.map((shape) => shape.height)),
-    ];
+    const width = (this.width = Math.max(...shapes.map((shape) => shape.width)));
+    const height = (this.height = Math.max(...shapes.map((shape) => shape.height)));
     this.texture = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
-    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA16F, width, height, shapes.length);
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, whole ? gl.RGBA8 : gl.RGBA16F, width, height, shapes.length);
     for (let layer = 0; layer < shapes.length; ++layer) this.clear(layer);
   }
 
@@ -71,6 +72,7 @@ export class Pyramids {
       start: place.x,
       step: place.stepX,
       seen: kUnit,
+      root: false,
     });
     this.draw(layer, (corner) =>
       this.drawResized(this.scratch.texture, {
@@ -79,6 +81,7 @@ export class Pyramids {
         start: place.y,
         step: place.stepY,
         seen,
+        root: this.whole,
         corner,
       }),
     );
@@ -107,7 +110,7 @@ export class Pyramids {
 
   private drawResized(
     from: WebGLTexture,
-    how: { down: boolean; size: number; start: number; step: number; seen: Matrix; corner?: Level },
+    how: { down: boolean; size: number; start: number; step: number; seen: Matrix; root: boolean; corner?: Level },
   ): void {
     const { gl } = this;
     const program = this.resize.use();
@@ -118,6 +121,7 @@ export class Pyramids {
     gl.uniform1f(program.at("u_step"), how.step);
     gl.uniform2i(program.at("u_corner"), how.corner?.x ?? 0, how.corner?.y ?? 0);
     gl.uniformMatrix3fv(program.at("u_seen"), true, how.seen);
+    gl.uniform1i(program.at("u_whole"), how.root ? 1 : 0);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
@@ -128,7 +132,7 @@ export class Pyramids {
     const across = this.halveAcross.use();
     across.bind("u_pyramid", 0, gl.TEXTURE_2D_ARRAY, this.texture);
     gl.uniform1i(across.at("u_layer"), layer);
-    gl.uniform1i(across.at("u_clamps"), this.clamps ? 1 : 0);
+    gl.uniform1i(across.at("u_whole"), this.whole ? 1 : 0);
     gl.uniform1i(across.at("u_border"), kBorder);
     gl.uniform4i(across.at("u_above"), above.x, above.y, above.width, above.height);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -137,7 +141,7 @@ export class Pyramids {
     const down = this.halveDown.use();
     down.bind("u_across", 0, gl.TEXTURE_2D, this.scratch.texture);
     gl.uniform1i(down.at("u_border"), kBorder);
-    gl.uniform1i(down.at("u_clamps"), this.clamps ? 1 : 0);
+    gl.uniform1i(down.at("u_whole"), this.whole ? 1 : 0);
     gl.uniform1i(down.at("u_height"), above.height);
     gl.uniform2i(down.at("u_corner"), level.x - kBorder, level.y - kBorder);
     gl.drawArrays(gl.TRIANGLES, 0, 3);

@@ -25,6 +25,7 @@ uniform int u_size;  // of the picture, along the axis
 uniform ivec2 u_corner;
 uniform float u_start, u_step;
 uniform mat3 u_seen;
+uniform bool u_whole;  // as in kHalveBody
 out vec4 o_light;
 
 vec3 at(int i, int across) { return texelFetch(u_picture, u_down ? ivec2(across, i) : ivec2(i, across), 0).rgb; }
@@ -45,11 +46,12 @@ void main() {
     int i = int(floor(middle));
     sum = mix(at(clamp(i, 0, u_size - 1), across), at(clamp(i + 1, 0, u_size - 1), across), middle - float(i));
   }
-  o_light = vec4(u_seen * sum, 1.0);
+  vec3 light = u_seen * sum;
+  o_light = vec4(u_whole ? sqrt(light) : light, 1.0);
 }`;
 
 const kHalveBody = `
-uniform bool u_clamps;  // the level goes on as it ends; else it has a border
+uniform bool u_whole;  // the level goes on as it ends, and keeps roots of light in bytes; else it has a border
 const float kFilter[6] = float[](1.0 / 32.0, 5.0 / 32.0, 10.0 / 32.0, 10.0 / 32.0, 5.0 / 32.0, 1.0 / 32.0);
 out vec4 o_light;
 `;
@@ -64,9 +66,10 @@ void main() {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < 6; ++k) {
     int x = 2 * to.x + k - 2;
-    if (u_clamps) x = clamp(x, 0, u_above.z - 1);
+    if (u_whole) x = clamp(x, 0, u_above.z - 1);
     if (x < -u_border || x >= u_above.z + u_border) continue;
-    sum += kFilter[k] * texelFetch(u_pyramid, ivec3(u_above.xy + ivec2(x, to.y), u_layer), 0).rgb;
+    vec3 read = texelFetch(u_pyramid, ivec3(u_above.xy + ivec2(x, to.y), u_layer), 0).rgb;
+    sum += kFilter[k] * (u_whole ? read * read : read);
   }
   o_light = vec4(sum, 1.0);
 }`;
@@ -81,11 +84,11 @@ void main() {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < 6; ++k) {
     int y = 2 * (to.y - u_border) + k - 2;
-    if (u_clamps) y = clamp(y, 0, u_height - 1);
+    if (u_whole) y = clamp(y, 0, u_height - 1);
     if (y < -u_border || y >= u_height + u_border) continue;
     sum += kFilter[k] * texelFetch(u_across, ivec2(to.x, y + u_border), 0).rgb;
   }
-  o_light = vec4(sum, 1.0);
+  o_light = vec4(u_whole ? sqrt(sum) : sum, 1.0);
 }`;
 
 /**
@@ -171,28 +174,33 @@ vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec
 }`;
 
 /**
- * glimpse(): about the light of a footprint, for pictures that move. It reads the pyramid of the whole picture, so that a move
- * changes u_place alone, and is black beyond the monitor by a ramp of the blur's width. Up to eight probes stand along its wider axis, evenly, so that
- * they have its variance there beyond that of the narrower axis; each reads the two levels whose blurs enclose the narrower one,
- * mixed so that their variances are right. A reading of level l, interpolated between flat samples, has 4^l 2/3 - 5/12 px^2.
+ * A footprint for pictures that move, in a fourth of the words and the time: where to look, and with what weights. It holds for
+ * any shift of its picture, but for one scale, u_scale: the picture's pixels per pixel of the monitor. Up to eight probes stand
+ * along the wider axis, evenly, so that they have its variance there beyond that of the narrower axis; each reads the two levels
+ * whose blurs enclose the narrower one, mixed so that their variances are right. A reading of level l, interpolated between flat
+ * samples, has 4^l 2/3 - 5/12 px^2. Beyond the monitor it is black, by a ramp of the footprint's width.
  */
-const kGlimpse = `
+export const sketch = (levelCount: number, monitorCount: number): string => `${kHead}
+uniform usampler2D u_list;
+uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
+uniform int u_first_level[${monitorCount}], u_last_level[${monitorCount}];  // of a monitor; the last counts from its first
+uniform vec2 u_scale[${monitorCount}];
+out uvec4 o_sketch;
 const float kMaxProbes = 8.0;
 // Probes may stand two deviations of their blur apart: eight of them reach 21 times its variance.
 const float kMaxRatio = 22.0;
+const float kLeastShare = 1.0 / 16.0;  // of a second level
 
-vec3 probe(vec2 at, int layer, ivec4 level, float scale, vec2 texel) {
-  vec2 inside = clamp(at * scale, vec2(0.5), vec2(level.zw) - 0.5);
-  return light_at(vec2(level.xy) + inside, layer, texel);
-}
-
-// Of centre and covariance in pixels of the monitor. place: the picture's pixels at the monitor's corner, and per pixel.
-vec3 glimpse(vec2 centre, vec3 q, vec4 place, int layer, int first, int last, vec2 texel) {
-  vec2 edge = vec2(u_levels[first].zw), soften = sqrt(12.0 * (max(q.xz, 0.0) + 1.0 / 12.0));
+void main() {
+  ivec2 from = ivec2(gl_FragCoord.xy) * ivec2(2, 1);
+  uvec4 one = texelFetch(u_list, from, 0), two = texelFetch(u_list, from + ivec2(1, 0), 0);
+  int monitor = int((two.z >> 16) & 0xffu), last = u_last_level[monitor];
+  float size = exp2(float(two.z >> 24)), less = 0.5 * (size * size - 1.0);
+  vec2 centre = size * uintBitsToFloat(one.xy), edge = vec2(u_levels[u_first_level[monitor]].zw), scale = u_scale[monitor];
+  vec3 q = size * size * vec3(uintBitsToFloat(one.z), uintBitsToFloat(two.x), uintBitsToFloat(one.w)) + vec3(less, 0.0, less);
+  vec2 soften = sqrt(12.0 * (max(q.xz, 0.0) + 1.0 / 12.0));
   vec2 shown = clamp(0.5 + centre / soften, 0.0, 1.0) * clamp(0.5 + (edge - centre) / soften, 0.0, 1.0);
-  if (shown.x * shown.y == 0.0) return vec3(0.0);
-  centre = place.xy + place.zw * centre;
-  q *= vec3(place.z * place.z, place.z * place.w, place.w * place.w);
+  q *= vec3(scale.x * scale.x, scale.x * scale.y, scale.y * scale.y);
   float mean = 0.5 * (q.x + q.z), away = length(vec2(0.5 * (q.x - q.z), q.y));
   float wide = mean + away + 1.0 / 12.0, narrow = max(mean - away + 1.0 / 12.0, max(0.25, wide / kMaxRatio));
   float beyond = max(wide - narrow, 0.0), probes = clamp(floor(sqrt(1.0 + 3.0 * beyond / narrow) + 0.5), 1.0, kMaxProbes);
@@ -205,24 +213,17 @@ vec3 glimpse(vec2 centre, vec3 q, vec4 place, int layer, int first, int last, ve
     narrow += 0.5 * beyond;
   }
   int level = clamp(int(0.5 * log2(1.5 * narrow + 0.625)), 0, max(last - 1, 0));
-  float scale = exp2(-float(level)), area = 1.0 / (scale * scale), blur = area * 2.0 / 3.0 - 5.0 / 12.0;
-  float share = clamp((narrow - blur) / (2.0 * area), 0.0, 1.0);
-  ivec4 sharp = u_levels[first + level], soft = u_levels[first + min(level + 1, last)];
-  vec3 sum = vec3(0.0);
-  for (float i = 0.5 - 0.5 * probes; i < 0.5 * probes; i += 1.0) {
-    vec2 at = centre + i * along;
-    vec3 light = probe(at, layer, sharp, scale, texel);
-    if (share > 0.0) light = mix(light, probe(at, layer, soft, 0.5 * scale, texel), share);
-    sum += light;
-  }
-  return shown.x * shown.y / probes * sum;
-}
-`;
+  float area = exp2(2.0 * float(level)), share = clamp((narrow - (area * 2.0 / 3.0 - 5.0 / 12.0)) / (2.0 * area), 0.0, 1.0);
+  if (share < kLeastShare || last == 0) share = 0.0;
+  vec3 weight = vec3(unpackHalf2x16(two.y), unpackHalf2x16(two.z).x) * (shown.x * shown.y / probes);
+  uint how = uint(monitor) | uint(level) << 3 | uint(63.0 * share + 0.5) << 7 | uint(probes - 1.0) << 13;
+  o_sketch = uvec4(packUnorm2x16(0.25 + 0.5 * centre / edge), packHalf2x16(along), how | packHalf2x16(vec2(0.0, weight.b)),
+                   packHalf2x16(weight.rg));
+}`;
 
-/** A pixel's composite: F and the light of its footprints, of which seen() tells by the eight words of each. */
-export const kComposite = `
-uniform usampler2D u_index, u_list;
-uniform sampler2D u_foreground;
+/** A pixel's composite: F and the light of its footprints, light_of() of their numbers. */
+const kPixel = `
+uniform usampler2D u_pixels;  // F and the footprints of a pixel: surface.ts
 uniform int u_step;  // matte pixels per drawn pixel along each side
 uniform ivec4 u_view;  // the drawn part of the matte: x, y, width, height
 uniform mat3 u_primaries;
@@ -238,39 +239,83 @@ void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   at.y = (u_view.w + u_step - 1) / u_step - 1 - at.y;  // the canvas counts from below
   at = u_view.xy + min(at * u_step + u_step / 2, u_view.zw - 1);
-  vec3 light = texelFetch(u_foreground, at, 0).rgb;
-  uvec2 range = texelFetch(u_index, at, 0).xy;
-  int list_width = textureSize(u_list, 0).x;
-  for (uint i = 0u; i < range.y; ++i) {
-    int k = 2 * int(range.x + i);
-    ivec2 place = ivec2(k % list_width, k / list_width);
-    uvec4 one = texelFetch(u_list, place, 0), two = texelFetch(u_list, place + ivec2(1, 0), 0);
-    vec3 weight = vec3(unpackHalf2x16(two.y), unpackHalf2x16(two.z & 0xffffu).x);
-    light += weight * seen(one, two);
-  }
+  uvec4 pixel = texelFetch(u_pixels, at, 0);
+  vec3 light = vec3(unpackHalf2x16(pixel.z), unpackHalf2x16(pixel.y).x);
+  uint end = pixel.x + (pixel.y >> 16);
+  for (uint i = pixel.x; i < end; ++i) light += light_of(int(i));
   o_colour = vec4(coded(u_gain * (u_primaries * light)), 1.0);
 }`;
+
+/** The composite of the eight words of each footprint: seen() tells of their light. */
+export const kComposite = `
+uniform usampler2D u_list;
+uniform int u_list_bits;  // 2^bits is its width
+
+vec3 light_of(int footprint) {
+  int k = 2 * footprint;
+  ivec2 place = ivec2(k & ((1 << u_list_bits) - 1), k >> u_list_bits);
+  uvec4 one = texelFetch(u_list, place, 0), two = texelFetch(u_list, place + ivec2(1, 0), 0);
+  return vec3(unpackHalf2x16(two.y), unpackHalf2x16(two.z & 0xffffu).x) * seen(one, two);
+}
+${kPixel}`;
 
 /** The composite before monitors. */
 export const composite = (levelCount: number, monitorCount: number, box: boolean): string => `${kHead}
 uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
-uniform int u_first_level[${monitorCount}], u_last_level[${monitorCount}];  // of a monitor; the last counts from its first
-uniform bool u_moving;
-uniform vec4 u_place[${monitorCount}];
+uniform int u_first_level[${monitorCount}];  // of a monitor
 ${integrate(box)}
-${kGlimpse}
 
 vec3 seen(uvec4 one, uvec4 two) {
   int monitor = int((two.z >> 16) & 0xffu), level = int(two.z >> 24);
   vec3 q = vec3(uintBitsToFloat(one.z), uintBitsToFloat(two.x), uintBitsToFloat(one.w));
   vec2 centre = vec2(uintBitsToFloat(one.x), uintBitsToFloat(one.y));
-  int first = u_first_level[monitor];
   vec2 texel = 1.0 / vec2(textureSize(u_pyramid, 0).xy);
-  if (u_moving) {
-    float scale = exp2(float(level)), area = scale * scale, less = 0.5 * (area - 1.0);
-    vec3 whole = vec3(area * q.x + less, area * q.y, area * q.z + less);
-    return glimpse(scale * centre, whole, u_place[monitor], monitor, first, u_last_level[monitor], texel);
-  }
-  return integrate(centre, q, uintBitsToFloat(two.w), monitor, u_levels[first + level], texel);
+  return integrate(centre, q, uintBitsToFloat(two.w), monitor, u_levels[u_first_level[monitor] + level], texel);
 }
 ${kComposite}`;
+
+/** The same about, of footprints' sketches and pyramids of whole pictures: u_place says where a monitor shows its own. */
+export const movingComposite = (levelCount: number, monitorCount: number): string => `${kHead}
+uniform usampler2D u_sketch;
+uniform int u_sketch_bits;  // 2^bits is its width
+uniform sampler2DArray u_pyramid;
+uniform vec4 u_areas[${levelCount}];  // x, y, width, height in the pyramid
+uniform int u_first_level[${monitorCount}];
+uniform mat3 u_seen[${monitorCount}];
+uniform vec4 u_place[${monitorCount}];  // the picture's pixel of a sketch's (0, 0), and its pixels from there to (1, 1)
+uniform vec2 u_texel;
+
+vec3 probe(vec2 at, float layer, vec4 area) {
+  vec2 inside = clamp(at, vec2(0.5), area.zw - 0.5);
+  vec3 root = textureLod(u_pyramid, vec3((area.xy + inside) * u_texel, layer), 0.0).rgb;
+  return root * root;
+}
+
+vec3 light_of(int footprint) {
+  uvec4 read = texelFetch(u_sketch, ivec2(footprint & ((1 << u_sketch_bits) - 1), footprint >> u_sketch_bits), 0);
+  int monitor = ${monitorCount === 1 ? "0" : "int(read.z & 7u)"};
+  uint level = (read.z >> 3) & 15u, others = (read.z >> 13) & 7u;
+  vec2 centre = u_place[monitor].xy + u_place[monitor].zw * unpackUnorm2x16(read.x);
+  float share = float((read.z >> 7) & 63u) / 63.0, layer = float(monitor), scale = 1.0;
+  int first = u_first_level[monitor];
+  vec4 sharp = u_areas[first], soft = u_areas[first + 1];
+  if (level > 0u) {
+    scale = exp2(-float(level));
+    sharp = u_areas[first + int(level)];
+    soft = u_areas[first + int(level) + 1];
+  }
+  vec2 along = vec2(0.0);
+  if (others > 0u) {
+    along = unpackHalf2x16(read.y);
+    centre -= 0.5 * float(others) * along;
+  }
+  vec3 sum = vec3(0.0);
+  for (uint i = 0u; i <= others; ++i) {
+    vec2 at = scale * (centre + float(i) * along);
+    vec3 light = probe(at, layer, sharp);
+    if (share > 0.0) light = mix(light, probe(0.5 * at, layer, soft), share);
+    sum += light;
+  }
+  return u_seen[monitor] * sum * vec3(unpackHalf2x16(read.w), unpackHalf2x16(read.z >> 16).x);
+}
+${kPixel}`;

@@ -1,6 +1,7 @@
 // The canvas, its context, and a matte's pixels as the textures that both compositors' shaders read.
 import type { Footprints } from "./footprints";
 import { NoWebGl, Program, makeTexture, openContext } from "./gl";
+import { toHalf } from "./half";
 import type { Box } from "./matte";
 
 export interface Pixels {
@@ -11,13 +12,16 @@ export interface Pixels {
 }
 
 /** The first texture unit that is free for others. */
-export const kFreeUnit = 3;
+export const kFreeUnit = 2;
+
+const signedHalf = (value: number): number => (value < 0 ? 0x8000 | toHalf(-value) : toHalf(value));
 
 export class Surface {
   readonly gl: WebGL2RenderingContext;
-  private readonly foreground: WebGLTexture;
-  private readonly index: WebGLTexture;
+  /** Of a pixel: its first footprint; blue's F, and the number of footprints above it; red's and green's F. */
+  private readonly pixels: WebGLTexture;
   private readonly list: WebGLTexture;
+  private listWidth = 1;
   private whole: Box = { x: 0, y: 0, width: 0, height: 0 };
   /** The part of the matte that is drawn; undefined: all of it. */
   view: Box | undefined;
@@ -26,8 +30,7 @@ export class Surface {
   /** Drawing sets the canvas to the size of the matte, or of `view`. NoWebGl names what the browser lacks. */
   constructor(private readonly canvas: HTMLCanvasElement) {
     const gl = (this.gl = openContext(canvas));
-    this.foreground = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
-    this.index = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    this.pixels = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
     this.list = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
   }
 
@@ -41,34 +44,23 @@ export class Surface {
   }
 
   setMatte({ width, height, foreground, footprints }: Pixels): void {
-    const { gl } = this;
     this.whole = { x: 0, y: 0, width, height };
-    const light = new Float32Array(4 * width * height);
-    for (let i = 0; i < width * height; ++i) light.set(foreground.subarray(3 * i, 3 * i + 3), 4 * i);
-    const load = (
-      texture: WebGLTexture,
-      inside: number,
-      w: number,
-      h: number,
-      format: number,
-      type: number,
-      data: ArrayBufferView,
-    ): void => {
-      gl.bindTexture(gl.TEXTURE_2D, texture);
-      gl.texImage2D(gl.TEXTURE_2D, 0, inside, w, h, 0, format, type, data);
-    };
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
-    load(this.foreground, gl.RGBA32F, width, height, gl.RGBA, gl.FLOAT, light);
-    load(this.index, gl.RG32UI, width, height, gl.RG_INTEGER, gl.UNSIGNED_INT, footprints.index);
-    load(
-      this.list,
-      gl.RGBA32UI,
-      footprints.listWidth,
-      footprints.listHeight,
-      gl.RGBA_INTEGER,
-      gl.UNSIGNED_INT,
-      footprints.list,
-    );
+    this.listWidth = footprints.listWidth;
+    const words = new Uint32Array(4 * width * height);
+    for (let i = 0; i < width * height; ++i) {
+      const [red, green, blue] = [foreground[3 * i]!, foreground[3 * i + 1]!, foreground[3 * i + 2]!];
+      words[4 * i] = footprints.index[2 * i]!;
+      words[4 * i + 1] = signedHalf(blue) | (footprints.index[2 * i + 1]! << 16);
+      words[4 * i + 2] = signedHalf(red) | (signedHalf(green) << 16);
+    }
+    this.load(this.pixels, width, height, words);
+    this.load(this.list, footprints.listWidth, footprints.listHeight, footprints.list);
+  }
+
+  /** For shaders that read footprints by their eight words. */
+  bindList(program: Program, unit: number): void {
+    program.bind("u_list", unit, this.gl.TEXTURE_2D, this.list);
+    this.gl.uniform1i(program.at("u_list_bits"), Math.log2(this.listWidth));
   }
 
   /** `program`: in use, with all else that it needs. `step`: every how many pixels along both sides one is drawn. */
@@ -81,9 +73,7 @@ export class Surface {
     gl.viewport(0, 0, width, height);
     gl.uniform1i(program.at("u_step"), step);
     gl.uniform4i(program.at("u_view"), part.x, part.y, part.width, part.height);
-    program.bind("u_index", 0, gl.TEXTURE_2D, this.index);
-    program.bind("u_list", 1, gl.TEXTURE_2D, this.list);
-    program.bind("u_foreground", 2, gl.TEXTURE_2D, this.foreground);
+    program.bind("u_pixels", 0, gl.TEXTURE_2D, this.pixels);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.activeTexture(gl.TEXTURE0);
     gl.deleteSync(this.drawn);
@@ -101,6 +91,13 @@ export class Surface {
   /** The maximum side of a picture. */
   get mostPictureSide(): number {
     return this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE) as number;
+  }
+
+  private load(texture: WebGLTexture, width: number, height: number, words: Uint32Array<ArrayBuffer>): void {
+    const { gl } = this;
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32UI, width, height, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words);
   }
 
   close(): void {

@@ -86,6 +86,8 @@ function unfolded(low: number, high: number): number {
 }
 
 const kWidths = Float64Array.from({ length: 256 }, (_, code) => kNarrowest_px * 2 ** (code / kWidthsAnOctave));
+const kTurns = Float64Array.from({ length: kAngles }, (_, code) => (code * Math.PI) / kAngles);
+const [kCosines, kSines] = [kTurns.map(Math.cos), kTurns.map(Math.sin)];
 const kLights = Float32Array.from({ length: 256 }, (_, code) => lightOf(code / 255));
 
 export async function readWebMatte(description: WebDescription, bytes: Uint8Array<ArrayBuffer>): Promise<Drawable> {
@@ -113,6 +115,11 @@ export async function readWebMatte(description: WebDescription, bytes: Uint8Arra
   // What differences refer to: F of the pixel before, and by place in a pixel's list the footprint before.
   const light = [0, 0, 0];
   const last = new Int32Array(kMostFootprints * 8);
+  // There are millions of footprints: none makes an object of its own.
+  const take = (at: number, difference: number, mask: number): number =>
+    (last[at] = (last[at]! + difference) & mask);
+  const weights = [0, 0, 0];
+  const mode: Mode = { weight: 0, x: 0, y: 0, xx: 0, xy: 0, yy: 0, texture: 0, weight_sd: 0, centre_sd: 0 };
   let next = 0;
   for (let pixel = 0; pixel < pixels; ++pixel) {
     for (let c = 0; c < 3; ++c) {
@@ -120,33 +127,26 @@ export async function readWebMatte(description: WebDescription, bytes: Uint8Arra
       foreground[3 * pixel + c] = foreground_scale * kLights[light[c]!]!;
     }
     list.nextPixel();
-    const own = count[pixel]!;
-    for (let slot = 0; slot < own; ++slot, ++next) {
-      const at = 8 * slot;
-      const take = (field: number, difference: number, mask: number): number =>
-        (last[at + field] = (last[at + field]! + difference) & mask);
-      const x = take(0, unfolded(x_low[next]!, x_high[next]!), 0xffff);
-      const y = take(1, unfolded(y_low[next]!, y_high[next]!), 0xffff);
-      const wide_px = kWidths[take(2, wide[next]!, 255)]!;
-      const narrow_px = kWidths[take(3, narrow[next]!, 255)]!;
-      const turn = (take(4, angle[next]!, 255) * Math.PI) / kAngles;
-      const weights = weightPlanes.map(
-        ([low, high], c) => kWeightUnit * take(5 + c, unfolded(low[next]!, high[next]!), 0xffff),
-      );
+    for (let slot = 0; slot < count[pixel]!; ++slot, ++next) {
       if (texture[next]! >= metadata.monitors.length)
         throw new NotAWebMatte("matte.bin names a monitor that matte.json has not");
-      const [cos, sin, w2, n2] = [Math.cos(turn), Math.sin(turn), wide_px * wide_px, narrow_px * narrow_px];
-      const mode: Mode = {
-        weight: Math.max(...weights),
-        x: origin_px + unit_px * x,
-        y: origin_px + unit_px * y,
-        xx: w2 * cos * cos + n2 * sin * sin,
-        xy: (w2 - n2) * cos * sin,
-        yy: w2 * sin * sin + n2 * cos * cos,
-        texture: texture[next]!,
-        weight_sd: 0,
-        centre_sd: 0,
-      };
+      const at = 8 * slot;
+      mode.x = origin_px + unit_px * take(at, unfolded(x_low[next]!, x_high[next]!), 0xffff);
+      mode.y = origin_px + unit_px * take(at + 1, unfolded(y_low[next]!, y_high[next]!), 0xffff);
+      const wide_px = kWidths[take(at + 2, wide[next]!, 255)]!;
+      const narrow_px = kWidths[take(at + 3, narrow[next]!, 255)]!;
+      const turn = take(at + 4, angle[next]!, 255);
+      for (let c = 0; c < 3; ++c) {
+        const [low, high] = weightPlanes[c]!;
+        weights[c] = kWeightUnit * take(at + 5 + c, unfolded(low[next]!, high[next]!), 0xffff);
+      }
+      const [cos, sin] = [kCosines[turn]!, kSines[turn]!];
+      const [w2, n2] = [wide_px * wide_px, narrow_px * narrow_px];
+      mode.weight = Math.max(weights[0]!, weights[1]!, weights[2]!);
+      mode.xx = w2 * cos * cos + n2 * sin * sin;
+      mode.xy = (w2 - n2) * cos * sin;
+      mode.yy = w2 * sin * sin + n2 * cos * cos;
+      mode.texture = texture[next]!;
       list.add(mode, weights);
     }
   }

@@ -2,7 +2,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 
 /** A picture whose source may change faster than it loads: while one loads, only the newest request is kept. */
 export function LatestPicture({ src, alt }: { src: string; alt: string }) {
-  const [shown, setShown] = useState<{ src: string; failed: boolean }>();
+  const [shown, setShown] = useState<{ src: string; failed: boolean; width: number; height: number }>();
   const wanted = useRef(src);
   const loading = useRef(false);
   wanted.current = src;
@@ -18,7 +18,7 @@ export function LatestPicture({ src, alt }: { src: string; alt: string }) {
           () => false,
           () => true,
         );
-        setShown({ src: loaded, failed });
+        setShown({ src: loaded, failed, width: image.naturalWidth, height: image.naturalHeight });
       }
       loading.current = false;
     };
@@ -31,5 +31,6 @@ export function LatestPicture({ src, alt }: { src: string; alt: string }) {
         The frame could not be loaded: is the node that holds it up?
       </p>
     );
-  return <img class={shown.src === src ? undefined : "stale"} src={shown.src} alt={alt} />;
+  const { width, height } = shown;
+  return <img class={shown.src === src ? undefined : "stale"} src={shown.src} alt={alt} width={width} height={height} />;
 }

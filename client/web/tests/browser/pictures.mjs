@@ -39,20 +39,3 @@ export function noise(seed) {
   };
   return () => [next(), next(), next()];
 }
-
-const light = (code) => (code <= 10.31475 ? code / 255 / 12.92 : ((code / 255 + 0.055) / 1.055) ** 2.4);
-const code = (l) => Math.round(255 * (l <= 0.0031308 ? 12.92 * l : 1.055 * l ** (1 / 2.4) - 0.055));
-
-/** A picture moved by `dx`, `dy` pixels, interpolated in light; beyond its edges it goes on as it ends. */
-export function moved(colour, dx, dy, width, height) {
-  const inside = (at, size) => Math.min(size - 1, Math.max(0, at));
-  return (x, y) => {
-    const [left, top] = [Math.floor(x - dx), Math.floor(y - dy)];
-    const [right_part, lower_part] = [x - dx - left, y - dy - top];
-    return [0, 1, 2].map((channel) => {
-      const at = (i, j) => light(colour(inside(left + i, width), inside(top + j, height))[channel]);
-      const row = (j) => (1 - right_part) * at(0, j) + right_part * at(1, j);
-      return code((1 - lower_part) * row(0) + lower_part * row(1));
-    });
-  };
-}

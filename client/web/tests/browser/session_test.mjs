@@ -12,6 +12,7 @@ import { join } from "node:path";
 import axe from "axe-core";
 import { drop_file, open_browser } from "./browser.mjs";
 import { checks, png } from "./pictures.mjs";
+import { phone_faults } from "./phone.mjs";
 import { start_rig } from "./rig.mjs";
 
 const kPatience_ms = 60_000; // for a busy machine
@@ -473,15 +474,21 @@ async function check_accessible(page) {
 
 async function check_narrow(page) {
   const before = page.viewportSize();
-  await page.setViewportSize({ width: 360, height: 740 });
-  for (const [name, hash, sign] of kPages) {
-    await look(page, hash, sign);
-    await photograph(page, `${name}-phone`);
-    const wide = await page.evaluate(() => document.documentElement.scrollWidth);
-    assert.ok(wide <= 360, `${name} is ${wide} px wide on a screen of 360`);
+  const faults = [];
+  for (const size of [
+    { width: 360, height: 740 },
+    { width: 390, height: 844 },
+  ]) {
+    await page.setViewportSize(size);
+    for (const [name, hash, sign] of kPages) {
+      await look(page, hash, sign);
+      if (size.width === 390) await photograph(page, `${name}-phone`);
+      for (const fault of await phone_faults(page)) faults.push(`${name}, ${size.width} px: ${fault}`);
+    }
   }
   await page.setViewportSize(before);
-  told("pages that fit a screen of 360 px", kPages.length);
+  told("faults on phones of 360 and 390 px", faults.length);
+  assert.deepEqual(faults, []);
 }
 
 // --- viewers
