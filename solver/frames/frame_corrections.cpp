@@ -60,7 +60,8 @@ absl::StatusOr<FrameFaults> find_faults(const v1::CaptureManifest& manifest, con
     GW_ASSIGN_OR_RETURN(ComparedFrames compared,
                         compare_frames(manifest, frames, read(steady.corrections), sweeps));
     bool more = false;
-    if (std::ranges::count(compared.beside, true) >= kMinCompared) {
+    const std::ptrdiff_t beside = std::ranges::count(compared.beside, true);
+    if (beside >= kMinCompared) {
       const Removed removed{.again = steady.rounds > 0};
       FrameReport report = report_frames(manifest, compared, compared.beside, removed);
       const std::optional<SteadyLight> found = more_steady_light(manifest, frames, compared, report, steady);
@@ -69,6 +70,7 @@ absl::StatusOr<FrameFaults> find_faults(const v1::CaptureManifest& manifest, con
         if (report.has_ghosts || report.has_flare)
           report = report_frames(manifest, compared, compared.beside, {.ghosts = false, .flare = false});
         GW_ASSIGN_OR_RETURN(faults, find_changes(manifest, frames, read, compared, report, steady));
+        faults.compared = static_cast<size_t>(beside);
       } else if (!sweeps) {
         steady = *found;
       }

@@ -36,6 +36,17 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
   return band;
 }
 
+RowReader rows_of(const MappedArchive& archive) {
+  return [&archive](int row, const std::vector<int>& frames) -> absl::StatusOr<std::vector<std::uint16_t>> {
+    std::vector<std::uint16_t> samples;
+    for (const int frame : frames) {
+      GW_ASSIGN_OR_RETURN(const FrameSamples own, archive.read(frame, row, 1));
+      samples.insert(samples.end(), own.samples.begin(), own.samples.end());
+    }
+    return samples;
+  };
+}
+
 // Applied to the finished matte: correcting samples would change their noise.
 void remove_fall_off(const Shading& shading, int column_step, Matte& matte) {
   if (shading.is_uniform()) return;
@@ -275,15 +286,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
 absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count,
                                     const std::function<void(double)>& progress, bool correct) {
   const v1::CaptureManifest& manifest = archive.manifest();
-  const auto read_row = [&](int row,
-                            const std::vector<int>& frames) -> absl::StatusOr<std::vector<std::uint16_t>> {
-    std::vector<std::uint16_t> samples;
-    for (const int frame : frames) {
-      GW_ASSIGN_OR_RETURN(const FrameSamples own, archive.read(frame, row, 1));
-      samples.insert(samples.end(), own.samples.begin(), own.samples.end());
-    }
-    return samples;
-  };
+  const RowReader read_row = rows_of(archive);
   GW_ASSIGN_OR_RETURN(const auto brightness, measure_brightness_drift(manifest, read_row));
   GW_ASSIGN_OR_RETURN(PreparedSolve prepared, PreparedSolve::create(method, manifest));
   GW_RETURN_IF_ERROR(prepared.map_stage(read_row, brightness, correct));
@@ -306,6 +309,14 @@ absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& a
     return stack;
   };
   return prepared.solve_in_bands(read, thread_count, progress);
+}
+
+absl::StatusOr<FrameFaults> faults_of_archive(const Method& method, const MappedArchive& archive) {
+  const RowReader read_row = rows_of(archive);
+  GW_ASSIGN_OR_RETURN(const auto brightness, measure_brightness_drift(archive.manifest(), read_row));
+  GW_ASSIGN_OR_RETURN(PreparedSolve prepared, PreparedSolve::create(method, archive.manifest()));
+  GW_RETURN_IF_ERROR(prepared.map_stage(read_row, brightness));
+  return prepared.faults();
 }
 
 }  // namespace glasswing

@@ -31,6 +31,9 @@ class PreparedSolve {
   absl::Status map_stage(const RowReader& read, const std::vector<std::array<float, 3>>& brightness,
                          bool correct = true);
 
+  // What map_stage() found.
+  const FrameFaults& faults() const { return faults_; }
+
   // How many rows of the stack on either side of those that are wanted a matte needs, where the picture has
   // them: of a mosaic, whose missing channels come from pixels around (solver/mosaic), and beside bad pixels.
   int margin_rows() const;
@@ -87,5 +90,8 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
 absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count = 0,
                                     const std::function<void(double)>& progress = nullptr,
                                     bool correct = true);
+
+// What solve_archive() finds wrong with the frames.
+absl::StatusOr<FrameFaults> faults_of_archive(const Method& method, const MappedArchive& archive);
 
 }  // namespace glasswing

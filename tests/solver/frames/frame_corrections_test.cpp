@@ -128,6 +128,12 @@ Session clean_session(const View& view = {}) {
   return session;
 }
 
+void scale(Session& session, const std::function<double(int frame)>& gain) {
+  for (size_t f = 0; f < session.frames.size(); ++f) {
+    for (double& light : session.frames[f]) light *= gain(static_cast<int>(f));
+  }
+}
+
 // The faults of these frames, with noise and sixteen bits. The camera's black level keeps noise below black;
 // it cuts off noise further below. `needed`: frames that the solver reads; empty: all.
 FrameFaults faults_of(Session session, double noise_sd = kNoise, double black_level = 0.02,
@@ -181,12 +187,6 @@ FrameFaults faults_of(Session session, double noise_sd = kNoise, double black_le
   return find_faults(session.manifest, needed, read).value();
 }
 
-void scale(Session& session, const std::function<double(int frame)>& gain) {
-  for (size_t f = 0; f < session.frames.size(); ++f) {
-    for (double& light : session.frames[f]) light *= gain(static_cast<int>(f));
-  }
-}
-
 double gain_of(const FrameFaults& faults, int frame) {
   return static_cast<double>(faults.corrections->of_frame[static_cast<size_t>(frame)].gain[1]);
 }
@@ -196,6 +196,17 @@ TEST(FrameFaults, ACleanSessionHasNone) {
     const FrameFaults faults = faults_of(clean_session(), noise_sd);
     EXPECT_EQ(faults.corrections, nullptr) << noise_sd;
     EXPECT_TRUE(faults.bad_pixels.empty()) << noise_sd;
+    EXPECT_EQ(faults.warnings, std::vector<std::string>()) << noise_sd;
+  }
+}
+
+// Without noise all of a white that is the last code is saturated, and nothing is lost.
+TEST(FrameFaults, WhiteAtFullScaleIsNotOverExposed) {
+  Session session = clean_session();
+  scale(session, [](int) { return 1.0 / kWhite; });
+  for (const double noise_sd : {0.0, 0.003}) {
+    const FrameFaults faults = faults_of(session, noise_sd, 0.0);
+    EXPECT_EQ(faults.corrections, nullptr) << noise_sd;
     EXPECT_EQ(faults.warnings, std::vector<std::string>()) << noise_sd;
   }
 }
