@@ -18,8 +18,8 @@ namespace {
 constexpr double kMaxStep = 2.0;    // sigmas from stripe to stripe, of a sweep whose sum is light
 constexpr double kMaxGap = 1.5;     // usual steps
 constexpr double kMaxAtGap = 0.02;  // of a sum, of one stripe beside a gap, which may lack more
-constexpr double kLit = 0.1;        // of the lightest pixels: what tells of the light
-constexpr double kChange = 0.1, kMinChange = 0.03;  // of a sum and of the lightest pixels, that is no error
+constexpr double kLitSds = 10.0;    // standard deviations of what passes for light
+constexpr double kChange = 0.1, kMinChange = 0.03;  // of a sum, and of the usual one, that is no error
 constexpr double kScatters = 6.0;                   // standard deviations
 constexpr double kMinMoved = 8.0;                   // pixels, and of all:
 constexpr double kMinShare = 0.002;
@@ -139,18 +139,21 @@ struct Moved {
 // `errors`: of the change of each pixel's light; `at`: whether it is the object's, or close to it.
 Moved moved_between(const std::vector<double>& first, const std::vector<double>& own,
                     const std::vector<double>& errors, const std::vector<bool>& at) {
-  std::vector<double> ratios, changes;
-  std::vector<double> seen;
-  std::ranges::copy_if(first, std::back_inserter(seen), [](double light) { return !std::isnan(light); });
-  if (seen.size() < kMinPixels) return {};
-  std::ranges::sort(seen);
-  const double lightest = seen[seen.size() * 95 / 100], lit = kLit * lightest;
+  std::vector<double> changes;
   for (size_t i = 0; i < first.size(); ++i) {
-    if (first[i] > lit && own[i] > lit) ratios.push_back(own[i] / first[i]);
+    if (!std::isnan(first[i] + own[i])) changes.push_back(std::abs(own[i] - first[i]));
+  }
+  const double lit = kLitSds * 1.4826 * median(changes);
+  std::vector<double> ratios, lights;
+  for (size_t i = 0; i < first.size(); ++i) {
+    if (!(first[i] > lit && own[i] > lit)) continue;
+    ratios.push_back(own[i] / first[i]);
+    lights.push_back(first[i]);
   }
   if (ratios.size() < kMinPixels) return {};
-  const double usual = median(ratios);
+  const double usual = median(ratios), light = median(lights);
   const auto change_of = [&](size_t i) { return std::abs(own[i] / usual - first[i]) - errors[i]; };
+  changes.clear();
   for (size_t i = 0; i < first.size(); ++i) {
     if (!std::isnan(first[i] + own[i])) changes.push_back(change_of(i));
   }
@@ -158,8 +161,8 @@ Moved moved_between(const std::vector<double>& first, const std::vector<double>&
   const double scatter = 1.4826 * median(changes);
   Moved moved{.of = of};
   for (size_t i = 0; i < first.size(); ++i) {
-    if (!(change_of(i) > std::max({kChange * std::max(own[i] / usual, first[i]), kMinChange * lightest,
-                                   kScatters * scatter})))
+    if (!(change_of(i) >
+          std::max({kChange * std::max(own[i] / usual, first[i]), kMinChange * light, kScatters * scatter})))
       continue;
     ++moved.pixels;
     moved.elsewhere += !at[i];

@@ -56,8 +56,8 @@ class PreparedSolve {
   absl::StatusOr<Matte> solve_bands(int row_count, int column_step, const ReadStack& read, int thread_count,
                                     std::stop_token stop, const std::function<void(double)>& progress) const;
 
-  // The pixels that the camera does not see are made of their neighbours.
-  void fill_bad_pixels(Matte& matte) const;
+  // Pixels that the camera does not see are made of what those around saw (filled_rows.h).
+  void flag_bad_pixels(Matte& matte) const;
 
   PreparedSolve(v1::CaptureManifest manifest, LinearStack linear, Shading shading,
                 std::unique_ptr<PreparedMethod> method)
