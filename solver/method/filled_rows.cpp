@@ -53,34 +53,50 @@ class Neighbours {
     return static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x);
   }
 
+  // The good pixel so many steps away.
+  std::optional<size_t> good_at(size_t pixel, int dx, int dy) const {
+    const int x = static_cast<int>(pixel) % width_ + step_ * dx,
+              y = static_cast<int>(pixel) / width_ + step_ * dy;
+    if (x < 0 || x >= width_ || y < 0 || y >= height_ || !good_[index(x, y)]) return std::nullopt;
+    return index(x, y);
+  }
+
   Recipe recipe_of(size_t pixel) const {
-    const int x = static_cast<int>(pixel) % width_, y = static_cast<int>(pixel) / width_;
-    // Two opposite ones after the other: beside, above and below, at the corners.
-    constexpr std::array<std::pair<int, int>, 8> kAround{
-        {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, 1}, {1, -1}, {-1, 1}}};
-    std::array<std::optional<size_t>, 8> around;
-    for (size_t i = 0; i < around.size(); ++i) {
-      const int at_x = x + step_ * kAround[i].first, at_y = y + step_ * kAround[i].second;
-      if (at_x < 0 || at_x >= width_ || at_y < 0 || at_y >= height_) continue;
-      if (good_[index(at_x, at_y)]) around[i] = index(at_x, at_y);
-    }
     Recipe recipe{.pixel = pixel, .parts = {}};
-    const auto take = [&](size_t i, float weight) { recipe.parts.emplace_back(*around[i], weight); };
-    const auto pair = [&](size_t i) { return around[i] && around[i + 1]; };
-    if (pair(0) && pair(2) && pair(4) && pair(6)) {
-      for (size_t i = 0; i < around.size(); ++i) take(i, i < 4 ? 0.5f : -0.25f);
+    const auto take = [&](std::optional<size_t> from, float weight) {
+      if (from) recipe.parts.emplace_back(*from, weight);
+    };
+    for (const auto& [ax, ay] : {std::pair{1, 0}, {0, 1}}) {
+      const std::optional<size_t> before = good_at(pixel, -ax, -ay), after = good_at(pixel, ax, ay);
+      if (!before || !after) continue;
+      std::vector<std::array<size_t, 3>> lines;  // of three, on either side
+      for (const int side : {-1, 1}) {
+        const auto first = good_at(pixel, side * ay - ax, side * ax - ay),
+                   middle = good_at(pixel, side * ay, side * ax),
+                   last = good_at(pixel, side * ay + ax, side * ax + ay);
+        if (first && middle && last) lines.push_back({*first, *middle, *last});
+      }
+      if (lines.empty()) continue;
+      const float share = 0.5f / static_cast<float>(lines.size());
+      take(before, 0.5f);
+      take(after, 0.5f);
+      for (const auto& [first, middle, last] : lines) {
+        take(first, -share);
+        take(middle, 2.0f * share);
+        take(last, -share);
+      }
       return recipe;
     }
-    for (const size_t first : {0, 4}) {
-      for (const size_t i : {first, first + 2}) {
-        if (!pair(i)) continue;
-        take(i, 1.0f);
-        take(i + 1, 1.0f);
-      }
-      if (!recipe.parts.empty()) break;
+    for (const auto& [dx, dy] : {std::pair{1, 0}, {0, 1}, {1, 1}, {1, -1}}) {
+      const std::optional<size_t> before = good_at(pixel, -dx, -dy), after = good_at(pixel, dx, dy);
+      if (!before || !after || (dx * dy != 0 && !recipe.parts.empty())) continue;
+      take(before, 1.0f);
+      take(after, 1.0f);
     }
-    for (size_t i = 0; recipe.parts.empty() && i < around.size(); ++i) {
-      if (around[i]) take(i, 1.0f);
+    if (recipe.parts.empty()) {
+      for (const int dy : {-1, 0, 1}) {
+        for (const int dx : {-1, 0, 1}) take(good_at(pixel, dx, dy), 1.0f);
+      }
     }
     for (auto& [from, weight] : recipe.parts) weight /= static_cast<float>(recipe.parts.size());
     return recipe;

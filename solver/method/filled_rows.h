@@ -2,8 +2,12 @@
 //
 //   light'(x, y) = 1/2 (sum of the four next to it) - 1/4 (sum of the four at its corners)
 //
-// which is right wherever light has no more than x y of a term that depends on both. Where some of them are
-// bad, or beyond the picture: the mean of what lies on opposite sides, or else of all that is there.
+// which is right wherever light is a sum of what goes along x, what goes along y, and a term in x y. With
+// pixels of one side only it is
+//
+//   light'(x, y) = light(x, y + 1) + 1/2 sum of light(x +- 1, y) - 1/2 sum of light(x +- 1, y + 1)
+//
+// and else the mean of opposite ones, or of all that is there.
 #pragma once
 
 #include <vector>

@@ -60,16 +60,19 @@ TEST(FilledRows, LightThatGoesAlongTheAxesIsExact) {
   const Light light = [](int x, int y) {
     return 20000.0 + 3000.0 * std::sin(2.0 * x) + (y > 5 ? 4000.0 : 0.0) + 30.0 * x * y;
   };
-  const std::vector<double> seen = filled(light, {{7, 6}, {12, 5}});
+  const std::vector<double> seen = filled(light, {{7, 6}, {12, 5}, {0, 6}, {9, 0}, {9, 11}});
   EXPECT_NEAR(seen[0], light(7, 6), kRounding);
   EXPECT_NEAR(seen[1], light(12, 5), kRounding);
+  EXPECT_NEAR(seen[2], light(0, 6), kRounding);  // at the picture's edges
+  EXPECT_NEAR(seen[3], light(9, 0), kRounding);
+  EXPECT_NEAR(seen[4], light(9, 11), kRounding);
 }
 
-TEST(FilledRows, AtTheEdgeAndBesideOthersALineIsExact) {
+TEST(FilledRows, BesideOthersALineIsExact) {
   const Light line = [](int x, int y) { return 20000.0 + 500.0 * x + 700.0 * y; };
-  const std::vector<double> seen = filled(line, {{0, 6}, {9, 0}, {12, 5}, {13, 5}});
-  EXPECT_NEAR(seen[0], line(0, 6), kRounding);
-  EXPECT_NEAR(seen[1], line(9, 0), kRounding);
+  const std::vector<double> seen = filled(line, {{3, 6}, {3, 7}, {12, 5}, {13, 5}});
+  EXPECT_NEAR(seen[0], line(3, 6), kRounding);
+  EXPECT_NEAR(seen[1], line(3, 7), kRounding);
   EXPECT_NEAR(seen[2], line(12, 5), kRounding);
   EXPECT_NEAR(seen[3], line(13, 5), kRounding);
 }
