@@ -11,6 +11,7 @@
 #include "core/base/status.h"
 #include "core/pattern/stimulus_kind.h"
 #include "solver/frames/bad_pixels.h"
+#include "solver/frames/bar_sums.h"
 #include "solver/frames/light_changes.h"
 #include "solver/frames/object_motion.h"
 #include "solver/frames/quarters.h"
@@ -91,6 +92,8 @@ absl::StatusOr<FrameFaults> find_faults(const v1::CaptureManifest& manifest, con
       } else if (!sweeps) {
         steady = *found;
       }
+    } else if (std::string text = bar_sums_warning(manifest, compared); !text.empty()) {
+      faults.warnings.assign(1, std::move(text));
     }
     if (more || (sweeps && faults.corrections != nullptr)) continue;
     if (sweeps) faults.maps = std::make_shared<const StageMaps>(std::move(compared.maps));

@@ -343,6 +343,17 @@ TEST(FrameFaults, AnObjectThatMovedIsSaid) {
   }
 }
 
+TEST(FrameFaults, WhereTheObjectFillsThePictureBarsAndTheirInverseTell) {
+  Session session = clean_session({.reach_x_px = kWidth, .reach_y_px = kHeight});
+  EXPECT_EQ(faults_of(session).warnings, std::vector<std::string>());
+  scale(session, [](int frame) { return frame >= 20 ? 1.1 : 1.0; });  // black, gray and white come before
+  const FrameFaults faults = faults_of(session);
+  EXPECT_EQ(faults.compared, 0u);
+  ASSERT_EQ(faults.warnings.size(), 1u);
+  EXPECT_EQ(faults.warnings[0].find("frames 19 to 26: bars and their inverse are together up to 1.100"), 0u)
+      << faults.warnings[0];
+}
+
 // What the rig does to a frame it does everywhere.
 TEST(FrameFaults, LightOnOneSideOfTheObjectIsNoFault) {
   Session session = clean_session();
