@@ -16,32 +16,37 @@ Direction direction(double angle) {
   return {std::cos(angle), std::sin(angle)};
 }
 
-// Where a search over half a turn begins, and its steps: each half of the one before.
+// Of twice an angle, over a whole turn: where a search begins, and its steps, each half of the one before.
 constexpr int kDirections = 12, kHalvings = 11;
 const auto kStarts = [] {
   std::array<Direction, kDirections> starts;
   for (int i = 0; i < kDirections; ++i)
-    starts[static_cast<size_t>(i)] = direction(i * std::numbers::pi / kDirections);
+    starts[static_cast<size_t>(i)] = direction(2.0 * i * std::numbers::pi / kDirections);
   return starts;
 }();
 const auto kTurns = [] {
   std::array<Direction, kHalvings> turns;
-  double angle = 0.5 * std::numbers::pi / kDirections;
+  double angle = std::numbers::pi / kDirections;
   for (Direction& turn : turns) turn = direction(angle), angle *= 0.5;
   return turns;
 }();
 
-// The positive semi-definite (xx, xy, yy) nearest to `target` in the metric H: rank one, found along its
-// direction.
-Eigen::Vector3d nearest_positive(const Eigen::Vector3d& target, const Eigen::Matrix3d& metric) {
-  const Eigen::Vector3d weighted = metric * target;
-  const auto at = [](const Direction& d) { return Eigen::Vector3d(d.c * d.c, d.c * d.s, d.s * d.s); };
+// The positive semi-definite (xx, xy, yy) nearest to `target` in the metric H: rank one, a multiple of
+// (c^2, cs, s^2) = (1 + C, S, 1 - C) / 2 of its direction, with C and S of twice its angle. Its gain is the
+// square of a linear form of C and S over a quadratic one.
+Eigen::Vector3d nearest_positive(const Eigen::Vector3d& target, const Eigen::Matrix3d& h) {
+  const Eigen::Vector3d weighted = h * target;
+  const double sum = weighted[0] + weighted[2], difference = weighted[0] - weighted[2];
+  const double one = h(0, 0) + 2.0 * h(0, 2) + h(2, 2), by_c = 2.0 * (h(0, 0) - h(2, 2)),
+               by_s = 2.0 * (h(0, 1) + h(2, 1)), by_cc = h(0, 0) - 2.0 * h(0, 2) + h(2, 2),
+               by_cs = 2.0 * (h(0, 1) - h(2, 1)), by_ss = h(1, 1);
   Direction best = kStarts[0];
-  double best_gain = -1.0;
+  double best_gain = -1.0, best_scale = 0.0;
   const auto consider = [&](const Direction& d) {
-    const Eigen::Vector3d a = at(d);
-    const double along = std::max(a.dot(weighted), 0.0), gain = along * along / a.dot(metric * a);
-    if (gain > best_gain) best = d, best_gain = gain;
+    const double along = std::max(sum + difference * d.c + weighted[1] * d.s, 0.0),
+                 square = one + (by_c + by_cc * d.c + by_cs * d.s) * d.c + (by_s + by_ss * d.s) * d.s;
+    if (along * along > best_gain * square)
+      best = d, best_gain = along * along / square, best_scale = along / square;
   };
   for (const Direction& start : kStarts) consider(start);
   for (const Direction& turn : kTurns) {
@@ -49,8 +54,7 @@ Eigen::Vector3d nearest_positive(const Eigen::Vector3d& target, const Eigen::Mat
     consider(middle.turned({turn.c, -turn.s}));
     consider(middle.turned(turn));
   }
-  const Eigen::Vector3d a = at(best);
-  return std::max(a.dot(weighted), 0.0) / a.dot(metric * a) * a;
+  return best_scale * Eigen::Vector3d(1.0 + best.c, best.s, 1.0 - best.c);
 }
 
 // What the Sigma of one footprint has to do with all parameters.

@@ -1,5 +1,5 @@
-// The Cholesky factor of a fit's normal equations: matrices of 6 to 24 rows, factored at every step of every
-// pixel, where the fixed costs of a general library would be most of the time.
+// The Cholesky factor of a fit's normal equations: matrices of 6, 12, 18 or 24 rows, factored at every step
+// of every pixel, where the fixed costs of a general library would be most of the time.
 #pragma once
 
 #include <Eigen/Dense>
@@ -18,7 +18,7 @@ using FootprintMatrix =
 // A = L L'
 class FootprintCholesky {
  public:
-  // Reads the lower triangle of A, which is symmetric.
+  // A is symmetric.
   explicit FootprintCholesky(const FootprintMatrix& a);
 
   // A is positive definite. What follows holds only then.
@@ -32,7 +32,7 @@ class FootprintCholesky {
   FootprintMatrix inverse() const;
 
  private:
-  FootprintMatrix l_;        // lower triangle, without the diagonal
+  FootprintMatrix l_;        // lower triangle; 0 above and on the diagonal
   FootprintVector inverse_;  // of the diagonal
   bool positive_ = true;
 };

@@ -42,7 +42,7 @@ struct Minimum {
 template <typename Equations, typename Evaluate, typename IsSane>
 Minimum<Equations> minimise(const Footprints& start, const Evaluate& evaluate, const IsSane& is_sane,
                             const StepLimits& limits) {
-  constexpr double kMaxDamping = 1e8, kMinDamping = 1e-7, kUndamped = 0.1, kRise = 4.0;
+  constexpr double kMaxDamping = 1e8, kMinDamping = 1e-7, kUndamped = 0.1, kRise = 4.0, kNothing = 0.1;
   Minimum<Equations> best{.modes = start, .at = {}};
   double damping = 1e-3;
   std::array<Equations, 2> both;
@@ -58,6 +58,11 @@ Minimum<Equations> minimise(const Footprints& start, const Evaluate& evaluate, c
     const auto [moved, step] = step_within_cone(best.modes, factor, factor.solve(at->gradient));
     const double promise = 2.0 * at->gradient.dot(step) - step.dot(at->matrix * step);
     const bool last = promise <= at->enough;
+    // A thirtieth of a standard error is not worth an evaluation.
+    if (promise <= kNothing * at->enough && damping < kUndamped) {
+      best.converged = true;
+      break;
+    }
     if (factor.positive() && is_sane(moved)) {
       evaluate(moved, *next);
       if (next->cost <= at->cost * (1.0 + at->rounding)) {

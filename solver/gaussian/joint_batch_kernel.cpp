@@ -829,6 +829,9 @@ void FindErrors(int mode_count, V count, V least, BatchSpace& space, Errors& err
   for (int i = 0; i < Packed(free, 0); ++i) hn::Store(hn::Load(d, space.best.normal[i]), d, space.factor[i]);
   for (int m = 0; m < mode_count; ++m) {
     const auto l = [&](int i) { return hn::Load(d, space.best.p[6 * m + i]); };
+    // That weights end at 1 says nothing of how well the samples know one.
+    AddTo(space.factor[Packed(6 * m, 6 * m)],
+          hn::IfThenElseZero(hn::Gt(l(0), Set(1.0f)), hn::Neg(hn::Load(d, space.bound_weight))));
     const V xx = hn::Mul(l(3), l(3)), yy = hn::MulAdd(l(4), l(4), hn::Mul(l(5), l(5)));
     const auto know = [&](int i, auto narrow) {
       AddTo(space.factor[Packed(6 * m + i, 6 * m + i)],

@@ -56,9 +56,13 @@ void hold(unsigned held, NormalEquations& at) {
   }
 }
 
-void add_errors(const NormalEquations& at, unsigned held, JointFit& fit) {
+void add_errors(const NormalEquations& at, double bound_weight, unsigned held, JointFit& fit) {
   const int n = 6 * fit.modes.size();
   FootprintMatrix normal = at.matrix;
+  // That weights end at 1 says nothing of how well the samples know one.
+  for (int m = 0; m < fit.modes.size(); ++m) {
+    if (fit.modes[m].weight > 1.0) normal(6 * m, 6 * m) -= bound_weight;
+  }
   const double variance = at.near_chi2 / std::max(at.near_count - n, 1);
   const double unit = std::max(variance, kMinStep * kMinStep);
   for (int m = 0; m < fit.modes.size(); ++m) {
@@ -127,7 +131,7 @@ JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const
                .floor = found.at.floor,
                .converged = found.converged};
   for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, kMinCovariance_px2);
-  add_errors(found.at, held, fit);
+  add_errors(found.at, samples.bound_weight, held, fit);
   return fit;
 }
 

@@ -107,6 +107,30 @@ TEST(JointFit, APlaceWithinAPixelIsUncertainByThePixel) {
   EXPECT_NEAR(std::sqrt(squares / variance), 1.0, 0.4);
 }
 
+// Of a mode of which only a flank is on the monitor, stripes tell the weight to a tenth or worse. That no
+// weight is above 1 ends the estimate, not its error.
+TEST(JointFit, AWeightThatEndsAtOneIsAsUncertainAsTheSamplesLeaveIt) {
+  constexpr double kNoiseSd = 0.005;
+  constexpr int kDraws = 60;
+  const SampleLayout layout = four_sweeps(4.0);
+  Footprints truth;
+  truth.push_back({.weight = 0.98, .x_px = -6.0, .y_px = 45.0, .xx_px2 = 25.0, .xy_px2 = 0.0, .yy_px2 = 20.0});
+  std::mt19937 random(5);
+  JointWorkspace workspace;
+  int ended = 0;
+  for (int draw = 0; draw < kDraws; ++draw) {
+    PixelSamples samples = recorded(truth, layout, kNoiseSd, random);
+    samples.bound_weight = std::pow(kNoiseSd / 0.02, 2);
+    const JointFit fit = fit_jointly(samples, truth, kExtent, {.max_steps = 60}, workspace);
+    const double bound = kNoiseSd * cramer_rao_bound(fit.modes, layout)[0];
+    if (!fit.converged || fit.modes[0].weight <= 1.0) continue;
+    ++ended;
+    EXPECT_NEAR(fit.weight_sd[0] / bound, 1.0, 0.3) << fit.modes[0].weight;
+    EXPECT_LT(std::abs(fit.modes[0].weight - truth[0].weight), 3.0 * fit.weight_sd[0]);
+  }
+  EXPECT_GT(ended, kDraws / 5);
+}
+
 // A peak of twice what the camera takes: the flanks say how high it is, and the cut samples only that it is
 // not lower. With one sweep's flanks gone too, the bounds are all there is.
 TEST(JointFit, SaturatedSamplesAreBounds) {
