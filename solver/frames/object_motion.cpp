@@ -65,10 +65,9 @@ std::vector<Sweep> sweeps_of(const v1::CaptureManifest& manifest, const Compared
   return in_order;
 }
 
-double dark_of(const ComparedFrames& compared, size_t lane) {
-  if (compared.layout.black.empty()) return 0.0;
-  return static_cast<double>(
-      compared.samples.light[static_cast<size_t>(compared.layout.black.front().frame)][lane]);
+float dark_of(const ComparedFrames& compared, size_t lane) {
+  if (compared.layout.black.empty()) return 0.0f;
+  return compared.samples.light[static_cast<size_t>(compared.layout.black.front().frame)][lane];
 }
 
 // The light of each lane that all stripes of the sweep add up to, of white; NaN where it lacks some.
@@ -83,23 +82,26 @@ std::vector<double> sums_of(const ComparedFrames& compared, const FrameCorrectio
   const double step = median(sorted);
   if (step > kMaxStep * sweep.sigma_px) return sums;
   const double scale = sweep.scale();
-  for (size_t lane = 0; lane < lanes; ++lane) {
-    const double dark = dark_of(compared, lane);
-    double sum = 0.0, at_gap = 0.0;
-    for (size_t i = 0; i < sweep.frames.size(); ++i) {
-      const double before = i > 0 ? steps[i - 1] : INFINITY, after = i < steps.size() ? steps[i] : INFINITY;
-      const auto f = static_cast<size_t>(sweep.frames[i]);
-      double light = static_cast<double>(compared.samples.light[f][lane]) - dark;
-      if (corrections != nullptr) {
-        const FrameCorrection& own = corrections->of_frame[f];
-        const auto c = static_cast<size_t>(compared.samples.channel[lane]);
-        light = (light - static_cast<double>(own.offset[c])) / static_cast<double>(own.gain[c]);
-      }
-      if (std::max(before, after) > kMaxGap * step) at_gap = std::max(at_gap, light);
-      sum += 0.5 * (std::min(before, kMaxGap * step) + std::min(after, kMaxGap * step)) * light;
+  std::vector<double> at_gap(lanes, 0.0);
+  std::ranges::fill(sums, 0.0);
+  for (size_t i = 0; i < sweep.frames.size(); ++i) {
+    const double before = i > 0 ? steps[i - 1] : INFINITY, after = i < steps.size() ? steps[i] : INFINITY;
+    const double share = 0.5 * scale * (std::min(before, kMaxGap * step) + std::min(after, kMaxGap * step));
+    const bool gap = std::max(before, after) > kMaxGap * step;
+    const auto f = static_cast<size_t>(sweep.frames[i]);
+    const FrameCorrection correction = corrections == nullptr ? FrameCorrection{} : corrections->of_frame[f];
+    const std::vector<float>& lights = compared.samples.light[f];
+    for (size_t lane = 0; lane < lanes; ++lane) {
+      const auto c = static_cast<size_t>(compared.samples.channel[lane]);
+      const double light = static_cast<double>(
+          (lights[lane] - dark_of(compared, lane) - correction.offset[c]) / correction.gain[c]);
+      sums[lane] += share * light;
+      if (gap) at_gap[lane] = std::max(at_gap[lane], light);
     }
-    sum *= scale;
-    if (at_gap * scale * step <= kMaxAtGap * sum + 4.0 * compared.noise_sd * scale * step) sums[lane] = sum;
+  }
+  const double noise = 4.0 * compared.noise_sd;
+  for (size_t lane = 0; lane < lanes; ++lane) {
+    if (at_gap[lane] * scale * step > kMaxAtGap * sums[lane] + noise * scale * step) sums[lane] = NAN;
   }
   return sums;
 }
@@ -187,7 +189,7 @@ std::string object_motion_warning(const v1::CaptureManifest& manifest, const Com
     const double stripes =
         (sweeps.front().r_px.back() - sweeps.front().r_px.front()) * sweeps.front().scale();
     for (size_t lane = 0; corrections != nullptr && lane < errors.size(); ++lane)
-      errors[lane] = kGainError * stripes * dark_of(compared, lane);
+      errors[lane] = kGainError * stripes * static_cast<double>(dark_of(compared, lane));
     errors = of_pixels(compared.samples, errors);
     for (size_t k = 1; k < sweeps.size(); ++k) {
       const Moved moved = moved_between(first, light_of(sweeps[k]), errors, at);
