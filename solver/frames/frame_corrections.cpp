@@ -9,11 +9,14 @@
 #include <utility>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 #include "solver/frames/bad_pixels.h"
+#include "solver/frames/bar_sums.h"
 #include "solver/frames/light_changes.h"
 #include "solver/frames/object_motion.h"
 #include "solver/frames/quarters.h"
 #include "solver/frames/shift_correction.h"
+#include "solver/frames/shift_course.h"
 #include "solver/frames/steady_light.h"
 
 namespace glasswing {
@@ -22,12 +25,25 @@ namespace {
 constexpr std::ptrdiff_t kMinCompared = 100;  // pixels
 constexpr double kObjectMoves_px = 1.0;       // if it moves: its rim tells that, not by how much
 
+// Without frames that tell nothing of the light: bars whose edges moved, and any that tremble.
+FrameReport without_moved(const v1::CaptureManifest& manifest, FrameReport report) {
+  const ShiftCourse course = shift_course(report);
+  if (course.moved_px == 0.0) return report;
+  for (size_t f = 0; f < report.frames.size(); ++f) {
+    if (!course.trembles && kind_of(manifest.frames(static_cast<int>(f)).stimulus()) != StimulusKind::kSquare)
+      continue;
+    report.frames[f].measured = report.frames[f].dark = false;
+  }
+  return report;
+}
+
 // What changes from frame to frame, with what is steady.
 absl::StatusOr<FrameFaults> find_changes(const v1::CaptureManifest& manifest, const std::vector<int>& frames,
                                          const CorrectedReader& read, const ComparedFrames& compared,
                                          const FrameReport& report, const SteadyLight& steady) {
   const Quarters quarters(manifest, compared, {.ghosts = false, .flare = false});
-  LightChanges changes = light_changes(manifest, report, quarters);
+  const FrameReport still = without_moved(manifest, report);
+  LightChanges changes = light_changes(manifest, still, quarters);
   FrameFaults faults;
   faults.warnings = std::move(changes.warnings);
   for (std::string& text : warnings_of(steady)) faults.warnings.push_back(std::move(text));
@@ -42,7 +58,9 @@ absl::StatusOr<FrameFaults> find_changes(const v1::CaptureManifest& manifest, co
   const size_t said = faults.warnings.size();
   GW_RETURN_IF_ERROR(correct_shifts(manifest, frames, read, report, faults));
   if (faults.warnings.size() > said) return faults;
-  if (std::string text = object_motion_warning(manifest, compared); !text.empty()) {
+  if (std::string text = object_motion_warning(manifest, compared, report.order,
+                                               changes.corrections ? &*changes.corrections : nullptr);
+      !text.empty()) {
     faults.warnings.push_back(std::move(text));
     faults.disturbance = {.moved_px = kObjectMoves_px, .object_only = true};
   }
@@ -60,7 +78,8 @@ absl::StatusOr<FrameFaults> find_faults(const v1::CaptureManifest& manifest, con
     GW_ASSIGN_OR_RETURN(ComparedFrames compared,
                         compare_frames(manifest, frames, read(steady.corrections), sweeps));
     bool more = false;
-    if (std::ranges::count(compared.beside, true) >= kMinCompared) {
+    const std::ptrdiff_t beside = std::ranges::count(compared.beside, true);
+    if (beside >= kMinCompared) {
       const Removed removed{.again = steady.rounds > 0};
       FrameReport report = report_frames(manifest, compared, compared.beside, removed);
       const std::optional<SteadyLight> found = more_steady_light(manifest, frames, compared, report, steady);
@@ -69,9 +88,12 @@ absl::StatusOr<FrameFaults> find_faults(const v1::CaptureManifest& manifest, con
         if (report.has_ghosts || report.has_flare)
           report = report_frames(manifest, compared, compared.beside, {.ghosts = false, .flare = false});
         GW_ASSIGN_OR_RETURN(faults, find_changes(manifest, frames, read, compared, report, steady));
+        faults.compared = static_cast<size_t>(beside);
       } else if (!sweeps) {
         steady = *found;
       }
+    } else if (std::string text = bar_sums_warning(manifest, compared); !text.empty()) {
+      faults.warnings.assign(1, std::move(text));
     }
     if (more || (sweeps && faults.corrections != nullptr)) continue;
     if (sweeps) faults.maps = std::make_shared<const StageMaps>(std::move(compared.maps));

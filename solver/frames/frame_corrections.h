@@ -14,6 +14,7 @@
 namespace glasswing {
 
 struct FrameFaults {
+  size_t compared = 0;  // pixels beside the object; 0: frames were not compared
   std::shared_ptr<const FrameCorrections> corrections;  // null: none
   std::vector<int> bad_pixels;                          // of the camera, to be filled: y width + x, ascending
   std::vector<std::string> warnings;

@@ -27,7 +27,8 @@ constexpr double kMinOffset = 0.001;
 constexpr double kFull = 0.6;     // of the bright samples; noise around full scale saturates half of them
 constexpr float kBright = 0.97f;  // light that noise may lift to full scale
 constexpr float kBlackLevel = 0.008f;
-constexpr float kOverExposed = 1.02f;            // white, as grays tell
+constexpr float kOverExposed = 1.02f;            // white, as grays tell,
+constexpr std::ptrdiff_t kSomeOf = 10;           // at one of so many samples
 constexpr double kCutOff = 0.2, kNoNoise = 0.7;  // shares of black samples at the lowest code
 constexpr float kDark = 4.0f;                    // standard deviations
 constexpr double kMinMeans = 0.15;               // difference of two pictures' means that tells of flare
@@ -80,7 +81,8 @@ class Reporter {
       : manifest_(manifest), samples_(compared.samples), noise_sd_(compared.noise_sd), removed_(removed) {
     report_.frames.resize(static_cast<size_t>(manifest.frames_size()));
     report_.order = by_time(manifest);
-    for (std::vector<float>& light : samples_.light) clipped_.push_back(count_as_full(beside, light));
+    const bool full = grays_say_full(beside);
+    for (std::vector<float>& light : samples_.light) clipped_.push_back(count_as_full(beside, full, light));
     report_.before.resize(report_.frames.size());
     for (size_t i = 0; i < report_.order.size(); ++i) {
       for (size_t k = 1; k <= kGhosts; ++k)
@@ -170,7 +172,7 @@ class Reporter {
         }
       }
       const auto above = std::ranges::count_if(seen.contrast, [](float own) { return own > kOverExposed; });
-      if (white >= 0 && is_clipped(white) && 10 * above > std::ssize(seen.contrast)) {
+      if (white >= 0 && is_clipped(white) && kSomeOf * above > std::ssize(seen.contrast)) {
         report_.white_warning = fmt::format(
             "white on monitor \"{}\" is over-exposed beside the object, where composites will be too dark: "
             "expose "
@@ -201,9 +203,34 @@ class Reporter {
     return beside;
   }
 
+  // Whether the brightest gray picture that is not saturated says that white is full scale, and no more.
+  bool grays_say_full(const std::vector<bool>& beside) const {
+    double brightest = 0.0;
+    bool full = false;
+    for (size_t f = 0; f < samples_.light.size(); ++f) {
+      const v1::Frame& frame = manifest_.frames(static_cast<int>(f));
+      const double level = gray_of(frame.stimulus());
+      if (kind_of(frame.stimulus()) != StimulusKind::kSolid || !is_pattern(frame) || !(level > brightest) ||
+          !(level < 1.0) || samples_.light[f].empty())
+        continue;
+      std::ptrdiff_t count = 0, saturated = 0, above = 0;
+      for (size_t lane = 0; lane < samples_.lane_count(); ++lane) {
+        if (!beside[samples_.pixel_of(lane)]) continue;
+        const float light = samples_.light[f][lane];
+        ++count;
+        saturated += std::isnan(light);
+        above += light > kOverExposed * static_cast<float>(level);
+      }
+      if (kSomeOf * saturated > count) continue;
+      brightest = level;
+      full = kSomeOf * above <= count;
+    }
+    return full;
+  }
+
   // Whether what is saturated lies beyond noise around full scale. If not it counts as 1: without it the rest
   // would be too dark.
-  bool count_as_full(const std::vector<bool>& beside, std::vector<float>& light) const {
+  bool count_as_full(const std::vector<bool>& beside, bool full, std::vector<float>& light) const {
     int saturated = 0, bright = 0;
     for (size_t lane = 0; lane < light.size(); ++lane) {
       if (!beside[samples_.pixel_of(lane)]) continue;
@@ -211,7 +238,7 @@ class Reporter {
       bright += light[lane] > kBright;
     }
     const double count = saturated + bright;
-    if (saturated > kFull * count + 2.0 * std::sqrt(count)) return true;
+    if (!full && saturated > kFull * count + 2.0 * std::sqrt(count)) return true;
     for (float& own : light) own = std::isnan(own) ? 1.0f : own;
     return false;
   }

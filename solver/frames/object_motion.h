@@ -1,19 +1,18 @@
-// Whether the object moved on a stage that did not: pixels beside it, close to its rim, that saw the monitor
-// past it in the first sweep, and no longer do. In each sweep such a pixel's light follows what the stage
-// shows it,
-//
-//   light_f = black + a h_f,
-//
-// with the same a in all of them, up to the light's gain.
+// Whether the object moved. The stripes of a sweep, whatever their direction, add up to even light, so all
+// sweeps give a pixel the same sum, up to the light's gain: whatever it sees of the object and the stage, and
+// wherever. Where an edge moved it is not the same.
 #pragma once
 
 #include <string>
 
 #include "solver/frames/frame_report.h"
+#include "solver/method/frame_correction.h"
 
 namespace glasswing {
 
-// For users; empty if it stood still, or no stripes tell.
-std::string object_motion_warning(const v1::CaptureManifest& manifest, const ComparedFrames& compared);
+// For users; empty if it stood still, or no stripes tell. `order`: of frames, by time; `corrections`: of the
+// compared frames; null: none.
+std::string object_motion_warning(const v1::CaptureManifest& manifest, const ComparedFrames& compared,
+                                  const std::vector<int>& order, const FrameCorrections* corrections);
 
 }  // namespace glasswing

@@ -212,6 +212,7 @@ ShiftCourse shift_course(const FrameReport& report) {
                 "vibrates; capture again on firmer ground",
                 rms_px),
             .knock = std::nullopt,
+            .trembles = true,
             .moved_px = 2.0 * rms_px};
   }
   std::vector<Place> places;
@@ -240,6 +241,7 @@ ShiftCourse shift_course(const FrameReport& report) {
                 "from frame {} on everything lies {}: the camera, the monitor or the table was touched",
                 knock.frame, words_of(knock.dx_px, knock.dy_px)),
             .knock = knock,
+            .trembles = false,
             .moved_px = knock.size_px()};
   }
   const Place creep = creep_of(frames);
@@ -251,6 +253,7 @@ ShiftCourse shift_course(const FrameReport& report) {
               "sinks, or was touched; capture again",
               words_of(x, y), frames.front().frame, frames.back().frame),
           .knock = std::nullopt,
+          .trembles = false,
           .moved_px = length_px};
 }
 

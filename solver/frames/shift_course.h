@@ -20,6 +20,7 @@ struct Knock {
 struct ShiftCourse {
   std::string warning;  // for users: which frames, how far, and the likely cause
   std::optional<Knock> knock;
+  bool trembles = false;
   double moved_px = 0.0;  // by which frames lie apart
 };
 

@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kLobes = 3;
+constexpr int kLobes = 5;
 constexpr size_t kTaps = 2 * kLobes;
 
 // Samples at `first`, first + 1, ... from a pixel's own.

@@ -2,7 +2,7 @@
 //
 //   light'(x, y) = sum over i, j of L(i - x - dx) L(j - y - dy) light(i, j)
 //
-// by Lanczos' kernel of three pixels, whose weights are made to sum to 1. Beyond the picture lies what lies
+// by Lanczos' kernel of five pixels, whose weights are made to sum to 1. Beyond the picture lies what lies
 // at its edge.
 #pragma once
 

@@ -8,11 +8,10 @@
 #include <thread>
 
 #include "core/base/status.h"
-#include "core/edit/fill.h"
-#include "core/edit/interpolate.h"
 #include "core/matte/matte_rounding.h"
 #include "solver/background/stage_maps.h"
 #include "solver/frames/code_response.h"
+#include "solver/method/filled_rows.h"
 #include "solver/method/frame_registration.h"
 #include "solver/mosaic/interpolated_stack.h"
 #include "solver/mosaic/mosaic_matte.h"
@@ -20,7 +19,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kBadPixelReach = 3;  // rows: bad pixels are rarely taller
+constexpr int kDisturbedReach = 1;  // rows
 
 FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int first, int count) {
   FrameStack band = stack;
@@ -34,6 +33,17 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
         stack.rows[at].subspan(static_cast<size_t>(first) * row, static_cast<size_t>(count) * row);
   }
   return band;
+}
+
+RowReader rows_of(const MappedArchive& archive) {
+  return [&archive](int row, const std::vector<int>& frames) -> absl::StatusOr<std::vector<std::uint16_t>> {
+    std::vector<std::uint16_t> samples;
+    for (const int frame : frames) {
+      GW_ASSIGN_OR_RETURN(const FrameSamples own, archive.read(frame, row, 1));
+      samples.insert(samples.end(), own.samples.begin(), own.samples.end());
+    }
+    return samples;
+  };
 }
 
 // Applied to the finished matte: correcting samples would change their noise.
@@ -133,26 +143,23 @@ absl::Status PreparedSolve::map_stage(const RowReader& read,
 }
 
 int PreparedSolve::margin_rows() const {
-  const int bad = std::max({faults_.bad_pixels.empty() ? 0 : kBadPixelReach,
-                            registration_reach(faults_.corrections.get()),
-                            faults_.disturbance.moved_px > 0.0 ? kBadPixelReach : 0});
-  if (interpolated_) return std::max(kInterpolationReach, bad);
-  return std::max(manifest_.camera().mosaic().empty() ? 0 : kMosaicReach, bad);
+  const bool mosaic = !manifest_.camera().mosaic().empty();
+  const int bad = faults_.bad_pixels.empty() ? 0 : filled_reach(mosaic);
+  const int reach = std::max(bad + registration_reach(faults_.corrections.get()),
+                             faults_.disturbance.moved_px > 0.0 ? kDisturbedReach : 0);
+  return reach + (interpolated_ ? kInterpolationReach : mosaic ? kMosaicReach : 0);
 }
 
-void PreparedSolve::fill_bad_pixels(Matte& matte) const {
-  constexpr std::uint8_t kBad = 128;  // none of PixelFlag
+void PreparedSolve::flag_bad_pixels(Matte& matte) const {
   const int width = manifest_.camera().width_px();
-  bool any = false;
   for (const int pixel : faults_.bad_pixels) {
     const int x = pixel % width - matte.x0_px(), y = pixel / width - matte.y0_px();
     if (x < 0 || x >= matte.width_px() || y < 0 || y >= matte.height_px()) continue;
-    matte.flags(x, y) = kBad;
-    any = true;
+    matte.flags(x, y) |= kFlagFilled;
+    for (int c = 0; c < (matte.is_colourless() ? 1 : kChannels); ++c) {
+      for (Mode& mode : matte.modes(x, y, c)) mode.weight_sd = mode.centre_sd_px = 0.0f;
+    }
   }
-  if (!any) return;
-  interpolate_pixels(matte, kBad);
-  fill(matte, kBad);
 }
 
 absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int thread_count,
@@ -193,8 +200,10 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
   // Small enough that the last bands keep all threads busy, large enough to amortise a solver's set-up.
   const int band_rows = thread_count == 1 ? 16 : std::clamp(row_count / (8 * thread_count), 2, 16);
   const int band_count = (row_count + band_rows - 1) / band_rows;
-  // Every so-manyth column alone cannot be moved: drafts are not.
+  // Every so-manyth column alone cannot be filled or moved: drafts are not.
+  const bool fills = column_step == 1 && !faults_.bad_pixels.empty();
   const int moved = column_step == 1 ? registration_reach(faults_.corrections.get()) : 0;
+  const int reach = moved + (fills ? filled_reach(!manifest_.camera().mosaic().empty()) : 0);
   std::vector<std::optional<absl::StatusOr<Matte>>> bands(static_cast<size_t>(band_count));
   std::atomic<int> next = 0, done = 0;
   std::atomic<bool> failed = false;
@@ -204,13 +213,14 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
       auto& solved = bands[static_cast<size_t>(band)];
       solved = [&]() -> absl::StatusOr<Matte> {
         const int count = std::min(band_rows, row_count - first);
-        const int begin = std::max(first - moved, 0), end = std::min(first + count + moved, row_count);
+        const int begin = std::max(first - reach, 0), end = std::min(first + count + reach, row_count);
         GW_ASSIGN_OR_RETURN(FrameStack rows, read(begin, end - begin));
         rows.corrections = faults_.corrections;
         rows.stage_maps = stage_maps_;
         rows = linear_.of(std::move(rows));
-        if (moved > 0) rows = registered_rows(rows, *faults_.corrections, first - begin, count);
-        return method_->solve(rows);
+        if (fills) rows = filled_rows(rows, faults_.bad_pixels);
+        return method_->solve(moved > 0 ? registered_rows(rows, *faults_.corrections, first - begin, count)
+                                        : rows_of(rows, frames_needed(), first - begin, count));
       }();
       if (!solved->ok()) failed = true;
       ++done;
@@ -245,7 +255,7 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
     fill_channels(whole, *mosaic, thread_count);
   }
   if (column_step == 1) {
-    fill_bad_pixels(whole);
+    flag_bad_pixels(whole);
     flag_disturbed(faults_.disturbance, whole);
   }
   round_to_errors(whole);
@@ -275,15 +285,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
 absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count,
                                     const std::function<void(double)>& progress, bool correct) {
   const v1::CaptureManifest& manifest = archive.manifest();
-  const auto read_row = [&](int row,
-                            const std::vector<int>& frames) -> absl::StatusOr<std::vector<std::uint16_t>> {
-    std::vector<std::uint16_t> samples;
-    for (const int frame : frames) {
-      GW_ASSIGN_OR_RETURN(const FrameSamples own, archive.read(frame, row, 1));
-      samples.insert(samples.end(), own.samples.begin(), own.samples.end());
-    }
-    return samples;
-  };
+  const RowReader read_row = rows_of(archive);
   GW_ASSIGN_OR_RETURN(const auto brightness, measure_brightness_drift(manifest, read_row));
   GW_ASSIGN_OR_RETURN(PreparedSolve prepared, PreparedSolve::create(method, manifest));
   GW_RETURN_IF_ERROR(prepared.map_stage(read_row, brightness, correct));
@@ -306,6 +308,14 @@ absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& a
     return stack;
   };
   return prepared.solve_in_bands(read, thread_count, progress);
+}
+
+absl::StatusOr<FrameFaults> faults_of_archive(const Method& method, const MappedArchive& archive) {
+  const RowReader read_row = rows_of(archive);
+  GW_ASSIGN_OR_RETURN(const auto brightness, measure_brightness_drift(archive.manifest(), read_row));
+  GW_ASSIGN_OR_RETURN(PreparedSolve prepared, PreparedSolve::create(method, archive.manifest()));
+  GW_RETURN_IF_ERROR(prepared.map_stage(read_row, brightness));
+  return prepared.faults();
 }
 
 }  // namespace glasswing

@@ -31,6 +31,9 @@ class PreparedSolve {
   absl::Status map_stage(const RowReader& read, const std::vector<std::array<float, 3>>& brightness,
                          bool correct = true);
 
+  // What map_stage() found.
+  const FrameFaults& faults() const { return faults_; }
+
   // How many rows of the stack on either side of those that are wanted a matte needs, where the picture has
   // them: of a mosaic, whose missing channels come from pixels around (solver/mosaic), and beside bad pixels.
   int margin_rows() const;
@@ -53,8 +56,8 @@ class PreparedSolve {
   absl::StatusOr<Matte> solve_bands(int row_count, int column_step, const ReadStack& read, int thread_count,
                                     std::stop_token stop, const std::function<void(double)>& progress) const;
 
-  // The pixels that the camera does not see are made of their neighbours.
-  void fill_bad_pixels(Matte& matte) const;
+  // Pixels that the camera does not see are made of what those around saw (filled_rows.h).
+  void flag_bad_pixels(Matte& matte) const;
 
   PreparedSolve(v1::CaptureManifest manifest, LinearStack linear, Shading shading,
                 std::unique_ptr<PreparedMethod> method)
@@ -87,5 +90,8 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
 absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count = 0,
                                     const std::function<void(double)>& progress = nullptr,
                                     bool correct = true);
+
+// What solve_archive() finds wrong with the frames.
+absl::StatusOr<FrameFaults> faults_of_archive(const Method& method, const MappedArchive& archive);
 
 }  // namespace glasswing

@@ -4,6 +4,7 @@
 Copies a rendered scene as a physical rig would have photographed it: each fault in turn, in the order of the manifest,
 then white noise of the sensor and its bits. Reference photographs stay as they are."""
 
+import functools
 import json
 import pathlib
 import struct
@@ -220,22 +221,29 @@ FAULTS = {name: function for name, function in list(globals().items())
           ("read_png", "unfilter", "write_png", "shifted", "Shown", "each", "direction", "moved")}
 
 
+@functools.lru_cache(maxsize=1)
+def read_scene(scene: pathlib.Path) -> tuple[dict, np.ndarray]:
+    """The manifest and frames of a session, without photographs and ramps."""
+    manifest = json.loads((scene / "manifest.json").read_text())
+    frames = [frame for frame in manifest["frames"] if frame["stimulus"]["kind"] not in ("photo", "photo_multi", "ramp")]
+    manifest["frames"] = frames
+    return manifest, np.stack([read_png(scene / frame["file"]) for frame in frames])
+
+
 def degrade(scene: pathlib.Path, out: pathlib.Path, faults: list[tuple[str, float]], seed=1, sd=0.003, bits=12,
             rows: slice = slice(None)) -> None:
-    manifest = json.loads((scene / "manifest.json").read_text())
-    frames = [frame for frame in manifest["frames"] if frame["stimulus"]["kind"] not in ("photo", "ramp")]
-    light = np.stack([read_png(scene / frame["file"]) for frame in frames])
+    manifest, light = read_scene(scene)
+    frames = manifest["frames"]
     shown, rng = Shown(frames), np.random.default_rng(seed)
     for name, strength in faults:
         extra = [read_png(scene / "mask_true.png")] if name == "object_moved" else []
         light = FAULTS[name](light, shown, strength, rng, *extra)
     light = light[:, rows]
-    manifest["image"]["height"] = light.shape[1]
+    manifest = manifest | {"image": manifest["image"] | {"height": light.shape[1]}}
     full = 2**bits - 1
     for frame, picture in zip(frames, light):
         noisy = np.clip(picture + rng.normal(0, sd, picture.shape), 0, 1) if sd else picture
         write_png(out / frame["file"], np.round(np.clip(noisy, 0, 1) * full) / full)
-    manifest["frames"] = frames
     (out / "manifest.json").write_text(json.dumps(manifest))
 
 

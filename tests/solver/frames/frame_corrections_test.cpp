@@ -23,7 +23,8 @@ using Picture = std::vector<double>;  // kHeight rows of kWidth
 struct View {
   double scale = 1.0;                    // monitor px per camera px, about the middle
   int border_px = 0;                     // of the camera's picture, black
-  int reach_x_px = 12, reach_y_px = 12;  // of the object, from the middle
+  int reach_x_px = 12, reach_y_px = 12;  // of the object, from its middle,
+  int object_x_px = 32;                  // which lies there
 };
 // A pixel and a bit: what flat pixels show beats with the camera's, as no smooth footprint does.
 constexpr View kFar{.scale = 1.03, .border_px = 4, .reach_x_px = 20, .reach_y_px = 14};
@@ -66,11 +67,11 @@ void add(Session& session, bool object, const v1::Stimulus& stimulus) {
   frame.set_object(object);
   *frame.mutable_stimulus() = stimulus;
   Picture picture;
+  const View& view = session.view;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       const bool covered =
-          object && std::abs(x - 32) < session.view.reach_x_px && std::abs(y - 24) < session.view.reach_y_px;
-      const View& view = session.view;
+          object && std::abs(x - view.object_x_px) < view.reach_x_px && std::abs(y - 24) < view.reach_y_px;
       picture.push_back(
           kWhite * (covered ? 0.5 * seen(view, stimulus, kWidth - 1 - x, y) : seen(view, stimulus, x, y)));
     }
@@ -104,7 +105,8 @@ void add_areas(Session& session, bool object) {
   }
 }
 
-Session clean_session(const View& view = {}) {
+// `moved_px`: by which the object lies further right in the last sweep.
+Session clean_session(const View& view = {}, int moved_px = 0) {
   Session session{.manifest = {}, .frames = {}, .view = view};
   v1::Monitor& monitor = *session.manifest.add_monitors();
   monitor.set_name("back");
@@ -116,6 +118,7 @@ Session clean_session(const View& view = {}) {
   add_areas(session, true);
   add_areas(session, false);
   for (const double phi_deg : {0.0, 90.0}) {
+    if (phi_deg == 90.0) session.view.object_x_px += moved_px;
     for (double r_px = -4.0; r_px <= (phi_deg == 0.0 ? kWidth : kHeight) + 4.0; r_px += 2.0) {
       v1::Stimulus stripe = stimulus_of("gauss_stripe");
       stripe.set_phi_deg(phi_deg);
@@ -126,6 +129,12 @@ Session clean_session(const View& view = {}) {
     }
   }
   return session;
+}
+
+void scale(Session& session, const std::function<double(int frame)>& gain) {
+  for (size_t f = 0; f < session.frames.size(); ++f) {
+    for (double& light : session.frames[f]) light *= gain(static_cast<int>(f));
+  }
 }
 
 // The faults of these frames, with noise and sixteen bits. The camera's black level keeps noise below black;
@@ -181,12 +190,6 @@ FrameFaults faults_of(Session session, double noise_sd = kNoise, double black_le
   return find_faults(session.manifest, needed, read).value();
 }
 
-void scale(Session& session, const std::function<double(int frame)>& gain) {
-  for (size_t f = 0; f < session.frames.size(); ++f) {
-    for (double& light : session.frames[f]) light *= gain(static_cast<int>(f));
-  }
-}
-
 double gain_of(const FrameFaults& faults, int frame) {
   return static_cast<double>(faults.corrections->of_frame[static_cast<size_t>(frame)].gain[1]);
 }
@@ -196,6 +199,17 @@ TEST(FrameFaults, ACleanSessionHasNone) {
     const FrameFaults faults = faults_of(clean_session(), noise_sd);
     EXPECT_EQ(faults.corrections, nullptr) << noise_sd;
     EXPECT_TRUE(faults.bad_pixels.empty()) << noise_sd;
+    EXPECT_EQ(faults.warnings, std::vector<std::string>()) << noise_sd;
+  }
+}
+
+// Without noise all of a white that is the last code is saturated, and nothing is lost.
+TEST(FrameFaults, WhiteAtFullScaleIsNotOverExposed) {
+  Session session = clean_session();
+  scale(session, [](int) { return 1.0 / kWhite; });
+  for (const double noise_sd : {0.0, 0.003}) {
+    const FrameFaults faults = faults_of(session, noise_sd, 0.0);
+    EXPECT_EQ(faults.corrections, nullptr) << noise_sd;
     EXPECT_EQ(faults.warnings, std::vector<std::string>()) << noise_sd;
   }
 }
@@ -314,6 +328,30 @@ TEST(FrameFaults, ALampIsSubtracted) {
   EXPECT_EQ(faults.corrections->of_frame[90].offset[1], 0.0f);
   ASSERT_EQ(faults.warnings.size(), 1u);
   EXPECT_EQ(faults.warnings[0].find("frames 70 to 79 are up to 0.05"), 0u) << faults.warnings[0];
+}
+
+TEST(FrameFaults, AnObjectThatMovedIsSaid) {
+  const View large{.reach_x_px = 29, .reach_y_px = 14};
+  for (const View& view : {View(), large}) {
+    for (const double noise_sd : {0.0, 0.01}) {
+      const FrameFaults faults = faults_of(clean_session(view, 1), noise_sd);
+      ASSERT_EQ(faults.warnings.size(), 1u) << noise_sd;
+      EXPECT_EQ(faults.warnings[0].find("the object or the camera moved before frame 119"), 0u)
+          << faults.warnings[0];
+      EXPECT_TRUE(faults.disturbance.object_only);
+    }
+  }
+}
+
+TEST(FrameFaults, WhereTheObjectFillsThePictureBarsAndTheirInverseTell) {
+  Session session = clean_session({.reach_x_px = kWidth, .reach_y_px = kHeight});
+  EXPECT_EQ(faults_of(session).warnings, std::vector<std::string>());
+  scale(session, [](int frame) { return frame >= 20 ? 1.1 : 1.0; });  // black, gray and white come before
+  const FrameFaults faults = faults_of(session);
+  EXPECT_EQ(faults.compared, 0u);
+  ASSERT_EQ(faults.warnings.size(), 1u);
+  EXPECT_EQ(faults.warnings[0].find("frames 19 to 26: bars and their inverse are together up to 1.100"), 0u)
+      << faults.warnings[0];
 }
 
 // What the rig does to a frame it does everywhere.
