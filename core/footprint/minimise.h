@@ -24,9 +24,9 @@ struct FootprintEquations {
 
 struct StepLimits {
   int max_steps = 60;
-  // Of the damping's rise: how much faster it rises with each step refused in a row. Above 1 for a fit near
-  // its minimum; a search would leap over minima.
-  double growth = 1.0;
+  // The start lies near its minimum: of a step refused, a parabola says how much shorter the next must be. A
+  // search would leap over minima.
+  bool near = false;
 };
 
 template <typename Equations>
@@ -42,13 +42,13 @@ struct Minimum {
 template <typename Equations, typename Evaluate, typename IsSane>
 Minimum<Equations> minimise(const Footprints& start, const Evaluate& evaluate, const IsSane& is_sane,
                             const StepLimits& limits) {
-  constexpr double kMaxDamping = 1e8, kMinDamping = 1e-7, kUndamped = 0.1, kRise = 4.0, kNothing = 0.1;
+  constexpr double kMaxDamping = 1e8, kMinDamping = 1e-7, kUndamped = 0.1, kRise = 4.0, kNothing = 0.1,
+                   kShortest = 0.3;
   Minimum<Equations> best{.modes = start, .at = {}};
   double damping = 1e-3;
   std::array<Equations, 2> both;
   Equations *at = &both[0], *next = &both[1];
   evaluate(start, *at);
-  double rise = kRise;
   for (int i = 0; i < limits.max_steps && !best.converged && damping < kMaxDamping; ++i) {
     FootprintMatrix damped = at->matrix;
     if (at->least.size() > 0) damped.diagonal() = damped.diagonal().cwiseMax(at->least);
@@ -63,7 +63,8 @@ Minimum<Equations> minimise(const Footprints& start, const Evaluate& evaluate, c
       best.converged = true;
       break;
     }
-    if (factor.positive() && is_sane(moved)) {
+    const bool possible = factor.positive() && is_sane(moved);
+    if (possible) {
       evaluate(moved, *next);
       if (next->cost <= at->cost * (1.0 + at->rounding)) {
         const double gained = at->cost - next->cost;
@@ -76,13 +77,16 @@ Minimum<Equations> minimise(const Footprints& start, const Evaluate& evaluate, c
                    : gained < 0.2 * promise ? 3.0
                                             : 1.0;
         damping = std::max(damping, kMinDamping);
-        rise = kRise;
         continue;
       }
     }
     best.converged = last;
-    damping = std::max(rise * damping, 1e-5);
-    rise *= limits.growth;
+    damping = std::max(kRise * damping, 1e-5);
+    if (limits.near && possible) {
+      const double slope = at->gradient.dot(step),
+                   shorter = std::max(slope / (next->cost - at->cost + 2.0 * slope), kShortest);
+      damping = std::max(damping, (1.0 + damping) / shorter - 1.0);
+    }
   }
   for (Footprint& mode : best.modes) mode = with_positive_covariance(mode, 0.0);
   best.at = std::move(*at);

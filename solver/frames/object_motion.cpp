@@ -106,6 +106,25 @@ std::vector<double> sums_of(const ComparedFrames& compared, const FrameCorrectio
   return sums;
 }
 
+// Pixels that see an id patch, whose light follows the steps' numbers and not the stripes.
+std::vector<bool> sees_patch(const ComparedFrames& compared) {
+  constexpr float kSeen = 6.0f;  // standard deviations
+  const SessionSamples& samples = compared.samples;
+  std::vector<bool> sees(samples.pixels.size());
+  for (const std::vector<int>& patches : compared.layout.patches) {
+    for (size_t lane = 0; lane < samples.lane_count(); ++lane) {
+      float low = INFINITY, high = -INFINITY;
+      for (const int f : patches) {
+        const std::vector<float>& lights = samples.light[static_cast<size_t>(f)];
+        if (lights.empty()) continue;
+        low = std::min(low, lights[lane]), high = std::max(high, lights[lane]);
+      }
+      if (high - low > kSeen * static_cast<float>(compared.noise_sd)) sees[samples.pixel_of(lane)] = true;
+    }
+  }
+  return sees;
+}
+
 // By pixel, in the mean of its lanes.
 std::vector<double> of_pixels(const SessionSamples& samples, const std::vector<double>& sums) {
   const auto lanes = static_cast<size_t>(samples.lanes_per_pixel);
@@ -177,12 +196,16 @@ Moved moved_between(const std::vector<double>& first, const std::vector<double>&
 std::string object_motion_warning(const v1::CaptureManifest& manifest, const ComparedFrames& compared,
                                   const std::vector<int>& order, const FrameCorrections* corrections) {
   if (compared.layout.bare) return "";
-  const std::vector<bool> at = at_object(compared.samples, compared.beside);
+  const std::vector<bool> at = at_object(compared.samples, compared.beside), patch = sees_patch(compared);
   for (const EmptyMonitor& monitor : compared.layout.monitors) {
     const std::vector<Sweep> sweeps = sweeps_of(manifest, compared, order, monitor.texture);
     if (sweeps.size() < 2) continue;
     const auto light_of = [&](const Sweep& sweep) {
-      return of_pixels(compared.samples, sums_of(compared, corrections, sweep));
+      std::vector<double> light = of_pixels(compared.samples, sums_of(compared, corrections, sweep));
+      for (size_t i = 0; i < light.size(); ++i) {
+        if (patch[i]) light[i] = NAN;
+      }
+      return light;
     };
     const std::vector<double> first = light_of(sweeps.front());
     std::vector<double> errors(compared.samples.lane_count(), 0.0);

@@ -17,7 +17,6 @@ constexpr int kTurns = 3;               // of finding broad light and fitting th
 constexpr int kRounds = 8;              // of fits after the first, with white and bars weighed anew
 constexpr int kLong = 60;               // iterations of one that has to leave its start behind
 constexpr int kPolish = 12;             // iterations of a fit that had converged without white
-constexpr double kGrowth = 2.0;         // within a pixel the samples bend sharply
 constexpr double kSure = 2.0;           // a weight below so many of its standard errors is doubted
 
 bool is_positive(const JointFit& fit) {
@@ -177,7 +176,7 @@ std::optional<JointFit> LaneSolver::fit_all(const LaneSamples& samples, const Fo
     return sum;
   };
   Footprints modes = start;
-  StepLimits limits{.max_steps = 1, .growth = kGrowth};  // the first step changes most
+  StepLimits limits{.max_steps = 1, .near = true};  // the first step changes most
   for (int round = 0;; ++round) {
     const JointFit fit = fit_jointly(all, modes, monitor_.extent, limits, workspace_);
     if (!is_positive(fit)) return std::nullopt;
@@ -187,7 +186,7 @@ std::optional<JointFit> LaneSolver::fit_all(const LaneSamples& samples, const Fo
     if (round == kRounds || (fit.converged && std::abs(weights() - before) <= 0.2 * before))
       return fit.converged ? std::optional(fit) : std::nullopt;
     modes = fit.modes;
-    limits = {.max_steps = kPolish, .growth = kGrowth};
+    limits = {.max_steps = kPolish, .near = true};
   }
 }
 

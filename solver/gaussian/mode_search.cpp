@@ -450,7 +450,8 @@ JointFit placed(const PixelSamples& samples, const JointFit& seen, const Monitor
   const double least_px = samples.layout->sweeps.front().axis.sigma_px / 8.0;
   Footprints start = seen.modes;
   for (Footprint& mode : start) mode = with_positive_covariance(mode, least_px * least_px);
-  const JointFit fit = fit_jointly(samples, start, extent, {.max_steps = kIterations}, workspace);
+  const JointFit fit =
+      fit_jointly(samples, start, extent, {.max_steps = kIterations, .near = true}, workspace);
   const bool positive = std::all_of(fit.modes.begin(), fit.modes.end(),
                                     [](const Footprint& mode) { return mode.weight > 0.0; });
   return fit.converged && positive ? fit : seen;
