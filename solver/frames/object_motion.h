@@ -10,8 +10,8 @@
 
 namespace glasswing {
 
-// For users; empty if it stood still, or no stripes tell. `order`: of frames, by time; `corrections`: of the
-// compared frames; null: none.
+// For users; empty if it stood still, or no stripes tell, or the camera's codes may not be light. `order`: of
+// frames, by time; `corrections`: of the compared frames; null: none.
 std::string object_motion_warning(const v1::CaptureManifest& manifest, const ComparedFrames& compared,
                                   const std::vector<int>& order, const FrameCorrections* corrections);
 

@@ -27,8 +27,16 @@ async function served(folder) {
   return server;
 }
 
-export const wait_until_drawn = (page) =>
-  page.waitForFunction(() => document.querySelector("#stage").ariaBusy === "false", undefined, { timeout: 120_000 });
+export async function wait_until_drawn(page) {
+  for (let is_shown = false; !is_shown;) {
+    await page.waitForFunction(() => document.querySelector("#stage").ariaBusy === "false", undefined, { timeout: 120_000 });
+    // What is on the canvas is on the screen a frame later.
+    is_shown = await page.evaluate(async () => {
+      for (let frame = 0; frame < 2; ++frame) await new Promise(requestAnimationFrame);
+      return document.querySelector("#stage").ariaBusy === "false";
+    });
+  }
+}
 
 /** Drags the picture away and back, and resolves once that is drawn; it does not come to rest until the page's rest() is called. */
 export function move_and_return(page) {
