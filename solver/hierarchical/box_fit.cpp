@@ -21,7 +21,7 @@ constexpr size_t kFirstSteps = 2;  // that must halve chi-square
 constexpr double kCriterion = 4.0;
 // Without it, at least this much is left of the background's contrast, though a box stands in for most of it:
 // a fifth and more of the background, beside a box of any place and size, left 0.036.
-constexpr double kLeastLeft = 0.022;
+constexpr double kLeastLeft = 0.012;
 constexpr double kAlike = 0.07;      // of the strongest weight: waves that differ by less look alike
 constexpr double kCoverError = 0.1;  // of alpha, beyond which it is not certain
 
