@@ -114,7 +114,8 @@ TEST(JointFit, AWeightThatEndsAtOneIsAsUncertainAsTheSamplesLeaveIt) {
   constexpr int kDraws = 60;
   const SampleLayout layout = four_sweeps(4.0);
   Footprints truth;
-  truth.push_back({.weight = 0.98, .x_px = -6.0, .y_px = 45.0, .xx_px2 = 25.0, .xy_px2 = 0.0, .yy_px2 = 20.0});
+  truth.push_back(
+      {.weight = 0.98, .x_px = -6.0, .y_px = 45.0, .xx_px2 = 25.0, .xy_px2 = 0.0, .yy_px2 = 20.0});
   std::mt19937 random(5);
   JointWorkspace workspace;
   int ended = 0;
