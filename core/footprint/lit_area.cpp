@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <numbers>
 
 namespace glasswing {
@@ -12,10 +11,6 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kReach = 5.5;  // standard deviations
 constexpr double kFine = 1.4;   // sigmas per bar, from which bars are seen as their mean
 constexpr double kMinVariance_px2 = 1e-4;
-
-bool is_lit(const LitArea& area, std::int64_t bar) {
-  return (bar % 2 == 0) != area.inverse;
-}
 
 double variance_across(const Footprint& mode, const LitArea& area) {
   return std::max(area.horizontal ? mode.yy_px2 : mode.xx_px2, kMinVariance_px2);
@@ -29,15 +24,6 @@ bool is_fine(const Footprint& mode, const LitArea& area) {
 NormalDensity density_of(const Footprint& mode) {
   const Footprint own = with_positive_covariance(mode, kMinVariance_px2);
   return {.x = own.x_px, .y = own.y_px, .xx = own.xx_px2, .xy = own.xy_px2, .yy = own.yy_px2};
-}
-
-NormalShare sum_of(const NormalShare& a, double weight, const NormalShare& b) {
-  return {.share = a.share + weight * b.share,
-          .by_x = a.by_x + weight * b.by_x,
-          .by_y = a.by_y + weight * b.by_y,
-          .by_xx = a.by_xx + weight * b.by_xx,
-          .by_xy = a.by_xy + weight * b.by_xy,
-          .by_yy = a.by_yy + weight * b.by_yy};
 }
 
 // No edge of the monitor cuts the footprint.
@@ -66,6 +52,10 @@ NormalShare share_of_bars(const Footprint& mode, const LitArea& area) {
 }
 
 }  // namespace
+
+bool is_lit(const LitArea& area, std::int64_t bar) {
+  return (bar % 2 == 0) != area.inverse;
+}
 
 bool same_bars(const LitArea& a, const LitArea& b) {
   return a.bars && b.bars && a.horizontal == b.horizontal && a.bar_px == b.bar_px &&

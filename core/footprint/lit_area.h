@@ -8,6 +8,7 @@
 // and over rectangles (normal_rectangle.h) if they do.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 
 #include "core/footprint/footprint.h"
@@ -22,6 +23,9 @@ struct LitArea {
   double offset_px = 0.0;  // where a bar starts that is lit
   bool inverse = false;    // it is dark
 };
+
+// Whether a bar is lit, counted from the one at the offset.
+bool is_lit(const LitArea& area, std::int64_t bar);
 
 // Whether both are the same bars, or one is the inverse of the other.
 bool same_bars(const LitArea& a, const LitArea& b);

@@ -38,6 +38,16 @@ struct NormalCorners {
 struct NormalShare {
   double share, by_x, by_y, by_xx, by_xy, by_yy;
 };
+// a + weight b
+inline NormalShare sum_of(const NormalShare& a, double weight, const NormalShare& b) {
+  return {.share = a.share + weight * b.share,
+          .by_x = a.by_x + weight * b.by_x,
+          .by_y = a.by_y + weight * b.by_y,
+          .by_xx = a.by_xx + weight * b.by_xx,
+          .by_xy = a.by_xy + weight * b.by_xy,
+          .by_yy = a.by_yy + weight * b.by_yy};
+}
+
 struct NormalDensity {
   double x, y, xx, xy, yy;
 };

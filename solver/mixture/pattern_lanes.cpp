@@ -18,15 +18,9 @@ size_t padded(size_t count) {
 NormalShare share_of(std::span<const ReachedPixel> pixels, const LitArea& lit) {
   NormalShare sum{};
   for (const ReachedPixel& pixel : pixels) {
-    const double bar = std::floor(((lit.horizontal ? pixel.y_px : pixel.x_px) - lit.offset_px) / lit.bar_px);
-    if (lit.bars && (std::fmod(bar, 2.0) == 0.0) == lit.inverse) continue;
-    const NormalShare& part = pixel.part;
-    sum = {.share = sum.share + part.share,
-           .by_x = sum.by_x + part.by_x,
-           .by_y = sum.by_y + part.by_y,
-           .by_xx = sum.by_xx + part.by_xx,
-           .by_xy = sum.by_xy + part.by_xy,
-           .by_yy = sum.by_yy + part.by_yy};
+    const double place_px = (lit.horizontal ? pixel.y_px : pixel.x_px) - lit.offset_px;
+    if (lit.bars && !is_lit(lit, static_cast<std::int64_t>(std::floor(place_px / lit.bar_px)))) continue;
+    sum = sum_of(sum, 1.0, pixel.part);
   }
   return sum;
 }
