@@ -15,7 +15,7 @@
 #include "core/archive/archive_service.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
-#include "core/cli/daemon_options.h"
+#include "core/daemon/daemon_options.h"
 #include "core/telemetry/process_metrics.h"
 
 namespace glasswing {

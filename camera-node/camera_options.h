@@ -8,7 +8,7 @@
 
 #include "camera-node/backends/libcamera_camera.h"
 #include "camera-node/backends/sim_camera.h"
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

@@ -2,7 +2,7 @@
 #include "camera-node/camera_options.h"
 #include "core/archive/fsck_command.h"
 #include "core/base/freed_memory.h"
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 #include "core/service/build_id.h"
 
 int main(int argc, char** argv) {

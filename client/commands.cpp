@@ -1,13 +1,15 @@
 #include "client/commands.h"
 
 #include "client/cli/commands.h"
-#include "client/edit/commands.h"
+#include "client/cli/completion_values.h"
 #include "client/exchange/commands.h"
 #include "client/live/commands.h"
-#include "client/pictures/commands.h"
 #include "client/pki/commands.h"
 #include "client/rig/commands.h"
 #include "client/sessions/commands.h"
+#include "client/sessions/matte_input.h"
+#include "compositing/commands.h"
+#include "core/cli/completion.h"
 
 namespace glasswing {
 
@@ -51,22 +53,15 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   app.group("Mattes");
   add_solve_command(app, client);
   add_fetch_command(app, client);
-  add_composite_command(app, client);
-  add_matte_command(app, client);
-  add_rays_command(app, client);
-  add_stmap_command(app, client);
-  add_nuke_command(app, client);
-  add_view_command(app, client);
-  add_web_command(app, client);
+  add_matte_commands(app, client, [&client](const std::string& name, const std::filesystem::path& output) {
+    return read_matte_input(client, name, output);
+  });
   app.group("Pictures");
-  add_sheet_command(app, client);
-  add_compare_command(app, client);
-  add_blur_command(app, client);
-  add_convert_command(app, client);
+  add_picture_commands(app, client);
 
   app.group("This program");
   add_config_command(app, client, config);
-  add_completion_commands(app, client);
+  add_completion_commands(app, client, client_values);
   add_man_command(app, client);
 }
 

@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 
 #include "client/cli/client.h"
-#include "client/cli/config.h"
+#include "core/cli/config.h"
 
 namespace glasswing {
 

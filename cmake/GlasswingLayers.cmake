@@ -1,16 +1,17 @@
 # The layers. A folder is a room: one library, whose target is the folder's path with dots ("server.rig"). USES
 # names the folders that it may include, and libraries. A folder must be added after those that it uses, so there
-# are no cycles, and programs never use each other's folders. CheckLayers.cmake checks every include against USES.
+# are no cycles, and programs never use each other's folders, but for the client, which has the verbs of compositing. CheckLayers.cmake checks every include against USES.
 
 # Turns the folders among the names that follow `folder` into targets; an error where the layers forbid one.
 function(glasswing_targets result folder)
   set(targets)
   foreach(name ${ARGN})
-    if(name MATCHES "/|^(server|console|client|solver|camera-node|display-node)$" AND NOT name MATCHES "::")
+    if(name MATCHES "/|^(server|console|client|compositing|solver|camera-node|display-node)$" AND NOT name MATCHES "::")
       string(REPLACE "/" "." target ${name})
       string(REGEX MATCH "^[^/]+" own ${folder})
       string(REGEX MATCH "^[^/]+" other ${name})
-      if(NOT own STREQUAL other AND NOT own STREQUAL tests AND NOT other MATCHES "^(core|proto)$")
+      if(NOT own STREQUAL other AND NOT own STREQUAL tests AND NOT other MATCHES "^(core|proto)$"
+         AND NOT "${own} ${other}" STREQUAL "client compositing")
         message(FATAL_ERROR "${folder} uses ${name}; programs share only core and proto")
       endif()
       if(NOT TARGET ${target})

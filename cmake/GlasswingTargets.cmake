@@ -163,6 +163,21 @@ function(glasswing_man_pages program argument component)
   add_dependencies(programs ${program})
 endfunction()
 
+# glasswing_completions(PROGRAM COMPONENT)
+# Installs the scripts for shells, which the program itself prints.
+function(glasswing_completions program component)
+  set(completions ${CMAKE_BINARY_DIR}/completions)
+  set(without_config ${CMAKE_COMMAND} -E env GLASSWING_CONFIG=/dev/null)
+  add_custom_command(TARGET ${program} POST_BUILD
+    COMMAND ${CMAKE_COMMAND} -E make_directory ${completions}
+    COMMAND ${without_config} $<TARGET_FILE:${program}> completion bash > ${completions}/${program}
+    COMMAND ${without_config} $<TARGET_FILE:${program}> completion zsh > ${completions}/_${program}
+    COMMAND ${without_config} $<TARGET_FILE:${program}> completion fish > ${completions}/${program}.fish)
+  install(FILES ${completions}/${program} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT ${component})
+  install(FILES ${completions}/_${program} DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions COMPONENT ${component})
+  install(FILES ${completions}/${program}.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d COMPONENT ${component})
+endfunction()
+
 # glasswing_tests([PROGRAM name] TESTS a_test ... [SOURCES helper.cpp ...] USES folder|library ...
 #                 [TIMEOUT SECONDS] [LABELS name ...] [ENVIRONMENT NAME=VALUE ...] [CASES name ...])
 # Builds one test program for the folder. CTest runs each file of TESTS in a process of its own; the test's

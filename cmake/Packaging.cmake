@@ -9,7 +9,7 @@ set(GLASSWING_PACKAGE_CONTACT "Glasswing <glasswing@example.org>" CACHE STRING "
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME glasswing)
 set(CPACK_PACKAGE_CONTACT ${GLASSWING_PACKAGE_CONTACT})
-set(CPACK_COMPONENTS_ALL common pictures server console display camera solver client frei0r python demo)
+set(CPACK_COMPONENTS_ALL common pictures server console display camera solver compositing client frei0r python demo)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 # DESTDIR, because the configuration is installed outside the prefix.
 set(CPACK_SET_DESTDIR ON)
@@ -85,10 +85,17 @@ glasswing_package(solver NAME glasswing-solver SCRIPTS daemon UNIT glasswing-sol
   SUMMARY "capture of environment mattes - solver"
   TEXT "${about}\n.\nThis package contains the solver, which turns frames into a matte together\nwith the other solvers of the lab."
   DEPENDS "${shared}")
+glasswing_package(compositing NAME glasswing-compositing
+  SUMMARY "capture of environment mattes - composites, edits and deliveries of mattes"
+  TEXT "${about}\n.\nThis package contains the program glasswing-compositing, which composites, edits,\nshows and delivers mattes without a rig, the player of folders for the web, and\nthe add-on for Blender."
+  DEPENDS "glasswing-pictures (= THIS_VERSION)" RECOMMENDS "bash-completion")
+# They were part of the client's package.
+set(CPACK_DEBIAN_COMPOSITING_PACKAGE_REPLACES "glasswing-client (<< THIS_VERSION)")
+set(CPACK_DEBIAN_COMPOSITING_PACKAGE_BREAKS "glasswing-client (<< THIS_VERSION)")
 glasswing_package(client NAME glasswing-client
   SUMMARY "capture of environment mattes - command line"
   TEXT "${about}\n.\nThis package contains the program glasswing, which captures, solves, fetches\nand composites, with its manual pages, shell completion and example plans."
-  DEPENDS "glasswing-pictures (= THIS_VERSION)" RECOMMENDS "bash-completion")
+  DEPENDS "glasswing-compositing (= THIS_VERSION)" RECOMMENDS "bash-completion")
 glasswing_package(frei0r NAME glasswing-frei0r
   SUMMARY "capture of environment mattes - filter for video editors"
   TEXT "${about}\n.\nThis package contains a filter that puts captured objects into the frames of\nKdenlive, ffmpeg, MLT and other hosts of frei0r.")

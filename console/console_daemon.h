@@ -2,7 +2,7 @@
 #pragma once
 
 #include "console/console_options.h"
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

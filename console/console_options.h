@@ -5,7 +5,7 @@
 #include <string>
 
 #include "console/routes/console.h"
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

@@ -7,7 +7,7 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
-#include "core/cli/daemon_options.h"
+#include "core/daemon/daemon_options.h"
 #include "display-node/backends/light_tap.h"
 #include "display-node/backends/repeating_display.h"
 #include "display-node/display_metrics.h"

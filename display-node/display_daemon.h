@@ -1,7 +1,7 @@
 // glasswing-display between its command line and its last signal.
 #pragma once
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 #include "display-node/display_options.h"
 
 namespace glasswing {

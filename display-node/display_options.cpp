@@ -4,7 +4,7 @@
 
 #include "core/base/scanner.h"
 #include "core/base/time.h"
-#include "core/cli/daemon_options.h"
+#include "core/daemon/daemon_options.h"
 
 namespace glasswing {
 namespace {

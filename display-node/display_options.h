@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 #include "core/sim/panel.h"
 #include "core/sim/panel_pose.h"
 #include "display-node/backends/sim_display.h"

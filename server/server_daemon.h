@@ -1,7 +1,7 @@
 // glasswing-server between its command line and its last signal.
 #pragma once
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 #include "server/server_options.h"
 
 namespace glasswing {

@@ -3,7 +3,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 #include "server/services/server.h"
 
 namespace glasswing {

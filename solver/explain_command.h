@@ -1,7 +1,7 @@
 // `glasswing-solver explain`: one pixel of an archive, from its samples to its modes.
 #pragma once
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

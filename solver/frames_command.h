@@ -1,7 +1,7 @@
 // `glasswing-solver frames`: what a solver finds wrong with an archive's frames.
 #pragma once
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

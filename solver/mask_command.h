@@ -1,7 +1,7 @@
 // `glasswing-solver mask`: finds the object in a photograph, by one without it.
 #pragma once
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

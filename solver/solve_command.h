@@ -1,7 +1,7 @@
 // `glasswing-solver solve`: solves an archive on this machine, without a server.
 #pragma once
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

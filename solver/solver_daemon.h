@@ -1,7 +1,7 @@
 // glasswing-solver between its command line and its last signal, or the end of its work.
 #pragma once
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 #include "solver/solver_options.h"
 
 namespace glasswing {

@@ -1,6 +1,6 @@
 #include "solver/solver_options.h"
 
-#include "core/cli/daemon_options.h"
+#include "core/daemon/daemon_options.h"
 
 namespace glasswing {
 

@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

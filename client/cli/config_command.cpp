@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "client/cli/commands.h"
-#include "client/cli/config.h"
-#include "client/cli/output.h"
+#include "core/cli/config.h"
+#include "core/cli/output.h"
 #include "core/security/tls.h"
 
 namespace glasswing {

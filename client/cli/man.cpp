@@ -38,15 +38,8 @@ Disables colours, unless \-\-color is always.
 
 }  // namespace
 
-// Hidden; the build calls it.
 void add_man_command(CLI::App& app, Client& client) {
-  auto directory = std::make_shared<std::string>();
-  CLI::App& command = *app.add_subcommand("man", "Write the manual pages.");
-  command.group("");
-  command.add_option("directory", *directory, "the directory to write to")->required();
-  command.callback([&app, &client, directory] {
-    client.run = [&app, directory] { return write_man_pages(app, 1, *directory, kMore); };
-  });
+  add_man_pages_command(app, client, kMore);
 }
 
 }  // namespace glasswing

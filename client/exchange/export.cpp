@@ -5,16 +5,17 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/output.h"
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/exchange/commands.h"
 #include "client/exchange/partial_directory.h"
 #include "core/archive/disk_room.h"
 #include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/output.h"
+#include "core/cli/progress.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 

@@ -4,12 +4,12 @@
 #include <memory>
 #include <optional>
 
-#include "client/cli/interrupt.h"
 #include "client/cli/monitor_argument.h"
-#include "client/cli/progress.h"
 #include "client/exchange/frame_source.h"
-#include "client/pictures/video_file.h"
+#include "compositing/picture/video_file.h"
 #include "core/base/status.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/progress.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "core/import/photograph_response.h"

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/progress.h"
 #include "core/base/status.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/progress.h"
 #include "core/frame/image_file.h"
 
 namespace glasswing {

@@ -5,16 +5,16 @@
 #include <iostream>
 #include <thread>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/progress.h"
 #include "client/cli/settings.h"
 #include "client/live/camera_clock.h"
 #include "client/live/commands.h"
 #include "client/live/live_figures.h"
 #include "client/live/live_output.h"
 #include "client/live/ramp_holder.h"
-#include "client/pictures/moving_picture.h"
+#include "compositing/picture/moving_picture.h"
 #include "core/base/status.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/progress.h"
 #include "core/frame/image_file.h"
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"

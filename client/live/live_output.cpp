@@ -8,10 +8,10 @@
 #include <filesystem>
 #include <vector>
 
-#include "client/cli/output.h"
-#include "client/cli/output_file.h"
 #include "client/live/live_window.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
+#include "core/cli/output_file.h"
 #include "core/frame/image_file.h"
 
 namespace glasswing {

@@ -1,8 +1,8 @@
 #include "client/live/ramp_holder.h"
 
-#include "client/cli/interrupt.h"
-#include "client/cli/progress.h"
 #include "core/base/status.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/progress.h"
 
 namespace glasswing {
 namespace {

@@ -5,10 +5,10 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/output.h"
 #include "client/pki/certificate_authority.h"
 #include "client/pki/commands.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
 
 namespace glasswing {
 namespace {

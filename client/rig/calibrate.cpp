@@ -3,15 +3,15 @@
 #include <cmath>
 #include <iostream>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/output.h"
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/rig/calibrate_geometry.h"
 #include "client/rig/calibrate_light.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/output.h"
+#include "core/cli/progress.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 
 namespace glasswing {

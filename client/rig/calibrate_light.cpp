@@ -8,9 +8,6 @@
 #include <filesystem>
 #include <iostream>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/output.h"
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/rig/curve_chart.h"
 #include "client/sessions/capture.h"
@@ -19,6 +16,9 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/base/utf8.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/output.h"
+#include "core/cli/progress.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 

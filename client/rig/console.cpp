@@ -3,11 +3,11 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
 #include "glasswing/v1/console_service.grpc.pb.h"
 
 namespace glasswing {

@@ -4,15 +4,15 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/colour.h"
-#include "client/cli/interrupt.h"
-#include "client/cli/output.h"
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/rig/check_geometry.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/cli/colour.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/output.h"
+#include "core/cli/progress.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 

@@ -7,13 +7,14 @@
 #include <iostream>
 #include <mutex>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/output.h"
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/output.h"
+#include "core/cli/progress.h"
 #include "glasswing/v1/fleet_service.grpc.pb.h"
 
 namespace glasswing {

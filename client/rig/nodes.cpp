@@ -2,12 +2,12 @@
 
 #include <iostream>
 
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
 #include "client/sessions/estimate.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/cli/output.h"
 #include "core/service/preparation.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 

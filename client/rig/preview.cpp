@@ -6,14 +6,14 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/cli/output.h"
-#include "client/cli/output_file.h"
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
 #include "client/rig/shown_pattern.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/cli/output.h"
+#include "core/cli/output_file.h"
+#include "core/cli/progress.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 

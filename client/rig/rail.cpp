@@ -3,11 +3,11 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/output.h"
 #include "client/cli/rig_view.h"
 #include "client/rig/commands.h"
 #include "client/sessions/rail_positions.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
 
 namespace glasswing {
 namespace {

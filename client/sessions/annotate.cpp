@@ -5,11 +5,11 @@
 #include <iostream>
 #include <optional>
 
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/cli/output.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {

@@ -5,10 +5,9 @@
 #include <algorithm>
 #include <random>
 
-#include "client/cli/output.h"
-#include "client/cli/progress.h"
 #include "client/cli/rig_view.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/sessions/capture_at_positions.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/estimate.h"
@@ -18,6 +17,8 @@
 #include "core/base/name.h"
 #include "core/base/scanner.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
+#include "core/cli/progress.h"
 #include "core/design/plan_design.h"
 #include "core/frame/image_file.h"
 #include "core/pattern/plan.h"

@@ -6,12 +6,13 @@
 
 #include <iostream>
 
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/sessions/capture.h"
 #include "client/sessions/watch.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {

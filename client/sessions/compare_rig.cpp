@@ -6,10 +6,11 @@
 #include <map>
 #include <set>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "core/base/status.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/output.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"

@@ -1,7 +1,8 @@
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {

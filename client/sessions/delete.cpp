@@ -4,10 +4,11 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {

@@ -6,8 +6,8 @@
 #include <iostream>
 #include <vector>
 
-#include "client/cli/output.h"
 #include "core/base/utf8.h"
+#include "core/cli/output.h"
 #include "core/pattern/plan.h"
 
 namespace glasswing {

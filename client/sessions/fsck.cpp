@@ -18,13 +18,13 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/progress.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/compare_rig.h"
 #include "core/archive/fsck_command.h"
 #include "core/base/descriptor.h"
 #include "core/base/status.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/progress.h"
 
 namespace glasswing {
 namespace {

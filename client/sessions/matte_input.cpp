@@ -2,9 +2,10 @@
 
 #include <fmt/format.h>
 
-#include "client/cli/output.h"
-#include "client/cli/output_file.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
+#include "core/cli/output_file.h"
+#include "core/matte/matte_file.h"
 
 namespace glasswing {
 namespace {
@@ -48,6 +49,15 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> MatteInput::open(const Client&
 absl::Status MatteInput::error(const absl::Status& status) const {
   return absl::Status(status.code(), fmt::format("{}{}: {}", is_file() ? "" : "the matte of session ", name,
                                                  std::string(status.message())));
+}
+
+absl::StatusOr<Matte> read_matte_input(const Client& client, const std::string& name,
+                                       const fs::path& output) {
+  const MatteInput input{name};
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, input.open(client, output));
+  absl::StatusOr<Matte> matte = decode_matte(file->bytes());
+  if (!matte.ok()) return input.error(matte.status());
+  return matte;
 }
 
 }  // namespace glasswing

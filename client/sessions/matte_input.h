@@ -8,10 +8,11 @@
 #include <string>
 
 #include "client/cli/client.h"
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "core/base/file.h"
 #include "core/base/mapped_file.h"
+#include "core/cli/progress.h"
+#include "core/matte/matte.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -32,5 +33,9 @@ struct MatteInput {
   // An error about the matte's content, with its name.
   absl::Status error(const absl::Status& status) const;
 };
+
+// MatteInput::open(), decoded.
+absl::StatusOr<Matte> read_matte_input(const Client& client, const std::string& name,
+                                       const std::filesystem::path& output);
 
 }  // namespace glasswing

@@ -3,10 +3,10 @@
 #include <iostream>
 #include <map>
 
-#include "client/cli/output_file.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/rig_limits.h"
 #include "core/base/status.h"
+#include "core/cli/output_file.h"
 #include "core/pattern/plan_fit.h"
 
 namespace glasswing {

@@ -7,9 +7,9 @@
 #include <charconv>
 #include <cmath>
 
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "core/base/status.h"
+#include "core/cli/progress.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 
 namespace glasswing {

@@ -3,12 +3,12 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/output.h"
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/output.h"
+#include "core/cli/progress.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {

@@ -6,11 +6,12 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/watch.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {

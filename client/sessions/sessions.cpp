@@ -2,11 +2,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/cli/time_argument.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/cli/output.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {

@@ -4,11 +4,12 @@
 #include <iostream>
 #include <map>
 
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/cli/output.h"
 #include "core/pattern/describe_step.h"
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"

@@ -2,13 +2,14 @@
 
 #include <algorithm>
 
-#include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/cli/settings.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/watch.h"
 #include "core/base/status.h"
 #include "core/cli/help.h"
+#include "core/cli/output.h"
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/session_service.grpc.pb.h"

@@ -8,13 +8,14 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/interrupt.h"
-#include "client/cli/output.h"
-#include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/cli/session_text.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/output.h"
+#include "core/cli/progress.h"
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 

@@ -8,7 +8,7 @@
 
 #include "core/archive/check.h"
 #include "core/archive/fsck.h"
-#include "core/cli/daemon.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

@@ -159,6 +159,16 @@ absl::Status write_man_pages(const CLI::App& program, int section, const std::fi
   return write_page(program, name, name, "", section, directory, more);
 }
 
+void add_man_pages_command(CLI::App& app, CommandLine& command_line, std::string more) {
+  auto directory = std::make_shared<std::string>();
+  CLI::App& command = *app.add_subcommand("man", "Write the manual pages.");
+  command.group("");
+  command.add_option("directory", *directory, "the directory to write to")->required();
+  command.callback([&app, &command_line, directory, more = std::move(more)] {
+    command_line.run = [&app, directory, more] { return write_man_pages(app, 1, *directory, more); };
+  });
+}
+
 void set_up_help(CLI::App& daemon, const std::string& name) {
   daemon.name(name);
   use_help_format(daemon);

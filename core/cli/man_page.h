@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <string>
 
+#include "core/cli/command_line.h"
+
 namespace glasswing {
 
 // Pages in troff with the man macros, one for the program and one for each command below it:
@@ -15,6 +17,9 @@ namespace glasswing {
 // in troff.
 absl::Status write_man_pages(const CLI::App& program, int section, const std::filesystem::path& directory,
                              const std::string& more = "");
+
+// The hidden verb `man DIR`, which the build calls: writes the pages (section 1).
+void add_man_pages_command(CLI::App& app, CommandLine& command_line, std::string more);
 
 // Call first for a daemon's command line: sets its name, our help format, and the hidden option --man DIR,
 // which writes its pages (section 8) to DIR and exits.

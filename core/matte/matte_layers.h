@@ -23,7 +23,7 @@ inline constexpr const char* kMatteDelivery =
     "glasswing:delivery";  // of files for other programs: how written
 
 // Parts of a file: the preview, the foreground, then one part per mode. A delivery file may have one more, of
-// which object each pixel shows (core/delivery/cryptomatte.h).
+// which object each pixel shows (compositing/deliver/cryptomatte.h).
 inline constexpr size_t kPreviewPart = 0, kForegroundPart = 1, kFirstModePart = 2;
 inline constexpr const char* kIdsPart = "object";
 

@@ -1,58 +1,15 @@
-// Runs the command line in this process and keeps its output. The user's own configuration is ignored.
+// Runs the command line `glasswing` in this process and keeps its output.
 #pragma once
-
-#include <gtest/gtest.h>
-#include <unistd.h>
-
-#include <filesystem>
-#include <string>
-#include <vector>
 
 #include "client/cli/client.h"
 #include "client/commands.h"
+#include "tests/core/cli/run_captured.h"
 
 namespace glasswing {
 
-struct Outcome {
-  int status = 0;
-  std::string out;
-  std::string err;
-};
-
 inline Outcome run_glasswing(const std::vector<std::string>& arguments) {
-  std::vector<const char*> argv = {"glasswing"};
-  for (const std::string& argument : arguments) argv.push_back(argument.c_str());
-  ::setenv("XDG_CONFIG_HOME", "/nonexistent", 0);
-  testing::internal::CaptureStdout();
-  testing::internal::CaptureStderr();
-  Outcome outcome;
-  outcome.status = run_client(static_cast<int>(argv.size()), argv.data(), add_commands);
-  outcome.out = testing::internal::GetCapturedStdout();
-  outcome.err = testing::internal::GetCapturedStderr();
-  return outcome;
+  return run_captured(arguments,
+                      [](int argc, const char* const* argv) { return run_client(argc, argv, add_commands); });
 }
-
-// Expects failure with a single line that contains `words`.
-inline void expect_one_line_error(const Outcome& outcome, const std::string& words) {
-  EXPECT_TRUE(outcome.status == kFailure || outcome.status == kUsageError) << outcome.status;
-  EXPECT_EQ(outcome.out, "");
-  EXPECT_TRUE(outcome.err.starts_with("glasswing: ")) << outcome.err;
-  EXPECT_EQ(outcome.err.find('\n'), outcome.err.size() - 1) << outcome.err;
-  EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
-}
-
-// A temporary directory for the running test.
-class ScratchTest : public testing::Test {
- protected:
-  ScratchTest()
-      : scratch_(std::filesystem::temp_directory_path() /
-                 ("glasswing-" + std::to_string(::getpid()) + "-" +
-                  testing::UnitTest::GetInstance()->current_test_info()->name())) {
-    std::filesystem::create_directories(scratch_);
-  }
-  ~ScratchTest() override { std::filesystem::remove_all(scratch_); }
-
-  const std::filesystem::path scratch_;
-};
 
 }  // namespace glasswing

@@ -4,7 +4,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "client/cli/config.h"
+#include "core/cli/config.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {
@@ -12,7 +12,7 @@ namespace {
 
 absl::StatusOr<std::string> server_in(const std::filesystem::path& path) {
   CLI::App app;
-  Config config(app);
+  Config config(app, {{.key = "server"}, {.key = "ca", .type = "FILE"}});
   app.parse("--config " + path.string());
   const absl::Status status = config.resolve();
   if (!status.ok()) return status;

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <limits>
 
+#include "compositing/deliver/delivery_file.h"
 #include "core/base/file.h"
-#include "core/delivery/delivery_file.h"
 #include "core/frame/archive.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/packed_matte.h"

@@ -5,7 +5,7 @@
 #include <fstream>
 
 #include "client/cli/commands.h"
-#include "client/cli/completion.h"
+#include "core/cli/completion.h"
 #include "core/cli/help.h"
 #include "core/service/service.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -47,7 +47,7 @@ class CommandLine : public ScratchTest {
 
   Client client_;
   CLI::App app_{"Description.", "glasswing"};
-  Config config_{app_};
+  Config config_{app_, call_settings()};
 };
 
 TEST_F(CommandLine, AnOutputThatCannotBeWrittenIsNamedBeforeAnyWork) {
@@ -145,14 +145,14 @@ class Completion : public CommandLine {
 
   // The candidates that bash offers for this line, separated by spaces.
   std::string bash(const std::string& line) {
-    const std::string script = write("glasswing.bash", std::string(completion_script("bash")));
+    const std::string script = write("glasswing.bash", completion_script("bash", "glasswing"));
     const std::string words = output_of("cd " + scratch_.string() + " && bash -c 'source " + script +
                                         "; COMP_LINE=$1 COMP_POINT=${#1} " + "COMP_WORDS=(" + program_path() +
                                         "); _glasswing; echo \"${COMPREPLY[@]}\"' - '" + line + "'");
     return words.substr(0, words.find('\n'));
   }
   std::string fish(const std::string& line) {
-    const std::string script = write("glasswing.fish", std::string(completion_script("fish")));
+    const std::string script = write("glasswing.fish", completion_script("fish", "glasswing"));
     return output_of("cd " + scratch_.string() +
                      " && PATH=" + std::filesystem::absolute(program_path()).parent_path().string() +
                      ":$PATH GLASSWING_SERVER=" + host_->address() + " HOME=" + scratch_.string() +

@@ -1,4 +1,4 @@
-#include "client/cli/config.h"
+#include "core/cli/config.h"
 
 #include <fstream>
 #include <nlohmann/json.hpp>

@@ -1,5 +1,5 @@
 // Ctrl-C, sent to the program as by a terminal.
-#include "client/cli/interrupt.h"
+#include "core/cli/interrupt.h"
 
 #include <condition_variable>
 #include <future>

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "client/pictures/video_file.h"
+#include "compositing/picture/video_file.h"
 #include "core/base/file.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"

@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/cli/daemon_options.h"
+#include "core/daemon/daemon_options.h"
 #include "tests/core/archive/made_archive.h"
 
 namespace glasswing {

@@ -1,0 +1,18 @@
+// The verbs that need a matte and no rig.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "compositing/rays/commands.h"
+#include "core/cli/command_line.h"
+
+namespace glasswing {
+
+// In two parts, as a program may have verbs of its own between or around them.
+void add_matte_commands(CLI::App& app, CommandLine& command_line, ReadMatte read);
+void add_picture_commands(CLI::App& app, CommandLine& command_line);
+
+// Runs `glasswing-compositing`: these verbs alone. Mattes are files.
+int run_compositing(int argc, const char* const* argv);
+
+}  // namespace glasswing

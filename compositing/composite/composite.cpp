@@ -1,0 +1,420 @@
+#include "compositing/composite/composite.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "compositing/composite/commands.h"
+#include "compositing/composite/composite_rays.h"
+#include "compositing/composite/composite_video.h"
+#include "compositing/picture/picture.h"
+#include "compositing/picture/video_file.h"
+#include "compositing/view/matte_notes.h"
+#include "core/base/file.h"
+#include "core/base/scanner.h"
+#include "core/base/status.h"
+#include "core/base/utf8.h"
+#include "core/cli/output_file.h"
+#include "core/cli/progress.h"
+#include "core/footprint/composite_error.h"
+
+namespace glasswing {
+namespace {
+
+// Says how many pixels are not solved, and what became of them.
+void print_composite(const CommandLine& command_line, const CompositeArguments& arguments,
+                     const RadianceImage& picture, const v1::MatteMetadata* metadata = nullptr,
+                     const PixelCount& pixels = {}) {
+  const std::int64_t unsolved = pixels.unsolved;
+  if (command_line.json) {
+    nlohmann::ordered_json written = {{"file", arguments.output},
+                                      {"width_px", picture.width_px},
+                                      {"height_px", picture.height_px},
+                                      {"unsolved_pixels", unsolved},
+                                      {"filled", arguments.fill}};
+    if (metadata != nullptr) add_notes(*metadata, pixels, written);
+    std::cout << written.dump(1) << "\n";
+    return;
+  }
+  std::cout << fmt::format("{}: {}x{}", arguments.output, picture.width_px, picture.height_px);
+  if (unsolved > 0) {
+    std::cout << fmt::format("; {} pixels are not solved: {}", unsolved,
+                             arguments.fill ? "filled from their neighbours"
+                                            : "they are black, or filled from their neighbours with --fill");
+  }
+  std::cout << "\n";
+  print_flagged(pixels);
+}
+
+// The output's name, or one that says what --format puts on standard output.
+std::string picture_name(const CompositeArguments& arguments) {
+  return arguments.output == kStandardOutput ? "standard output." + arguments.format : arguments.output;
+}
+
+// Before any work.
+absl::Status check_outputs(const CompositeArguments& arguments) {
+  GW_RETURN_IF_ERROR(check_output_file(arguments.output, {".exr", ".png", ".tif", ".tiff", kStandardOutput}));
+  if (!arguments.error.empty()) {
+    if (!arguments.error.ends_with(".exr")) {
+      return absl::InvalidArgumentError(
+          fmt::format("--error {} must be an .exr: other formats cannot say where the error is not known",
+                      arguments.error));
+    }
+    GW_RETURN_IF_ERROR(check_writable(arguments.error));
+  }
+  return check_picture_file(picture_name(arguments), arguments.bits, arguments.object);
+}
+
+absl::Status write_composite(const CompositeArguments& arguments, const PictureColours& colours,
+                             const ObjectPicture& picture, const PictureColour& colour) {
+  GW_ASSIGN_OR_RETURN(const std::string bytes,
+                      colours.encode(picture_name(arguments), picture.light, arguments.encoding(),
+                                     arguments.bits, colour, picture.alpha()));
+  return write_output(arguments.output, bytes);
+}
+
+absl::Status composite_rays_still(const CommandLine& command_line, const CompositeArguments& arguments) {
+  GW_RETURN_IF_ERROR(check_outputs(arguments));
+  GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
+  absl::StatusOr<ObjectPicture> picture;
+  {
+    Progress progress("compositing");
+    picture =
+        composite_of_rays(arguments, colours, [&progress](double fraction) { progress.update(fraction); });
+  }
+  GW_RETURN_IF_ERROR(picture.status());
+  GW_RETURN_IF_ERROR(write_composite(arguments, colours, *picture, PictureColour()));
+  print_composite(command_line, arguments, picture->light);
+  return absl::OkStatus();
+}
+
+// A matte looks at its monitors; what only rays can show is refused.
+absl::Status check_matte_options(const CompositeArguments& arguments) {
+  for (const auto& [given, option] : {std::pair{!arguments.planes.empty(), "--plane"},
+                                      std::pair{!arguments.environment.empty(), "--environment"},
+                                      std::pair{arguments.lossless, "--lossless"}}) {
+    if (given) {
+      return absl::InvalidArgumentError(fmt::format(
+          "{} is for rays; {} is not a file of them: glasswing rays makes one of the mattes of two depths",
+          option, arguments.matte));
+    }
+  }
+  if (!arguments.backgrounds.pictures.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError("--background is required: the picture behind the object");
+}
+
+absl::Status composite_still(const CommandLine& command_line, const CompositeArguments& arguments) {
+  GW_RETURN_IF_ERROR(check_outputs(arguments));
+  GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
+  absl::StatusOr<ObjectPicture> picture;
+  absl::StatusOr<RadianceImage> error;
+  PictureColour colour;
+  v1::MatteMetadata metadata;
+  PixelCount pixels;
+  {
+    Progress progress("compositing");
+    const auto report = [&progress](double fraction) { progress.update(fraction); };
+    GW_ASSIGN_OR_RETURN(ObjectInFront object,
+                        ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kOne));
+    metadata = object.metadata();
+    print_warnings(metadata);
+    GW_ASSIGN_OR_RETURN(Backgrounds backgrounds, Backgrounds::open(arguments.backgrounds, object.metadata(),
+                                                                   colours, arguments.encoding()));
+    colour = backgrounds.colour_of_composite();
+    GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
+    picture = object.composite(*behind, report);
+    pixels = object.pixels();
+    if (picture.ok() && !arguments.error.empty()) {
+      Progress errors("errors");
+      error = object.error(*behind, [&errors](double fraction) { errors.update(fraction); });
+      GW_RETURN_IF_ERROR(error.status());
+    }
+  }
+  GW_RETURN_IF_ERROR(picture.status());
+  GW_RETURN_IF_ERROR(write_composite(arguments, colours, *picture, colour));
+  if (!arguments.error.empty()) {
+    GW_ASSIGN_OR_RETURN(const std::string bytes, encode_composite_error(*error));
+    GW_RETURN_IF_ERROR(write_file_durably(arguments.error, bytes));
+  }
+  print_composite(command_line, arguments, picture->light, &metadata, pixels);
+  return absl::OkStatus();
+}
+
+absl::Status composited(const CommandLine& command_line, const CompositeArguments& arguments) {
+  if (holds_rays(arguments.matte)) {
+    if (is_video(arguments) && arguments.frame_count > 0)
+      return absl::InvalidArgumentError(
+          fmt::format("{} holds rays, which give one picture", arguments.matte));
+    return composite_rays_still(command_line, arguments);
+  }
+  GW_RETURN_IF_ERROR(check_matte_options(arguments));
+  return is_video(arguments) ? composite_video(command_line, arguments)
+                             : composite_still(command_line, arguments);
+}
+
+// "DX,DY".
+absl::Status read_shift(const BackgroundArgument& argument, std::string_view option, double& dx_px,
+                        double& dy_px) {
+  constexpr double kFarthest_px = 1e6;
+  const std::string& text = argument.file;
+  const bool parsed = Scanner(text).number(dx_px).then(",").number(dy_px).done();
+  if (parsed && std::abs(dx_px) <= kFarthest_px && std::abs(dy_px) <= kFarthest_px) return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format(
+      "{} is \"{}\"; it must be DX,DY: px of the monitor, right and down, as 12.5,-3", option, text));
+}
+
+void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
+  command.add_option("matte", arguments.matte, "a matte from glasswing fetch, or a directory of them")
+      ->required();
+  command.add_option("--background", arguments.backgrounds.pictures, "[TEXTURE=]IMAGE; may be repeated")
+      ->allow_extra_args(false);
+  command
+      .add_option(
+          "-o,--output", arguments.output,
+          fmt::format("a picture (.exr, .png or .tif), or - for standard output; for several frames a "
+                      "directory or a video ({})",
+                      kVideoSuffixes))
+      ->required();
+  command
+      .add_option("--format", arguments.format, "format of pictures in a directory, or on standard output")
+      ->check(CLI::IsMember({"exr", "png", "tif"}))
+      ->capture_default_str();
+  command
+      .add_option("--bits", arguments.bits,
+                  "bits per sample: 8 or 16 for PNG and TIFF (with --linear default 16), 32 or 16 for EXR")
+      ->check(CLI::IsMember({8, 16, 32}));
+  command
+      .add_option(
+          "--shift", arguments.backgrounds.shifts,
+          "[TEXTURE=]DX,DY: shift the picture by monitor px to the right and down; beyond its edges it goes "
+          "on as it ends (clamp)")
+      ->allow_extra_args(false);
+  command
+      .add_option("--pan", arguments.backgrounds.pans, "[TEXTURE=]DX,DY: shift it further with every frame")
+      ->allow_extra_args(false);
+  command.add_flag(
+      "--wrap", arguments.backgrounds.wraps,
+      "of --shift and --pan: beyond its edges the picture begins anew, as for a pan without end");
+  command.add_option("--frames", arguments.frame_count, "number of frames, for one matte")
+      ->check(CLI::Range(1, 1000000));
+  command.add_option("--fps", arguments.frame_rate_hz, "frame rate of the written video, Hz")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--match", arguments.backgrounds.matches,
+          "[TEXTURE=]PHOTOGRAPH: match the background's colours to it, for example to a photograph of "
+          "the same picture on a monitor")
+      ->allow_extra_args(false);
+  command
+      .add_option("--foreground-gain", arguments.foreground_gain,
+                  "factor on the object's own light F; highlights of a video often look better above 1")
+      ->check(CLI::Range(0.0f, 100.0f))
+      ->capture_default_str();
+  command.add_option(
+      "--error", arguments.error,
+      "also write this .exr: each sample's standard error from the frames' noise; A is 1 where it is known, "
+      "elsewhere all are 0");
+  command.add_flag(
+      "--object", arguments.object,
+      "the object alone, to lay over other pictures: coverage as alpha, R, G and B premultiplied in "
+      "an EXR, not in a PNG");
+  command.add_option("--crop", arguments.crop, kCropHelp);
+  command.add_flag("--fill", arguments.fill,
+                   "fill pixels that are not solved, such as those that saw the id patch, from their "
+                   "neighbours");
+  command
+      .add_option("--plane", arguments.planes,
+                  "of rays: DEPTH_MM[:PICTURE], a picture this far from the camera, as large as the monitor; "
+                  "default: --background's; may be repeated, nearer ones hide others")
+      ->allow_extra_args(false);
+  command.add_option(
+      "--environment", arguments.environment,
+      "of rays: a picture of all directions, equirectangular; its middle lies ahead of the camera");
+  command
+      .add_option("--environment-turn", arguments.environment_turn_deg,
+                  "turn the environment about the vertical, degrees; what lay ahead moves to the right")
+      ->check(CLI::Range(-3600.0, 3600.0));
+  command.add_option("--environment-gain", arguments.environment_gain, "factor on the environment's light")
+      ->check(CLI::Range(0.0f, 1e6f))
+      ->capture_default_str();
+  command.add_flag("--lossless", arguments.lossless,
+                   "the object absorbs nothing: light that no monitor showed is the environment's mean");
+  command.add_flag("--exact", arguments.exact,
+                   "integrate every footprint, slowly; the default is within 0.002 rms of that");
+  add_colour_options(command, arguments.colours);
+  command.add_flag("--linear", arguments.linear,
+                   "PNG and TIFF values are linear radiance, value / full scale");
+}
+
+}  // namespace
+
+absl::StatusOr<BackgroundArgument> parse_background(const std::string& argument,
+                                                    const v1::MatteMetadata& metadata,
+                                                    std::string_view option) {
+  const size_t equals = argument.find('=');
+  if (equals == std::string::npos) return BackgroundArgument{0, argument};
+  const std::string texture = argument.substr(0, equals);
+  std::vector<std::string> names;
+  for (int i = 0; i < metadata.monitors_size(); ++i) {
+    if (metadata.monitors(i).name() == texture) return BackgroundArgument{i, argument.substr(equals + 1)};
+    names.push_back(metadata.monitors(i).name());
+  }
+  std::error_code ignored;
+  if (std::filesystem::exists(argument, ignored)) return BackgroundArgument{0, argument};
+  return absl::InvalidArgumentError(fmt::format("{} names the texture \"{}\"; this matte has: {}", option,
+                                                texture, fmt::join(names, ", ")));
+}
+
+absl::StatusOr<Backgrounds> Backgrounds::open(const BackgroundArguments& arguments,
+                                              const v1::MatteMetadata& metadata,
+                                              const PictureColours& colours, Encoding encoding) {
+  if (metadata.monitors().empty()) return absl::DataLossError("the matte's header names no monitors");
+  const auto read = [colours, encoding](const std::filesystem::path& file) {
+    return colours.read(file, encoding);
+  };
+  Backgrounds backgrounds;
+  backgrounds.calibrated_ = std::ranges::any_of(
+      metadata.crosstalk(), [](const v1::Crosstalk& seen) { return !seen.share().empty(); });
+  for (const v1::Monitor& monitor : metadata.monitors()) {
+    backgrounds.screens_.emplace_back();
+    backgrounds.screens_.back().width_px = monitor.width_px();
+    backgrounds.screens_.back().height_px = monitor.height_px();
+  }
+  for (const std::string& argument : arguments.pictures) {
+    GW_ASSIGN_OR_RETURN(const BackgroundArgument background, parse_background(argument, metadata));
+    Screen& screen = backgrounds.screens_[static_cast<size_t>(background.texture)];
+    if (screen.picture) {
+      return absl::InvalidArgumentError(
+          fmt::format("--background names the texture \"{}\" twice; each takes one picture",
+                      metadata.monitors(background.texture).name()));
+    }
+    if (colours.reads() && is_video_file(background.file)) {
+      return absl::InvalidArgumentError(
+          fmt::format("--background {} is a video, which is sRGB; --ocio and --ocio-in are of pictures",
+                      background.file));
+    }
+    GW_ASSIGN_OR_RETURN(screen.picture, MovingPicture::open(background.file, read));
+    tell_layer(screen.picture->first());
+    backgrounds.are_rec709_ =
+        backgrounds.are_rec709_ && (colours.reads() || screen.picture->colour(encoding) == linear_rec709());
+  }
+  const auto each = [&](const std::vector<std::string>& all, std::string_view option,
+                        const auto& take) -> absl::Status {
+    for (const std::string& argument : all) {
+      GW_ASSIGN_OR_RETURN(const BackgroundArgument named, parse_background(argument, metadata, option));
+      Screen& screen = backgrounds.screens_[static_cast<size_t>(named.texture)];
+      if (!screen.picture) {
+        return absl::InvalidArgumentError(
+            fmt::format("{} names the texture \"{}\", which has no --background", option,
+                        metadata.monitors(named.texture).name()));
+      }
+      GW_RETURN_IF_ERROR(take(named, screen));
+    }
+    return absl::OkStatus();
+  };
+  GW_RETURN_IF_ERROR(each(arguments.matches, "--match",
+                          [&](const BackgroundArgument& match, Screen& screen) -> absl::Status {
+                            GW_ASSIGN_OR_RETURN(screen.photograph, read(match.file));
+                            return absl::OkStatus();
+                          }));
+  GW_RETURN_IF_ERROR(each(arguments.shifts, "--shift", [](const BackgroundArgument& shift, Screen& screen) {
+    return read_shift(shift, "--shift", screen.dx_px, screen.dy_px);
+  }));
+  GW_RETURN_IF_ERROR(each(arguments.pans, "--pan", [](const BackgroundArgument& pan, Screen& screen) {
+    return read_shift(pan, "--pan", screen.pan_x_px, screen.pan_y_px);
+  }));
+  backgrounds.wraps_ = arguments.wraps;
+  backgrounds.now_.resize(backgrounds.screens_.size());
+  return backgrounds;
+}
+
+absl::StatusOr<const std::vector<RadianceImage>*> Backgrounds::next() {
+  for (size_t t = 0; t < screens_.size(); ++t) {
+    Screen& screen = screens_[t];
+    if (!screen.picture) continue;
+    const bool moves = screen.pan_x_px != 0.0 || screen.pan_y_px != 0.0;
+    const bool is_new = !screen.picture->is_still() || screen.placed.empty();
+    if (!is_new && !moves) continue;
+    if (is_new) {
+      GW_ASSIGN_OR_RETURN(const RadianceImage picture, screen.picture->next());
+      screen.placed = resized(picture, screen.width_px, screen.height_px);
+      // Learnt from a video's first picture only: matching each one would flicker.
+      if (!screen.photograph.empty() && !screen.match) {
+        GW_ASSIGN_OR_RETURN(screen.match, HistogramMatch::learn(screen.placed, screen.photograph));
+      }
+      if (screen.match) screen.match->apply(screen.placed);
+    }
+    now_[t] = shifted(screen.placed, screen.dx_px, screen.dy_px, wraps_);
+    screen.dx_px += screen.pan_x_px;
+    screen.dy_px += screen.pan_y_px;
+  }
+  return &now_;
+}
+
+bool Backgrounds::has_video() const {
+  return std::ranges::any_of(
+      screens_, [](const Screen& screen) { return screen.picture && !screen.picture->is_still(); });
+}
+
+bool Backgrounds::is_over() const {
+  return has_video() && std::ranges::all_of(screens_, [](const Screen& screen) {
+           return !screen.picture || screen.picture->is_still() || screen.picture->has_begun_again();
+         });
+}
+
+PictureColour Backgrounds::colour_of_composite() const {
+  return calibrated_ && are_rec709_ ? linear_rec709() : PictureColour();
+}
+
+int Backgrounds::announced_frames() const {
+  int max_frames = 0;
+  for (const Screen& screen : screens_) {
+    if (screen.picture && !screen.picture->is_still())
+      max_frames = std::max(max_frames, screen.picture->announced_frames());
+  }
+  return max_frames;
+}
+
+void add_composite_command(CLI::App& app, CommandLine& command_line) {
+  CLI::App& command = *app.add_subcommand(
+      "composite", "Composite the object of a matte, or of a video, over other pictures.");
+  command.footer(
+      "Each picture is scaled to its monitor; monitors without one are black. TEXTURE is a monitor's name;\n"
+      "default: the first monitor. EXR is linear radiance, 1.0 = the archive's full scale; PNG and TIFF are\n"
+      "sRGB. An EXR has A, 1 without --object. Of an EXR with several layers or parts, which one is taken is "
+      "said.\n\n"
+      "A directory of mattes (glasswing fetch VIDEO -o DIR/) gives one picture per frame, 0000.exr or\n"
+      "0000.png, or a video file. A background may be a still, a directory of pictures, or a video file; "
+      "the\n"
+      "latter two repeat. One matte gives a video, too, as long as its longest background, or of "
+      "--frames.\n\n"
+      "Examples:\n"
+      "  glasswing composite vase.exr --background harbour.png -o vase.png\n"
+      "  glasswing composite vase.exr --background back=harbour.png --background left=quilt.png -o "
+      "vase_out.exr\n"
+      "  glasswing composite pour/ --background harbour.png -o frames/ --format png\n"
+      "  glasswing composite pour/ --background waves.mp4 -o pour.mp4 --fps 30\n"
+      "  glasswing composite vase.exr --background waves.mp4 -o vase.mp4\n"
+      "  glasswing composite vase.exr --background harbour.png --pan 2,0 --frames 300 -o vase.mp4\n"
+      "  glasswing composite vase.exr --background harbour.png --pan 8,0 --wrap --frames 60 -o vase.webp\n"
+      "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
+      "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png\n"
+      "  glasswing composite vase.exr --background harbour.png -o vase.png --error vase_error.exr\n"
+      "  glasswing composite vase.exr --background plate.exr --object -o vase_object.exr\n"
+      "  glasswing composite vase.exr --background plate.exr --ocio ACEScg -o vase_acescg.exr\n"
+      "  glasswing composite rays.exr --environment street.exr --environment-turn 30 -o vase.png\n"
+      "  glasswing composite rays.exr --plane 850:harbour.png --environment street.exr -o vase.png");
+  auto arguments = std::make_shared<CompositeArguments>();
+  add_composite_options(command, *arguments);
+  command.callback([&command_line, arguments] {
+    command_line.run = [&command_line, arguments] { return composited(command_line, *arguments); };
+  });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,23 @@
+// Composites of files of rays (docs/rays.md).
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <functional>
+#include <string>
+
+#include "compositing/composite/composite_video.h"
+#include "core/frame/image.h"
+
+namespace glasswing {
+
+// True if the file begins as one of rays. Errors of reading it are left to those who read all of it.
+bool holds_rays(const std::string& file);
+
+// One picture. INVALID_ARGUMENT: an option that rays do not take, a plane that is not of the form
+// DEPTH_MM[:PICTURE], or nothing to show.
+absl::StatusOr<ObjectPicture> composite_of_rays(const CompositeArguments& arguments,
+                                                const PictureColours& colours,
+                                                const std::function<void(double)>& progress);
+
+}  // namespace glasswing

@@ -1,0 +1,13 @@
+// `glasswing nuke`.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "core/cli/command_line.h"
+
+namespace glasswing {
+
+// Declares the verb's options and sets CommandLine::run.
+void add_nuke_command(CLI::App& app, CommandLine& command_line);
+
+}  // namespace glasswing

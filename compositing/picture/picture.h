@@ -1,0 +1,53 @@
+// Picture files of the verbs that need no server.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <string>
+
+#include "compositing/colour/picture_colours.h"
+#include "core/cli/command_line.h"
+#include "core/frame/image.h"
+#include "core/frame/image_file.h"
+
+namespace glasswing {
+
+// Reports a written picture: "vase.png: 1280x720", or the same as JSON.
+void print_written(const CommandLine& command_line, const std::string& file, int width_px, int height_px);
+
+// Checks an output before any work. INVALID_ARGUMENT: a suffix that cannot be written, or not with this many
+// bits (0: the default). NOT_FOUND: its directory does not exist.
+absl::Status check_output(const std::filesystem::path& output, int bits = 0);
+
+// Says on standard error which layer of a picture is read, where it is not the plain one.
+void tell_layer(const std::filesystem::path& file);
+
+// An error with the file's name before it.
+absl::Status in_file(const std::string& file, const absl::Status& status);
+
+// Reads a picture as radiance. A frame of a calibrated archive is linearised by the archive's calibrations,
+// like the composite of its matte; any other picture by `encoding`. Errors: as read_radiance(), and of the
+// calibrations.
+absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding);
+// The same, with what is known of its colours; a picture that is no frame by `colours`. INVALID_ARGUMENT,
+// too: they are to convert a frame, whose colours are the camera's.
+struct CapturedPicture {
+  RadianceImage light;
+  PictureColour colour;
+};
+absl::StatusOr<CapturedPicture> read_picture(const std::filesystem::path& file, const PictureColours& colours,
+                                             Encoding encoding);
+
+// The region "WIDTHxHEIGHT+X+Y" of a picture, px from its top-left corner; all of it if `region` is empty.
+// INVALID_ARGUMENT: `region` is not of that form, or reaches beyond the picture.
+absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::string& region);
+// Shifts the picture by dx px right and dy px down, interpolating linearly. Beyond its edges it goes on as it
+// ends (clamp), or, if it wraps, begins anew.
+RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px, bool wraps);
+
+inline constexpr const char* kCropHelp =
+    "WIDTHxHEIGHT+X+Y: write only this region, px from the top left corner";
+
+}  // namespace glasswing
