@@ -11,6 +11,7 @@
 #include "solver/methods.h"
 #include "solver/worker/parallel_solve.h"
 #include "tests/gate/matte_report.h"
+#include "tests/support/status.h"
 
 namespace glasswing::gate {
 namespace {
@@ -77,9 +78,9 @@ TEST(MatteData, TheRigsCrystalKnowsWhatItKnows) {
   if (data == nullptr || !std::filesystem::exists(directory))
     GTEST_SKIP() << "no recorded rig session (GLASSWING_DATA)";
   const auto archive = MappedArchive::open(directory);
-  ASSERT_TRUE(archive.ok()) << archive.status();
+  ASSERT_OK(archive);
   const auto matte = solve_archive(*make_method("gaussian", {}).value(), **archive);
-  ASSERT_TRUE(matte.ok()) << matte.status();
+  ASSERT_OK(matte);
   const RayTruth truth("crystal", {.width_px = 128, .height_px = 104}, {.width_px = 128, .height_px = 104});
   const MatteReport report = report_on(*matte, truth);
   std::printf("%s", report.text().c_str());

@@ -10,6 +10,7 @@
 #include "tests/gate/matte_report.h"
 #include "tests/gate/scene.h"
 #include "tests/solver/stack_of.h"
+#include "tests/support/status.h"
 
 namespace glasswing::gate {
 namespace {
@@ -100,7 +101,7 @@ Matte solved(const Scene& scene, const Camera& camera) {
   }
   const std::vector<Image16> frames = noisy(recording.frames, camera.noise_sd);
   auto matte = solve_in_bands(*make_method("gaussian", {}).value(), manifest, stack_of(manifest, frames));
-  EXPECT_TRUE(matte.ok()) << matte.status();
+  EXPECT_OK(matte);
   return *std::move(matte);
 }
 

@@ -12,6 +12,7 @@
 #include "tests/gate/floors.h"
 #include "tests/gate/ways.h"
 #include "tests/solver/stack_of.h"
+#include "tests/support/status.h"
 
 namespace glasswing::gate {
 namespace {
@@ -45,12 +46,12 @@ std::vector<Matte> solved(const Way& way, const v1::CaptureManifest& manifest,
           if (matte.ok()) mattes.push_back(*std::move(matte));
           return matte.status();
         });
-    EXPECT_TRUE(status.ok()) << status;
+    EXPECT_OK(status);
     return mattes;
   }
   auto matte =
       solve_in_bands(*make_method(way.method, way.options).value(), manifest, stack_of(manifest, frames));
-  EXPECT_TRUE(matte.ok()) << matte.status();
+  EXPECT_OK(matte);
   if (!matte.ok()) return {};
   return {*std::move(matte)};
 }

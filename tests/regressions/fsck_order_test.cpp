@@ -2,6 +2,7 @@
 #include "core/archive/fsck.h"
 #include "core/base/file.h"
 #include "tests/core/archive/made_archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -22,17 +23,17 @@ TEST_F(FsckOrder, AListMadeAnewIsAsItWas) {
       record.set_step(step);
       record.mutable_stimulus()->set_kind("solid");
       const Image16 image(MadeArchive::kWidth, MadeArchive::kHeight);
-      ASSERT_TRUE(archive->add({{.record = record, .image = image}}).ok());
+      ASSERT_OK(archive->add({{.record = record, .image = image}}));
     }
-    ASSERT_TRUE(archive->seal().ok());
+    ASSERT_OK(archive->seal());
   }
   const std::string whole = read_file(directory / "frames.jsonl").value();
   std::istringstream lines(whole);
   std::string first;
   std::getline(lines, first);
-  ASSERT_TRUE(write_file_durably(directory / "frames.jsonl", whole.substr(first.size() + 1)).ok());
+  ASSERT_OK(write_file_durably(directory / "frames.jsonl", whole.substr(first.size() + 1)));
   const absl::StatusOr<CheckReport> report = fsck(directory, {.repair = true});
-  ASSERT_TRUE(report.ok()) << report.status();
+  ASSERT_OK(report);
   EXPECT_EQ(report->findings.size(), 1u);
   EXPECT_EQ(read_file(directory / "frames.jsonl").value(), whole);
 }

@@ -4,6 +4,7 @@
 
 #include "core/archive/archive_store.h"
 #include "tests/core/archive/made_archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -12,14 +13,14 @@ using RepeatedCopy = ArchiveTest;
 
 TEST_F(RepeatedCopy, WaitsForTheEndOfTheFirst) {
   ArchiveStore store(root_ / "node");
-  ASSERT_TRUE(store.begin_copy("s", [] { return true; }).ok());  // its caller has gone
+  ASSERT_OK(store.begin_copy("s", [] { return true; }));  // its caller has gone
   std::latch asked(1);
   std::jthread first([&] {
     asked.wait();
     store.end_copy("s");
   });
   asked.count_down();
-  EXPECT_TRUE(store.begin_copy("s", [] { return false; }).ok());
+  EXPECT_OK(store.begin_copy("s", [] { return false; }));
   EXPECT_TRUE(absl::IsAborted(store.begin_copy("s", [] { return false; })));  // that one still runs
 }
 

@@ -16,6 +16,7 @@
 #include "solver/method/method.h"
 #include "solver/method/video_method.h"
 #include "solver/methods.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -45,7 +46,7 @@ std::string text_of(double number) {
 TEST(MethodOptions, EveryMethodTakesWhatItsTableSaysAndNothingBeyond) {
   for (const std::string_view method : kMethods) {
     ASSERT_FALSE(options_of(method).empty()) << method;
-    EXPECT_TRUE(made(method, {}).ok()) << method;
+    EXPECT_OK(made(method, {})) << method;
     for (const MethodOption& option : options_of(method)) {
       const auto takes = [&](const std::string& value) { return made(method, setting(option, value)).ok(); };
       SCOPED_TRACE(fmt::format("{} {}", method, option.name));

@@ -14,6 +14,7 @@
 
 #include "camera-node/camera.h"
 #include "core/frame/archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 
@@ -64,7 +65,7 @@ TEST_P(CameraContract, SaysWhatItPreparesUntilItCanGiveAFrame) {
     }
     std::this_thread::yield();
   }
-  ASSERT_TRUE(camera_->start(info_.min_exposure_ms()).ok());
+  ASSERT_OK(camera_->start(info_.min_exposure_ms()));
   EXPECT_TRUE(camera_->next(kPatience));
 }
 
@@ -83,7 +84,7 @@ TEST_P(CameraContract, FramesAreWhatWasAskedInOrderAndExposedBeforeTheyCome) {
   for (const double exposure_ms : exposures_ms()) {
     SCOPED_TRACE(exposure_ms);
     const nanoseconds asked = monotonic_now();
-    ASSERT_TRUE(camera_->start(exposure_ms).ok());
+    ASSERT_OK(camera_->start(exposure_ms));
     std::int64_t last_start_ns = std::numeric_limits<std::int64_t>::min();
     for (int i = 0; i < kFrames; ++i) {
       const std::optional<CapturedFrame> frame = camera_->next(kPatience);
@@ -112,7 +113,7 @@ TEST_P(CameraContract, FramesAreWhatWasAskedInOrderAndExposedBeforeTheyCome) {
 }
 
 TEST_P(CameraContract, APictureStaysAsItIs) {
-  ASSERT_TRUE(camera_->start(info_.max_exposure_ms()).ok());
+  ASSERT_OK(camera_->start(info_.max_exposure_ms()));
   std::vector<CapturedFrame> frames;
   std::vector<Image16> pictures;
   for (int i = 0; i < kFrames; ++i) {

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "camera-node/backends/sim_camera.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -36,7 +37,7 @@ class FaultyCamera : public testing::Test {
   }
   std::vector<CapturedFrame> take() {
     camera_ = SimCamera::create(options_, timeline_).value();
-    EXPECT_TRUE(camera_->start(0.25).ok());
+    EXPECT_OK(camera_->start(0.25));
     std::vector<CapturedFrame> frames;
     for (int i = 0; i < kFrames; ++i) {
       frames.push_back(camera_->next(kWait).value());

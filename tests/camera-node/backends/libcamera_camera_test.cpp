@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "tests/camera-node/backends/camera_contract.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -53,7 +54,7 @@ TEST(LibcameraCamera, IsMissedWhenUnpluggedAndUsedWhenPluggedInAgain) {
   std::int64_t last_sequence = 0;
   for (int round = 0; round < 2; ++round) {
     const absl::Status started = start_when_there();
-    ASSERT_TRUE(started.ok()) << started;
+    ASSERT_OK(started);
     for (int i = 0; i < 5; ++i) {
       const std::optional<CapturedFrame> frame = camera->next(std::chrono::seconds(10));
       ASSERT_TRUE(frame);
@@ -69,7 +70,7 @@ TEST(LibcameraCamera, IsMissedWhenUnpluggedAndUsedWhenPluggedInAgain) {
     EXPECT_FALSE(camera->next(std::chrono::milliseconds(0)));
     ASSERT_EQ(std::system(plug_in), 0);
   }
-  EXPECT_TRUE(start_when_there().ok());
+  EXPECT_OK(start_when_there());
 }
 
 }  // namespace

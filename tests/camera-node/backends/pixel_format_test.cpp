@@ -9,6 +9,7 @@
 #include <set>
 
 #include "core/frame/mosaic.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -66,7 +67,7 @@ TEST(PixelFormat, AMosaicStaysAsTheSensorGaveIt) {
   std::mt19937 random(1);
   for (const PixelFormat* format : formats_of(Kind::kBayer)) {
     SCOPED_TRACE(format->name);
-    EXPECT_TRUE(Mosaic::parse(format->order).ok());
+    EXPECT_OK(Mosaic::parse(format->order));
     const int full = (1 << format->bits) - 1;
     RawPicture picture = blank(format->name, kWidth, kHeight, 64, 64 * kHeight);
     std::vector<int> codes;
@@ -196,7 +197,7 @@ TEST(PixelFormat, JpegIsRead) {
   ASSERT_TRUE(cv::imencode(".png", gray, picture.planes[0]));
   EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
   picture.planes[0] = jpeg;
-  EXPECT_TRUE(image_of(picture).ok());
+  EXPECT_OK(image_of(picture));
   picture.planes[0].resize(40);
   EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
   picture.planes[0].clear();
@@ -208,7 +209,7 @@ TEST(PixelFormat, AFrameThatIsTooShortIsDataLoss) {
     if (format.kind == Kind::kJpeg) continue;
     RawPicture picture = blank(format.name, 8, 4, 32, 32 * 4);
     if (format.kind == Kind::kNv12) picture.planes.emplace_back(32 * 2);
-    EXPECT_TRUE(image_of(picture).ok()) << format.name;
+    EXPECT_OK(image_of(picture)) << format.name;
     picture.planes.back().resize(32);
     EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status())) << format.name;
     picture.planes.clear();

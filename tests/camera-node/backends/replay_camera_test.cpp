@@ -6,6 +6,7 @@
 
 #include "core/base/file.h"
 #include "tests/camera-node/backends/camera_contract.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -64,10 +65,10 @@ void write_archive(const fs::path& directory, bool sealed) {
     frame.set_exposure_start_ns(kStarts_ms[i] * 1'000'000);
     frame.set_exposure_end_ns(kStarts_ms[i] * 1'000'000 +
                               static_cast<std::int64_t>((exposure_ms_of(i) + 1.0) * 1e6));
-    ASSERT_TRUE(archive->add({{.record = frame, .image = picture_of(i)}}).ok());
+    ASSERT_OK(archive->add({{.record = frame, .image = picture_of(i)}}));
   }
   if (sealed) {
-    ASSERT_TRUE(archive->seal().ok());
+    ASSERT_OK(archive->seal());
   }
 }
 
@@ -93,7 +94,7 @@ TEST(ReplayCamera, ShowsEveryFrameOfAnExposureInOrderAndBeginsAgain) {
     EXPECT_EQ(camera->describe().camera().bits(), 12);
     EXPECT_EQ(camera->describe().readout_ns(), 1'000'000);
     EXPECT_DOUBLE_EQ(camera->describe().frame_rate_hz(), 200.0);
-    ASSERT_TRUE(camera->start(4.0).ok());
+    ASSERT_OK(camera->start(4.0));
     std::optional<CapturedFrame> before;
     for (const int expected : {1, 3, 5, 1, 3, 5, 1}) {
       std::optional<CapturedFrame> frame = camera->next(kPatience);
@@ -114,7 +115,7 @@ TEST(ReplayCamera, KeepsTheArchivesPaceButNotItsPauses) {
   write_archive(directory.path(), false);
   const auto camera =
       ReplayCamera::open({.name = "now", .archive = directory.path(), .frame_rate_hz = {}}).value();
-  ASSERT_TRUE(camera->start(2.0).ok());
+  ASSERT_OK(camera->start(2.0));
   std::vector<std::int64_t> starts_ns;
   for (int i = 0; i < 4; ++i) starts_ns.push_back(camera->next(kPatience)->taken.exposure_start_ns());
   EXPECT_EQ(starts_ns[1] - starts_ns[0], 10'000'000);          // frame 0 to 1
@@ -142,8 +143,8 @@ TEST(ReplayCamera, SaysWhatIsWrong) {
   EXPECT_NE(std::string(exposure.message()).find("2, 4"), std::string::npos) << exposure;
   std::string bytes = read_file(directory.path() / "frames/000000.tif").value();
   bytes.back() = static_cast<char>(bytes.back() ^ 1);
-  ASSERT_TRUE(write_file_durably(directory.path() / "frames/000000.tif", bytes).ok());
-  ASSERT_TRUE(camera->start(2.0).ok());
+  ASSERT_OK(write_file_durably(directory.path() / "frames/000000.tif", bytes));
+  ASSERT_OK(camera->start(2.0));
   const absl::Status damaged = camera->next(kPatience)->image().status();
   EXPECT_TRUE(absl::IsDataLoss(damaged));
   EXPECT_NE(std::string(damaged.message()).find("frames/000000.tif"), std::string::npos) << damaged;

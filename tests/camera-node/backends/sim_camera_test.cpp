@@ -6,6 +6,7 @@
 
 #include "core/sim/scene.h"
 #include "tests/camera-node/backends/camera_contract.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -78,7 +79,7 @@ TEST(SimCamera, AMosaicIsWhatItsPhotositesSeeOfTheSamePicture) {
     }();
     const auto camera = SimCamera::create(options, *still).value();
     EXPECT_EQ(camera->describe().camera().mosaic(), mosaic);
-    EXPECT_TRUE(camera->start(4.0).ok());
+    EXPECT_OK(camera->start(4.0));
     std::optional<CapturedFrame> frame;
     while (!frame) frame = camera->next(milliseconds(500));
     return frame->image().value();
@@ -112,7 +113,7 @@ TEST(SimCamera, SeesAMovingSceneWhereItIsByTheCamerasClock) {
   options.sensor = {.read_sd = 0.0, .gain = 0.0, .bits = 16, .full_scale_exposure_ms = 4.0};
   options.clock = NodeClock(milliseconds(512), 0.0);
   const auto camera = SimCamera::create(options, timeline).value();
-  ASSERT_TRUE(camera->start(4.0).ok());
+  ASSERT_OK(camera->start(4.0));
   std::set<int> phases;
   for (const bool object : {false, true}) {
     camera->move(object);
@@ -153,7 +154,7 @@ TEST(SimCamera, AutomaticsFollowTheLightOfTheFramesBeforeAndSayNothing) {
         .read_sd = 0.0, .gain = 0.0, .bits = 16, .readout = nanoseconds(0), .full_scale_exposure_ms = 4.0};
     options.automatics = automatics;
     const auto camera = SimCamera::create(options, timeline).value();
-    ASSERT_TRUE(camera->start(1.0).ok());
+    ASSERT_OK(camera->start(1.0));
     for (int i = 0; i < 30; ++i) {
       const CapturedFrame frame = camera->next(milliseconds(1000)).value();
       EXPECT_EQ(frame.taken.exposure_ms(), 1.0);
@@ -200,7 +201,7 @@ TEST(SimCamera, SeesAMonitorWhereItStands) {
   options.focal_px = 2.0 * kWidth_px;
   options.sensor.read_sd = options.sensor.gain = 0.0;
   const std::unique_ptr<SimCamera> camera = SimCamera::create(options, timeline).value();
-  ASSERT_TRUE(camera->start(4.0).ok());
+  ASSERT_OK(camera->start(4.0));
   const auto share_lit = [&] {
     const Image16 seen = camera->next(milliseconds(1000))->image().value();
     double sum = 0.0;
@@ -240,7 +241,7 @@ TEST(SimCamera, SaysHowFarItHasSimulatedItsSceneForEachPlaceOfTheMonitor) {
     EXPECT_GT(shares.back(), 0.0);
     EXPECT_LE(shares.back(), 1.0);
     EXPECT_TRUE(std::ranges::is_sorted(shares));
-    ASSERT_TRUE(camera->start(4.0).ok());
+    ASSERT_OK(camera->start(4.0));
     EXPECT_TRUE(camera->next(milliseconds(1000)));
     camera->stop();
   }
@@ -262,7 +263,7 @@ TEST(SimCamera, WaitsForLightWhereItIsToCome) {
   EXPECT_TRUE(absl::IsUnavailable(status)) << status;
   timeline.add_monitor({.name = "back", .width_px = 8, .height_px = 6});
   (void)shares_of(*camera);
-  EXPECT_TRUE(camera->start(4.0).ok());
+  EXPECT_OK(camera->start(4.0));
 }
 
 TEST(SimCamera, IsReadyToSayWhyItCannotSeeAScene) {

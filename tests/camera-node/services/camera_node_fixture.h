@@ -17,6 +17,7 @@
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 
@@ -88,7 +89,7 @@ class CameraNode : public testing::Test {
     request.mutable_frames(0)->set_step(step);
     v1::KeepFramesResponse response;
     grpc::ClientContext context;
-    EXPECT_TRUE(camera_stub_->KeepFrames(&context, request, &response).ok());
+    EXPECT_OK(camera_stub_->KeepFrames(&context, request, &response));
     return response;
   }
   // Id patches: a camera pixel sees one of the monitor.
@@ -150,7 +151,7 @@ class CameraNode : public testing::Test {
     v1::LearnPatchesResponse response;
     grpc::ClientContext context;
     const grpc::Status status = camera_stub_->LearnPatches(&context, request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(status);
     return response;
   }
   grpc::Status keep_frame(const v1::Frame& frame, v1::KeepFramesResponse* response) {

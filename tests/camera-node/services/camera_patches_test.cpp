@@ -4,6 +4,7 @@
 
 #include "core/pattern/id_patch.h"
 #include "tests/camera-node/services/camera_node_fixture.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -18,7 +19,7 @@ TEST_F(CameraNode, SaysWhetherAPatchIsSeen) {
     const auto found = [&](const v1::LookForPatchesRequest& frames) {
       v1::LookForPatchesResponse seen;
       grpc::ClientContext look_context;
-      EXPECT_TRUE(camera_stub_->LookForPatches(&look_context, frames, &seen).ok());
+      EXPECT_OK(camera_stub_->LookForPatches(&look_context, frames, &seen));
       return seen;
     };
     const v1::LookForPatchesResponse all = found(look);
@@ -35,7 +36,7 @@ TEST_F(CameraNode, SaysWhetherAPatchIsSeen) {
 
 TEST_F(CameraNode, LearnsAPatchWhenItsSetIsCompleteAndJudgesByItFromThenOn) {
   look_at_patch();
-  ASSERT_TRUE(create_archive("s").ok());
+  ASSERT_OK(create_archive("s"));
   grpc::ClientContext context;
   const auto reader = capture(context);
   std::vector<v1::Frame> set = show_learning_ids(*reader, false);
@@ -54,11 +55,11 @@ TEST_F(CameraNode, LearnsAPatchWhenItsSetIsCompleteAndJudgesByItFromThenOn) {
   shown.set_step(100);
   shown.set_patch_id(0x4321);
   v1::KeepFramesResponse kept;
-  ASSERT_TRUE(keep_frame(shown, &kept).ok());
+  ASSERT_OK(keep_frame(shown, &kept));
   EXPECT_EQ(kept.frames_size(), 0);
   EXPECT_EQ(kept.refused(), 1);
   shown.set_patch_id(0x1234);
-  ASSERT_TRUE(keep_frame(shown, &kept).ok());
+  ASSERT_OK(keep_frame(shown, &kept));
   ASSERT_EQ(kept.frames_size(), 1);
   EXPECT_EQ(kept.frames(0).proof(), v1::PROOF_TIME_AND_PATCH);
   context.TryCancel();
@@ -66,7 +67,7 @@ TEST_F(CameraNode, LearnsAPatchWhenItsSetIsCompleteAndJudgesByItFromThenOn) {
 
 TEST_F(CameraNode, StoresASetThatShowsNoPatchOnlyIfThatIsAccepted) {
   look_at_patch();
-  ASSERT_TRUE(create_archive("s").ok());
+  ASSERT_OK(create_archive("s"));
   grpc::ClientContext context;
   const auto reader = capture(context);
   const std::vector<v1::Frame> set = show_learning_ids(*reader, true);
@@ -90,7 +91,7 @@ TEST_F(CameraNode, StoresASetThatShowsNoPatchOnlyIfThatIsAccepted) {
 }
 
 TEST_F(CameraNode, FramesOfKindPatchHaveACallOfTheirOwn) {
-  ASSERT_TRUE(create_archive("s").ok());
+  ASSERT_OK(create_archive("s"));
   v1::KeepFramesRequest keep;
   keep.set_session("s");
   keep.add_frames()->mutable_stimulus()->set_kind("patch");

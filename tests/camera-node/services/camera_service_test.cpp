@@ -16,6 +16,7 @@
 #include "core/base/file.h"
 #include "core/service/joined_calls.h"
 #include "tests/camera-node/services/camera_node_fixture.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -29,7 +30,7 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
   timeline_.add_picture("back",
                         {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
   timeline_.set_horizon("back", monotonic_now() + std::chrono::hours(1));
-  ASSERT_TRUE(create_archive("s").ok());
+  ASSERT_OK(create_archive("s"));
 
   v1::CaptureRequest request;
   request.set_exposure_ms(4.0);
@@ -71,7 +72,7 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
       start();
     }
     std::string rows;
-    ASSERT_TRUE(read_rows("s", file, 0, 6, &rows).ok());
+    ASSERT_OK(read_rows("s", file, 0, 6, &rows));
     ASSERT_EQ(rows.size(), picture->samples.size() * 2);
     for (size_t i = 0; i < picture->samples.size(); ++i) {
       std::uint16_t sample = 0;
@@ -96,7 +97,7 @@ TEST_F(CameraNode, CompressesFramesButThoseOfCalibrations) {
     if (of_calibration) manifest.mutable_plan()->mutable_calibration()->set_of("camera");
     v1::CreateArchiveResponse created;
     grpc::ClientContext create_context;
-    ASSERT_TRUE(archive_stub_->CreateArchive(&create_context, create, &created).ok());
+    ASSERT_OK(archive_stub_->CreateArchive(&create_context, create, &created));
     grpc::ClientContext context;
     const auto reader = camera_stub_->Capture(&context, request);
     v1::CaptureResponse response;
@@ -110,7 +111,7 @@ TEST_F(CameraNode, CompressesFramesButThoseOfCalibrations) {
       keep.mutable_frames(0)->set_step(step);
       v1::KeepFramesResponse kept;
       grpc::ClientContext keep_context;
-      ASSERT_TRUE(camera_stub_->KeepFrames(&keep_context, keep, &kept).ok());
+      ASSERT_OK(camera_stub_->KeepFrames(&keep_context, keep, &kept));
       for (const v1::Frame& frame : kept.frames()) smallest = std::min(smallest, frame.size_bytes());
     }
     EXPECT_EQ(smallest == plain, of_calibration);
@@ -141,7 +142,7 @@ TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
   measure.add_sequences(response.frame().sequence() + 1'000'000);  // never in the ring
   v1::MeasureLightResponse measured;
   grpc::ClientContext measure_context;
-  ASSERT_TRUE(camera_stub_->MeasureLight(&measure_context, measure, &measured).ok());
+  ASSERT_OK(camera_stub_->MeasureLight(&measure_context, measure, &measured));
   ASSERT_EQ(measured.frames_size(), 1);
   EXPECT_EQ(measured.frames(0).sequence(), response.frame().sequence());
   ASSERT_EQ(measured.frames(0).row_mean_size(), 6);
@@ -159,7 +160,7 @@ TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
     for (const float light : {-0.1f, 0.2f, 2.0f + static_cast<float>(c)}) curve.add_light(light);
   }
   grpc::ClientContext calibrated_context;
-  ASSERT_TRUE(camera_stub_->MeasureLight(&calibrated_context, measure, &measured).ok());
+  ASSERT_OK(camera_stub_->MeasureLight(&calibrated_context, measure, &measured));
   for (int y = 0; y < 6; ++y) {
     const double code = picture->at(0, y, 0) / 65535.0;
     const double light = code < 0.5 ? -0.1 + 0.6 * code : 0.2 + 2.0 * (code - 0.5) * (3.0 - 0.2);
@@ -190,7 +191,7 @@ TEST_F(CameraNode, RefusesWhatCannotBe) {
 }
 
 TEST_F(CameraNode, PutFramesAreCheckedAndDamageIsNamed) {
-  ASSERT_TRUE(create_archive("s").ok());
+  ASSERT_OK(create_archive("s"));
   Image16 image(8, 6);
   for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 300);
   const std::string bytes = encode_tiff(image);
@@ -225,7 +226,7 @@ TEST_F(CameraNode, PutFramesAreCheckedAndDamageIsNamed) {
   stop();
   std::string flipped = bytes;
   flipped[500] = static_cast<char>(flipped[500] ^ 4);
-  ASSERT_TRUE(write_file_durably(directory_ / "s" / "frames" / "a.tif", flipped).ok());
+  ASSERT_OK(write_file_durably(directory_ / "s" / "frames" / "a.tif", flipped));
   start();
   const grpc::Status damaged = read_rows("s", "frames/a.tif", 0, 1, &rows);
   EXPECT_EQ(damaged.error_code(), grpc::StatusCode::DATA_LOSS);
@@ -233,7 +234,7 @@ TEST_F(CameraNode, PutFramesAreCheckedAndDamageIsNamed) {
 }
 
 TEST_F(CameraNode, ARepeatedKeepGetsTheAnswerOfTheFirst) {
-  ASSERT_TRUE(create_archive("s").ok());
+  ASSERT_OK(create_archive("s"));
   v1::CaptureRequest request;
   request.set_exposure_ms(4.0);
   grpc::ClientContext context;
@@ -249,7 +250,7 @@ TEST_F(CameraNode, ARepeatedKeepGetsTheAnswerOfTheFirst) {
     v1::KeepFramesResponse kept;
     grpc::ClientContext keep_context;
     const grpc::Status status = camera_stub_->KeepFrames(&keep_context, keep, &kept);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(status);
     return kept;
   };
   std::latch begun(1), released(1);

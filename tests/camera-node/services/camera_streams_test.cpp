@@ -9,6 +9,7 @@
 #include "core/base/fault_point.h"
 #include "core/frame/image.h"
 #include "tests/camera-node/services/camera_node_fixture.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -191,7 +192,7 @@ TEST_F(CameraNode, CallsWaitForACameraThatPreparesAndSayWhatItDoes) {
   start();
   v1::GetCameraResponse described;
   grpc::ClientContext describe_context;
-  ASSERT_TRUE(camera_stub_->GetCamera(&describe_context, {}, &described).ok());
+  ASSERT_OK(camera_stub_->GetCamera(&describe_context, {}, &described));
   EXPECT_EQ(described.preparation().what(), "waiting for the monitors' light");
   v1::PreviewRequest preview;
   preview.set_max_fps(10.0);
@@ -244,7 +245,7 @@ TEST_F(CameraNode, ANodeStopsWhileItsCameraPrepares) {
   while (reader->Read(&response)) {
   }
   const grpc::Status ended = reader->Finish();
-  EXPECT_TRUE(ended.ok()) << ended.error_message();
+  EXPECT_OK(ended);
 }
 
 TEST_F(CameraNode, RefusesToStreamWithAnExposureThatCannotBe) {

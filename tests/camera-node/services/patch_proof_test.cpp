@@ -5,6 +5,8 @@
 
 #include <filesystem>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -56,7 +58,7 @@ v1::Frame showing(std::uint32_t id, const std::string& lit) {
 
 TEST(PatchProof, AgreesWithTheIdThatWasShownAndNoOther) {
   PatchProof proof;
-  ASSERT_TRUE(learn(proof, learning_set(false, 4.0)).ok());
+  ASSERT_OK(learn(proof, learning_set(false, 4.0)));
   for (const std::uint32_t id : {0x0000u, 0x1234u, 0xfffeu, 0x8001u}) {
     v1::Frame right = showing(id, "back");
     EXPECT_EQ(PatchVerdict::kAgrees, proof.judge(right, frame_of(static_cast<std::uint16_t>(id))));
@@ -78,7 +80,7 @@ TEST(PatchProof, AgreesWithTheIdThatWasShownAndNoOther) {
 
 TEST(PatchProof, ServesOnlyTheStageAndExposureThatItWasLearnedWith) {
   PatchProof proof;
-  ASSERT_TRUE(learn(proof, learning_set(true, 4.0)).ok());
+  ASSERT_OK(learn(proof, learning_set(true, 4.0)));
   v1::Frame without_object = showing(0x1234, "back");
   EXPECT_EQ(PatchVerdict::kAgrees, proof.judge(without_object, frame_of(0x4321)));
   EXPECT_EQ(without_object.proof(), v1::PROOF_TIME);
@@ -97,7 +99,7 @@ TEST(PatchProof, AStaleFrameTeachesNothing) {
     PatchProof proof;
     const absl::Status stale = learn(proof, frames);
     EXPECT_TRUE(absl::IsOutOfRange(stale)) << i << " " << stale;
-    EXPECT_TRUE(learn(proof, learning_set(false, 4.0)).ok()) << "all were taken again";
+    EXPECT_OK(learn(proof, learning_set(false, 4.0))) << "all were taken again";
   }
   std::vector<Archive::NewFrame> dark = learning_set(false, 4.0);
   for (Archive::NewFrame& frame : dark) frame.image = Image16(64, 8);
@@ -112,11 +114,11 @@ TEST(PatchProof, FramesWaitForTheOthersOfTheirMonitorStageAndExposure) {
   first.pop_back();
   for (Archive::NewFrame& frame : other) frame.record.set_step(frame.record.step() + 100);
   for (const Archive::NewFrame& frame : first) EXPECT_FALSE(proof.add(frame).has_value());
-  EXPECT_TRUE(learn(proof, other).ok());
+  EXPECT_OK(learn(proof, other));
   EXPECT_FALSE(proof.add(first[3]).has_value()) << "the same step again";
   const auto all = proof.add(last);
   ASSERT_TRUE(all.has_value());
-  EXPECT_TRUE(all->learned.ok());
+  EXPECT_OK(all->learned);
   EXPECT_EQ(all->frames.size(), patch_learning_ids().size());
 }
 
@@ -127,9 +129,9 @@ TEST(PatchProof, LearnsAgainFromTheArchive) {
   header.mutable_camera()->set_width_px(64);
   header.mutable_camera()->set_height_px(8);
   const std::unique_ptr<Archive> archive = Archive::create(directory, header).value();
-  ASSERT_TRUE(archive->add(learning_set(false, 4.0)).ok());
+  ASSERT_OK(archive->add(learning_set(false, 4.0)));
   PatchProof proof;
-  ASSERT_TRUE(proof.learn_from(*archive).ok());
+  ASSERT_OK(proof.learn_from(*archive));
   v1::Frame frame = showing(0x1234, "back");
   EXPECT_EQ(PatchVerdict::kAgrees, proof.judge(frame, frame_of(0x1234)));
   EXPECT_EQ(frame.proof(), v1::PROOF_TIME_AND_PATCH);

@@ -14,6 +14,7 @@
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "tests/client/process.h"
 #include "tests/client/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -132,8 +133,8 @@ TEST_F(SlowRig, TheSecondCtrlCEndsAtOnce) {
       {"frames",
        {{{"file", "0.png"}, {"object", true}, {"stimulus", {{"kind", "solid"}, {"panel", "back"}}}}}}};
   std::filesystem::create_directories(archive);
-  ASSERT_TRUE(write_file_durably(archive + "/0.png", encode_png16(Image16(4, 4)).value()).ok());
-  ASSERT_TRUE(write_file_durably(archive + "/manifest.json", manifest.dump()).ok());
+  ASSERT_OK(write_file_durably(archive + "/0.png", encode_png16(Image16(4, 4)).value()));
+  ASSERT_OK(write_file_durably(archive + "/manifest.json", manifest.dump()));
   Process process(with_server({"import", archive}));
   archive_.put.wait();
   process.wait_until_handled();

@@ -9,6 +9,7 @@
 #include "glasswing/v1/rig_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "tests/client/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -224,7 +225,7 @@ TEST_F(LifeCommands, RetryNamesWhatItTriesAgain) {
 
 TEST_F(LifeCommands, ADryRunTellsCostSpaceAndHolder) {
   const std::string plan = (scratch_ / "plan.txtpb").string();
-  ASSERT_TRUE(write_file_durably(plan, "method: \"alpha\"\nsolids { colour: 1 colour: 1 colour: 1 }\n").ok());
+  ASSERT_OK(write_file_durably(plan, "method: \"alpha\"\nsolids { colour: 1 colour: 1 colour: 1 }\n"));
   v1::EstimateSessionResponse& estimate = sessions_.estimate;
   estimate.set_step_count(12);
   estimate.set_bytes(5'000'000);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -14,7 +16,7 @@ TEST(TimeArgument, DaysHoursDatesAndTimes) {
                                    {"2026-11-01T12:00:00Z", "2026-11-01T12:00:00Z"},
                                    {"2026-11-01T12:00:00+01:00", "2026-11-01T11:00:00Z"}}) {
     const absl::StatusOr<std::string> got = parse_time_argument("--since", text, now);
-    ASSERT_TRUE(got.ok()) << got.status();
+    ASSERT_OK(got);
     EXPECT_EQ(*got, time) << text;
   }
   for (const char* text : {"", "7", "d", "7w", "-7d", "2026-13-01", "yesterday", "7d ago"}) {

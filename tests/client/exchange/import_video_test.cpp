@@ -10,6 +10,7 @@
 #include "core/frame/image_file.h"
 #include "tests/client/fake_server.h"
 #include "tests/client/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -27,7 +28,7 @@ class ImportVideo : public ScratchTest {
  protected:
   static void put(const fs::path& path, const Image16& image) {
     fs::create_directories(path.parent_path());
-    ASSERT_TRUE(write_file_durably(path, encode_png16(image).value()).ok());
+    ASSERT_OK(write_file_durably(path, encode_png16(image).value()));
   }
   Outcome run(std::vector<std::string> arguments) const {
     arguments.insert(arguments.end(), {"--session", "s", "--server", server_.address()});
@@ -56,7 +57,7 @@ class ImportSequence : public ImportVideo {
                                      {"monitor", {{"back", {{"width", 64}, {"height", 48}}}}},
                                      {"image", {{"width", kWidth}, {"height", kHeight}}},
                                      {"sequences", {{"ramp_dark", "no other light"}}}};
-    EXPECT_TRUE(write_file_durably(set_ / "manifest.json", manifest.dump()).ok());
+    EXPECT_OK(write_file_durably(set_ / "manifest.json", manifest.dump()));
     // More than ten, so that the order of names differs from that of numbers.
     for (int i = 0; i < 12; ++i) {
       put(set_ / fmt::format("ramp_dark/{}.png", i), picture(10 + i));
@@ -164,9 +165,9 @@ TEST_F(ImportVideo, AVideoFileIsDecodedAsFarAsItCanBe) {
         const int code = at < radiance.samples.size() / 2 ? 10 * (i + 1) : static_cast<int>(random() % 256);
         radiance.samples[at] = linear_of_srgb(static_cast<float>(code) / 255.0f);
       }
-      ASSERT_TRUE(writer->add(radiance).ok());
+      ASSERT_OK(writer->add(radiance));
     }
-    ASSERT_TRUE(writer->finish().ok());
+    ASSERT_OK(writer->finish());
   }
   const std::vector<std::string> command{"import",     path.string(),    "--monitor",
                                          "back:64x48", "--empty-frames", "5"};

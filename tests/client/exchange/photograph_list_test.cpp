@@ -11,6 +11,7 @@
 #include "core/import/mapped_archive.h"
 #include "tests/client/fake_server.h"
 #include "tests/client/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -32,10 +33,10 @@ class PhotographLists : public ScratchTest {
     for (int i = 0; i < 3; ++i) put(std::to_string(i) + ".png", encode_png16(picture(i)).value());
   }
   void put(const std::string& file, const std::string& bytes) const {
-    ASSERT_TRUE(write_file_durably(photographs_ / file, bytes).ok());
+    ASSERT_OK(write_file_durably(photographs_ / file, bytes));
   }
   std::string list(const std::string& text) const {
-    EXPECT_TRUE(write_file_durably(list_, text).ok());
+    EXPECT_OK(write_file_durably(list_, text));
     return list_.string();
   }
   Outcome import(const std::string& text, const std::vector<std::string>& more = {}) const {
@@ -226,8 +227,7 @@ TEST_F(PhotographLists, WhatIsWrongWithAPhotographIsOneLineAndNothingIsSent) {
   };
   put("2.png", encode_png16(Image16(kWidth, kHeight + 1)).value());
   refused("list.tsv:6: 2.png is 9x8 of 16 bits; it must be as the first one, 0.png, which is 9x7 of 16 bits");
-  ASSERT_TRUE(
-      write_radiance(photographs_ / "2.png", RadianceImage(kWidth, kHeight), Encoding::kDisplay).ok());
+  ASSERT_OK(write_radiance(photographs_ / "2.png", RadianceImage(kWidth, kHeight), Encoding::kDisplay));
   refused("list.tsv:6: 2.png is 9x7 of 8 bits");
   put("2.png", encode_png16(picture(2)).value().substr(0, 100));
   refused("list.tsv:6: " + (photographs_ / "2.png").string() + ": the PNG is truncated");

@@ -5,6 +5,7 @@
 #include "core/import/photograph_response.h"
 #include "tests/client/layouts/synthetic_stack.h"
 #include "tests/client/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -87,7 +88,7 @@ TEST_F(LayoutImport, PhotographsOfTenBitsInSixteenAreStretchedWhereToldSo) {
       Image16 image = read_frame_file(folder_ / file).value();
       for (std::uint16_t& sample : image.samples) sample = static_cast<std::uint16_t>(sample >> 6);
       image.samples.front() = static_cast<std::uint16_t>(brightest);
-      ASSERT_TRUE(write_file_flushed(folder_ / file, encode_png16(image).value()).ok());
+      ASSERT_OK(write_file_flushed(folder_ / file, encode_png16(image).value()));
     }
   };
   const std::vector<std::string> options{"--layout", "auto", "--monitor", "64x48", "--response", "linear"};

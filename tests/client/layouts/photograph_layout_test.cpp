@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "core/pattern/pattern.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -29,7 +30,7 @@ std::vector<std::string> names(int count) {
 std::vector<v1::Frame> frames(const LayoutOptions& options, const v1::Monitor& of, int count) {
   const absl::StatusOr<std::vector<v1::Frame>> result =
       frames_of(layout_of(options).value(), of, names(count));
-  EXPECT_TRUE(result.ok()) << result.status();
+  EXPECT_OK(result);
   return result.value();
 }
 

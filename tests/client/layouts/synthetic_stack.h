@@ -15,6 +15,7 @@
 
 #include "core/base/file.h"
 #include "core/frame/image_file.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 
@@ -97,9 +98,8 @@ inline std::vector<std::string> write_stack(const std::filesystem::path& directo
   std::vector<std::string> files;
   for (size_t i = 0; i < stack.size(); ++i) {
     files.push_back(name_of(i));
-    EXPECT_TRUE(
-        write_file_flushed(directory / files.back(), encode_png16(photograph(stack[i], view, random)).value())
-            .ok());
+    EXPECT_OK(write_file_flushed(directory / files.back(),
+                                 encode_png16(photograph(stack[i], view, random)).value()));
   }
   return files;
 }

@@ -12,6 +12,7 @@
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "tests/client/run_glasswing.h"
 #include "tests/core/security/made_certificates.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -161,8 +162,8 @@ TEST_F(Pki, WhatIsNoRequestMakesNothing) {
 TEST_F(Pki, NothingOutlivesItsAuthority) {
   fs::create_directory(lab_);
   const auto install = [&](const MadeCertificate& ca) {
-    ASSERT_TRUE(write_file_durably(lab_ / "ca.pem", ca.certificate_pem()).ok());
-    ASSERT_TRUE(write_file_durably(lab_ / "ca.key", ca.key_pem()).ok());
+    ASSERT_OK(write_file_durably(lab_ / "ca.pem", ca.certificate_pem()));
+    ASSERT_OK(write_file_durably(lab_ / "ca.key", ca.key_pem()));
   };
   install(make_certificate("ca", nullptr, "", 5));  // from yesterday on
   refused("issue", {"solver:a", "--days", "5"},
@@ -233,7 +234,7 @@ TEST_F(Pki, TwoAuthoritiesOfOneNameAreToldApart) {
   const std::string next = (scratch_ / "next").string();
   ASSERT_EQ(run_glasswing({"pki", "init", next}).status, 0);
   ASSERT_EQ(run_glasswing({"pki", "issue", next, "solver:new"}).status, 0);
-  ASSERT_TRUE(write_file_durably(lab_ / "both", bytes("ca.pem") + read_file(next + "/ca.pem").value()).ok());
+  ASSERT_OK(write_file_durably(lab_ / "both", bytes("ca.pem") + read_file(next + "/ca.pem").value()));
   expect_says(openssl("verify -CAfile both old.pem ../next/new.pem"), "exit 0");
   expect_says(openssl("verify -CAfile ca.pem ../next/new.pem"), "exit 2");
 }
@@ -242,7 +243,7 @@ TEST_F(Pki, TwoAuthoritiesOfOneNameAreToldApart) {
 TEST_F(Pki, ADaemonShowsWhatWasRenewed) {
   ASSERT_EQ(pki("init").status, 0);
   ASSERT_EQ(pki("issue", {"server:rig=127.0.0.1"}).status, 0);
-  ASSERT_TRUE(use_tls({path("ca.pem"), path("rig.pem"), path("rig.key")}).ok());
+  ASSERT_OK(use_tls({path("ca.pem"), path("rig.pem"), path("rig.key")}));
   const auto host = ServiceHost::start({}, {}).value();
   const auto shown = [&]() -> std::string {
     const auto stub = v1::ClockService::NewStub(dial(host->address()));
@@ -250,17 +251,17 @@ TEST_F(Pki, ADaemonShowsWhatWasRenewed) {
     set_deadline(context, std::chrono::seconds(10));
     v1::ExchangeResponse response;
     const grpc::Status status = stub->Exchange(&context, {}, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(status);
     const auto pem = context.auth_context()->FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME);
     return pem.empty() ? "" : std::string(pem.front().data(), pem.front().size());
   };
   EXPECT_EQ(shown(), bytes("rig.pem"));
-  ASSERT_TRUE(CertificateAuthority::open(lab_)->renew("rig", 30).ok());
+  ASSERT_OK(CertificateAuthority::open(lab_)->renew("rig", 30));
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
   while (shown() != bytes("rig.pem") && std::chrono::steady_clock::now() < deadline)
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   EXPECT_EQ(shown(), bytes("rig.pem"));
-  ASSERT_TRUE(use_tls({}).ok());
+  ASSERT_OK(use_tls({}));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "core/matte/matte_file.h"
 #include "tests/client/run_glasswing.h"
 #include "tests/core/geometry/made_views.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -50,7 +51,7 @@ class CalibrateGeometry : public ScratchTest {
         }
       }
     }
-    ASSERT_TRUE(write_file_durably(path(name + ".exr"), encode_matte(matte).value()).ok());
+    ASSERT_OK(write_file_durably(path(name + ".exr"), encode_matte(matte).value()));
   }
 
   MadeCamera camera_;

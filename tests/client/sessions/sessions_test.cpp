@@ -13,6 +13,7 @@
 #include "core/matte/matte_file.h"
 #include "tests/client/fake_server.h"
 #include "tests/client/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -38,9 +39,9 @@ class SessionCommands : public ScratchTest {
       const std::string file = "obj/" + std::to_string(i) + ".png";
       manifest["frames"].push_back(
           {{"file", file}, {"object", true}, {"stimulus", {{"kind", "solid"}, {"panel", "back"}}}});
-      EXPECT_TRUE(write_file_durably(archive_ / file, encode_png16(frame_image(i)).value()).ok());
+      EXPECT_OK(write_file_durably(archive_ / file, encode_png16(frame_image(i)).value()));
     }
-    EXPECT_TRUE(write_file_durably(archive_ / "manifest.json", manifest.dump()).ok());
+    EXPECT_OK(write_file_durably(archive_ / "manifest.json", manifest.dump()));
   }
 
   Outcome run(std::vector<std::string> arguments) const {
@@ -78,10 +79,10 @@ TEST_F(SessionCommands, ImportNamesADamagedFrameAndSendsNothing) {
   for (size_t at = 0; at < good.size(); at += 7) {
     std::string flipped = good;
     flipped[at] = static_cast<char>(flipped[at] ^ 0x10);
-    ASSERT_TRUE(write_file_durably(last, flipped).ok());
+    ASSERT_OK(write_file_durably(last, flipped));
     expect_one_line_error(run({"import", archive_.string()}), last.string());
   }
-  ASSERT_TRUE(write_file_durably(last, good.substr(0, good.size() / 2)).ok());
+  ASSERT_OK(write_file_durably(last, good.substr(0, good.size() / 2)));
   expect_one_line_error(run({"import", archive_.string()}), last.string());
   std::filesystem::remove(last);
   expect_one_line_error(run({"import", archive_.string()}), last.string());
@@ -98,7 +99,7 @@ TEST_F(SessionCommands, ImportRefusesAFifoInPlaceOfAFrame) {
 
 TEST_F(SessionCommands, ImportRefusesFramesOfAnotherSize) {
   const std::filesystem::path last = archive_ / "obj" / "2.png";
-  ASSERT_TRUE(write_file_durably(last, encode_png16(Image16(kWidth + 1, kHeight)).value()).ok());
+  ASSERT_OK(write_file_durably(last, encode_png16(Image16(kWidth + 1, kHeight)).value()));
   expect_one_line_error(run({"import", archive_.string()}), last.string() + " is 10x7");
   expect_one_line_error(run({"import", archive_.string(), "--session", "a/b"}), "a/b");
   expect_nothing_sent();
@@ -136,7 +137,7 @@ TEST_F(SessionCommands, OwnFramesAreVerifiedWhileTheyAreSent) {
   for (size_t at = 256; at < good.size(); at += 50) {
     std::string flipped = good;
     flipped[at] = static_cast<char>(flipped[at] ^ 0x10);
-    ASSERT_TRUE(write_file_durably(last, flipped).ok());
+    ASSERT_OK(write_file_durably(last, flipped));
     expect_one_line_error(run({"import", own.string()}), last.string());
     EXPECT_TRUE(server_.sessions_.finished.empty());
   }
@@ -381,7 +382,7 @@ TEST(RailPositions, TheMonitorIsTheOneThatCanBeMeant) {
 
 TEST_F(SessionCommands, ASeriesHasNamesBeforeItBegins) {
   const std::string plan = (scratch_ / "plan.txtpb").string();
-  ASSERT_TRUE(write_file_durably(plan, "method: \"gaussian\" solids { colour: [0, 0, 0] }").ok());
+  ASSERT_OK(write_file_durably(plan, "method: \"gaussian\" solids { colour: [0, 0, 0] }"));
   expect_one_line_error(run({"capture", plan, "--rail-mm", "200,251.2"}), "--rail-mm needs --session");
   expect_one_line_error(run({"capture", plan, "--session", std::string(61, 'x'), "--rail-mm", "200"}),
                         "-200");

@@ -14,6 +14,7 @@
 #include "tests/compositing/edit/object.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -52,16 +53,16 @@ class PictureColoursTest : public ScratchTest {
  protected:
   PictureColoursTest() {
     ::unsetenv("OCIO");
-    EXPECT_TRUE(write_file_durably(path("config.ocio"), kConfig).ok());
+    EXPECT_OK(write_file_durably(path("config.ocio"), kConfig));
     std::mt19937 random(7);
     // Halves, which read_radiance() makes of an EXR's samples.
     for (float& sample : picture_.samples) sample = static_cast<float>(random() % 1024) / 512.0f;
-    EXPECT_TRUE(write_radiance(path("plate.exr"), picture_, Encoding::kLinear).ok());
+    EXPECT_OK(write_radiance(path("plate.exr"), picture_, Encoding::kLinear));
   }
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }
   RadianceImage read(const std::string& name) const {
     absl::StatusOr<RadianceImage> picture = read_radiance(path(name), Encoding::kLinear);
-    EXPECT_TRUE(picture.ok()) << picture.status();
+    EXPECT_OK(picture);
     return *std::move(picture);
   }
   Outcome convert(const std::string& from, const std::string& to, std::vector<std::string> more) const {
@@ -110,7 +111,7 @@ TEST_F(PictureColoursTest, ThereAndBackIsTheSame) {
 // Our own sRGB, and the config's.
 TEST_F(PictureColoursTest, CodesAreOfTheSpace) {
   for (float& sample : picture_.samples) sample *= 0.5f;
-  ASSERT_TRUE(write_radiance(path("plate.exr"), picture_, Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("plate.exr"), picture_, Encoding::kLinear));
   ASSERT_EQ(convert("plate.exr", "out.png", {"--ocio-out", "sRGB - Texture"}).status, 0);
   const RadianceImage codes = read("out.png"), light = read("plate.exr");
   for (size_t i = 0; i < codes.samples.size(); ++i)
@@ -145,7 +146,7 @@ TEST_F(PictureColoursTest, ConvertedPicturesKeepWhatIsKnownOfThem) {
   const auto said = [this](const std::string& name) {
     return colour_of_file(path(name), Encoding::kDisplay).interop_id;
   };
-  ASSERT_TRUE(write_radiance(path("photo.png"), picture_, Encoding::kDisplay).ok());
+  ASSERT_OK(write_radiance(path("photo.png"), picture_, Encoding::kDisplay));
   ASSERT_EQ(run_glasswing({"convert", path("photo.png"), path("photo.exr")}).status, 0);
   EXPECT_EQ(said("photo.exr"), "lin_rec709_scene");
   ASSERT_EQ(run_glasswing({"convert", path("photo.exr"), path("again.exr")}).status, 0);
@@ -163,7 +164,7 @@ TEST_F(PictureColoursTest, CompositesAreMadeInBetween) {
   for (int y = 0; y < 6; ++y) {
     for (int x = 0; x < 8; ++x) matte.foreground(x, y) = {0.0f, 0.0f, 0.0f};
   }
-  ASSERT_TRUE(write_file_durably(path("vase.exr"), encode_matte(matte).value()).ok());
+  ASSERT_OK(write_file_durably(path("vase.exr"), encode_matte(matte).value()));
   const auto composite = [this](const std::string& plate, const std::string& out,
                                 std::vector<std::string> more) {
     more.insert(more.begin(), {"composite", path("vase.exr"), "--background", path(plate), "-o", path(out)});
@@ -174,7 +175,7 @@ TEST_F(PictureColoursTest, CompositesAreMadeInBetween) {
   const ColourSpace acescg = ColourSpace::open("", "ACEScg").value();
   RadianceImage plate = read("plate.exr");
   acescg.to_linear(plate);
-  ASSERT_TRUE(write_radiance(path("rec709.exr"), plate, Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("rec709.exr"), plate, Encoding::kLinear));
   ASSERT_EQ(composite("rec709.exr", "expected.exr", {}).status, 0);
   RadianceImage expected = read("expected.exr");
   acescg.from_linear(expected);
@@ -186,15 +187,15 @@ TEST_F(PictureColoursTest, CompositesAreMadeInBetween) {
     v1::Crosstalk& seen = *matte.metadata.add_crosstalk();
     for (const double share : {0.9, 0.1, 0.0, 0.1, 0.8, 0.1, 0.0, 0.1, 0.9}) seen.add_share(share);
   }
-  ASSERT_TRUE(write_file_durably(path("vase.exr"), encode_matte(matte).value()).ok());
+  ASSERT_OK(write_file_durably(path("vase.exr"), encode_matte(matte).value()));
   ASSERT_EQ(composite("rec709.exr", "expected.exr", {}).status, 0);
   EXPECT_EQ(colour_of_file(path("expected.exr"), Encoding::kDisplay).interop_id, "unknown");
-  ASSERT_TRUE(write_radiance(path("photo.png"), plate, Encoding::kDisplay).ok());
+  ASSERT_OK(write_radiance(path("photo.png"), plate, Encoding::kDisplay));
   ASSERT_EQ(composite("photo.png", "known.exr", {}).status, 0);
   EXPECT_EQ(colour_of_file(path("known.exr"), Encoding::kDisplay), linear_rec709());
   expect_one_line_error(composite("photo.png", "out.mp4", {"--frames", "2", "--ocio-out", "ACEScg"}),
                         "out.mp4 is a video, which is sRGB");
-  ASSERT_TRUE(write_file_durably(path("waves.mp4"), "no video").ok());
+  ASSERT_OK(write_file_durably(path("waves.mp4"), "no video"));
   expect_one_line_error(composite("waves.mp4", "out.exr", {"--ocio-in", "ACEScg"}),
                         "waves.mp4 is a video, which is sRGB");
   ::unsetenv("OCIO");
@@ -212,12 +213,12 @@ TEST_F(PictureColoursTest, WhatIsMissingIsNamed) {
           "no colour space \"ACES\"; it has: ACES2065-1, ACEScg");
   refused({"--ocio-in", "Raw", "--ocio-config", path("config.ocio")}, "\"Raw\" is for data");
   refused({"--ocio-config", path("config.ocio")}, "neither --ocio, --ocio-in nor --ocio-out");
-  ASSERT_TRUE(write_file_durably(path("damaged.ocio"), "ocio_profile_version: 2\n  roles: {").ok());
+  ASSERT_OK(write_file_durably(path("damaged.ocio"), "ocio_profile_version: 2\n  roles: {"));
   refused({"--ocio", "ACEScg", "--ocio-config", path("damaged.ocio")}, "damaged.ocio");
   std::string nameless = kConfig;
   nameless.replace(nameless.find("aces_interchange"), 16, "matte_paint");
   nameless.replace(nameless.find("Linear Rec.709 (sRGB)"), 21, "Film light of a kind");
-  ASSERT_TRUE(write_file_durably(path("nameless.ocio"), nameless).ok());
+  ASSERT_OK(write_file_durably(path("nameless.ocio"), nameless));
   refused({"--ocio", "ACEScg", "--ocio-config", path("nameless.ocio")},
           "does not say which of its spaces is linear Rec. 709");
 }
@@ -226,7 +227,7 @@ TEST_F(PictureColoursTest, WhatIsMissingIsNamed) {
 TEST_F(PictureColoursTest, ConfigsTellRec709ByRoleOrByName) {
   std::string named = kConfig;
   named.replace(named.find("aces_interchange"), 16, "matte_paint");
-  ASSERT_TRUE(write_file_durably(path("named.ocio"), named).ok());
+  ASSERT_OK(write_file_durably(path("named.ocio"), named));
   RadianceImage by_name = picture_, by_role = picture_;
   ColourSpace::open(path("named.ocio"), "ACEScg").value().to_linear(by_name);
   ColourSpace::open(path("config.ocio"), "ACEScg").value().to_linear(by_role);

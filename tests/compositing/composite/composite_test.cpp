@@ -9,6 +9,7 @@
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -66,8 +67,8 @@ RadianceImage gradient() {
 class CompositeCommand : public ScratchTest {
  protected:
   CompositeCommand() {
-    EXPECT_TRUE(write_file_durably(matte_, encode_matte(window(0.125f)).value()).ok());
-    EXPECT_TRUE(write_radiance(background_, gradient(), Encoding::kLinear).ok());
+    EXPECT_OK(write_file_durably(matte_, encode_matte(window(0.125f)).value()));
+    EXPECT_OK(write_radiance(background_, gradient(), Encoding::kLinear));
   }
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }
 
@@ -158,7 +159,7 @@ TEST_F(CompositeCommand, AMonitorWithoutABackgroundIsBlack) {
 TEST_F(CompositeCommand, BackgroundsAreScaledToTheMonitor) {
   RadianceImage gray(50, 70);
   std::fill(gray.samples.begin(), gray.samples.end(), 0.5f);
-  ASSERT_TRUE(write_radiance(path("gray.exr"), gray, Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("gray.exr"), gray, Encoding::kLinear));
   ASSERT_EQ(
       run_glasswing({"composite", matte_, "--background", path("gray.exr"), "-o", path("out.exr")}).status,
       0);
@@ -191,7 +192,7 @@ TEST_F(CompositeCommand, ErrorsAreOfSolvedPixels) {
   }
   matte.coverage(3, 4) = 0.0f;
   matte.flags(5, 6) = kFlagPoorFit;
-  ASSERT_TRUE(write_file_durably(matte_, encode_matte(matte).value()).ok());
+  ASSERT_OK(write_file_durably(matte_, encode_matte(matte).value()));
   const Outcome outcome = run_glasswing({"composite", matte_, "--background", background_, "-o",
                                          path("out.exr"), "--error", path("error.exr")});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
@@ -239,7 +240,7 @@ TEST_F(CompositeCommand, BadInputIsNamedAndNothingIsWritten) {
 }
 
 TEST_F(CompositeCommand, ConvertMakesAFrameVisible) {
-  ASSERT_TRUE(write_radiance(path("frame.tif"), gradient(), Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("frame.tif"), gradient(), Encoding::kLinear));
   ASSERT_EQ(run_glasswing({"convert", "--linear", path("frame.tif"), path("look.png")}).status, 0);
   const RadianceImage seen = read_radiance(path("look.png"), Encoding::kDisplay).value();
   const RadianceImage truth = gradient();
@@ -338,7 +339,7 @@ TEST_F(CompositeCommand, UnsolvedPixelsAreToldAndFilledWhereAskedFor) {
     matte.foreground(5, 4)[static_cast<size_t>(c)] = 0.0f;
     matte.modes(5, 4, c)[0] = Mode{};
   }
-  ASSERT_TRUE(write_file_durably(path("hole.exr"), encode_matte(matte).value()).ok());
+  ASSERT_OK(write_file_durably(path("hole.exr"), encode_matte(matte).value()));
   const auto run = [&](std::vector<std::string> more) {
     more.insert(more.begin(), {"composite", path("hole.exr"), "--background", background_, "-o",
                                path("out.exr"), "--exact"});
@@ -372,7 +373,7 @@ Matte half_a_window() {
 
 class CompositeObject : public CompositeCommand {
  protected:
-  CompositeObject() { EXPECT_TRUE(write_file_durably(matte_, encode_matte(half_a_window()).value()).ok()); }
+  CompositeObject() { EXPECT_OK(write_file_durably(matte_, encode_matte(half_a_window()).value())); }
   Outcome run(const std::string& output, std::vector<std::string> more = {"--object"}) {
     more.insert(more.begin(), {"composite", matte_, "--background", background_, "-o", path(output)});
     return run_glasswing(more);
@@ -459,7 +460,7 @@ TEST_F(CompositeCommand, EachAxisIsScaledAsItNeeds) {
       for (int c = 0; c < 3; ++c) stripes.at(x, y, c) = 1.0f;
     }
   }
-  ASSERT_TRUE(write_radiance(path("stripes.exr"), stripes, Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("stripes.exr"), stripes, Encoding::kLinear));
   ASSERT_EQ(
       run_glasswing({"composite", matte_, "--background", path("stripes.exr"), "-o", path("out.exr")}).status,
       0);

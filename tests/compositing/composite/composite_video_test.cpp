@@ -10,6 +10,7 @@
 #include "core/base/file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -55,14 +56,12 @@ class CompositeVideo : public ScratchTest {
     std::filesystem::create_directories(path("behind"));
     for (int i = 0; i < kFrames; ++i) put_matte(i, frame(i));
     for (int i = 0; i < 2; ++i)
-      EXPECT_TRUE(write_radiance(path(fmt::format("behind/{}.exr", i)), even(i == 0 ? 0.25f : 0.5f),
-                                 Encoding::kLinear)
-                      .ok());
+      EXPECT_OK(write_radiance(path(fmt::format("behind/{}.exr", i)), even(i == 0 ? 0.25f : 0.5f),
+                               Encoding::kLinear));
   }
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }
   void put_matte(int number, const Matte& matte) {
-    EXPECT_TRUE(
-        write_file_durably(path(fmt::format("pour/{:04d}.exr", number)), encode_matte(matte).value()).ok());
+    EXPECT_OK(write_file_durably(path(fmt::format("pour/{:04d}.exr", number)), encode_matte(matte).value()));
   }
   RadianceImage written(const std::string& name) {
     return read_radiance(path(name), Encoding::kLinear).value();
@@ -179,7 +178,7 @@ TEST_F(CompositeVideo, PanMovesAStillOnWithEveryFrame) {
   for (int y = 0; y < kHeight; ++y) {
     for (int c = 0; c < 3; ++c) post.at(kWidth - 2, y, c) = 1.0f;
   }
-  ASSERT_TRUE(write_radiance(path("post.exr"), post, Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("post.exr"), post, Encoding::kLinear));
   const auto run = [this](std::vector<std::string> more) {
     std::vector<std::string> command{
         "composite", path("pour/0000.exr"), "--background", path("post.exr"), "-o", path("out")};
@@ -209,8 +208,8 @@ TEST_F(CompositeVideo, ABackgroundTakesThePhotographsColours) {
     source.samples[i] = static_cast<float>((i * 37) % 101) / 101.0f;
   RadianceImage dimmed = source;
   for (float& sample : dimmed.samples) sample *= 0.5f;
-  ASSERT_TRUE(write_radiance(path("source.exr"), source, Encoding::kLinear).ok());
-  ASSERT_TRUE(write_radiance(path("dimmed.exr"), dimmed, Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("source.exr"), source, Encoding::kLinear));
+  ASSERT_OK(write_radiance(path("dimmed.exr"), dimmed, Encoding::kLinear));
   ASSERT_EQ(run_glasswing({"composite", path("pour/0000.exr"), "--background", path("source.exr"), "--match",
                            path("dimmed.exr"), "-o", path("matched.exr")})
                 .status,

@@ -5,6 +5,8 @@
 #include <bit>
 #include <cmath>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -39,7 +41,7 @@ TEST(Cryptomatte, ObjectsThatCannotBeToldApartAreRefused) {
   refused({{"", share}}, "has no name");
   refused({{"vase", share}, {"vase", share}}, "two objects are named \"vase\"");
   refused({{"vase", std::vector<float>(5)}}, "has 5 pixels; the picture has 6");
-  EXPECT_TRUE(encode_cryptomatte(std::vector<ObjectShares>{{"vase", share}}, 3, 2).ok());
+  EXPECT_OK(encode_cryptomatte(std::vector<ObjectShares>{{"vase", share}}, 3, 2));
 }
 
 }  // namespace

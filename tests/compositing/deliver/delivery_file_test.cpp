@@ -18,6 +18,7 @@
 #include "core/matte/packed_matte.h"
 #include "tests/compositing/edit/object.h"
 #include "tests/core/matte/other_program.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -55,12 +56,12 @@ class DeliveryFile : public testing::Test {
   Delivery deliver(const Matte& matte, const DeliveryOptions& options, int threads = 2) const {
     const absl::StatusOr<Delivery> delivery =
         write_delivery(encode_matte(matte).value(), options, path("out.exr"), threads);
-    EXPECT_TRUE(delivery.ok()) << delivery.status();
+    EXPECT_OK(delivery);
     return delivery.value_or(Delivery());
   }
   Matte read() const {
     absl::StatusOr<Matte> matte = read_matte(path("out.exr"));
-    EXPECT_TRUE(matte.ok()) << matte.status();
+    EXPECT_OK(matte);
     return *std::move(matte);
   }
   Matte delivered(const Matte& matte, const DeliveryOptions& options) const {
@@ -108,18 +109,18 @@ TEST_F(DeliveryFile, IsReadByRows) {
     EXPECT_EQ(std::pair(outline.width_px, outline.height_px), std::pair(kWidth, kHeight));
     std::vector<int> seen(kHeight);
     std::mutex mutex;
-    ASSERT_TRUE(for_blocks_of_matte(bytes, 3, [&](const Matte& rows) {
-                  for (int row = 0; row < rows.height_px(); ++row) {
-                    const int y = rows.y0_px() + row;
-                    for (int x = 0; x < kWidth; ++x) {
-                      EXPECT_EQ(rows.foreground(x, row),
-                                is_object(x, y) ? matte.foreground(x, y) : (std::array<float, 3>{}));
-                    }
-                    const std::lock_guard lock(mutex);
-                    ++seen[static_cast<size_t>(y)];
-                  }
-                  return absl::OkStatus();
-                }).ok());
+    ASSERT_OK(for_blocks_of_matte(bytes, 3, [&](const Matte& rows) {
+      for (int row = 0; row < rows.height_px(); ++row) {
+        const int y = rows.y0_px() + row;
+        for (int x = 0; x < kWidth; ++x) {
+          EXPECT_EQ(rows.foreground(x, row),
+                    is_object(x, y) ? matte.foreground(x, y) : (std::array<float, 3>{}));
+        }
+        const std::lock_guard lock(mutex);
+        ++seen[static_cast<size_t>(y)];
+      }
+      return absl::OkStatus();
+    }));
     EXPECT_EQ(seen, std::vector<int>(kHeight, 1));
   }
 }
@@ -152,7 +153,7 @@ TEST_F(DeliveryFile, HugNeedsAnObject) {
   EXPECT_EQ(write_delivery(bytes, {.hug = true}, path("out.exr")).status().code(),
             absl::StatusCode::kInvalidArgument);
   EXPECT_TRUE(std::filesystem::is_empty(scratch_));
-  EXPECT_TRUE(write_delivery(bytes, {}, path("out.exr")).ok());
+  EXPECT_OK(write_delivery(bytes, {}, path("out.exr")));
 }
 
 // half_channels.h: places stay, and every composite is within 2^-11 of its light.

@@ -10,6 +10,7 @@
 #include "tests/compositing/edit/object.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -30,7 +31,7 @@ class MatteIds : public ScratchTest {
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) matte.coverage(x, y) = y < 3 ? 0.0f : coverage(left, x);
     }
-    EXPECT_TRUE(write_file_durably(path(file), encode_matte(matte).value()).ok());
+    EXPECT_OK(write_file_durably(path(file), encode_matte(matte).value()));
     return path(file);
   }
   Outcome merge(std::vector<std::string> mattes) const {
@@ -99,7 +100,7 @@ TEST_F(MatteIds, DeliveryFilesHaveThem) {
   // Tiles hold the same samples, which oiiotool compares.
   std::filesystem::rename(path("delivery.exr"), path("lines.exr"));
   ASSERT_EQ(deliver({"--half", "--hug", "--tile", "16"}).status, 0);
-  EXPECT_TRUE(read_matte(path("delivery.exr")).ok());
+  EXPECT_OK(read_matte(path("delivery.exr")));
   const Said same =
       run_program(fmt::format("oiiotool -a {} {} --diff", path("lines.exr"), path("delivery.exr")));
   EXPECT_EQ(same.status, 0) << same.text;
@@ -150,7 +151,7 @@ TEST_F(MatteIds, BlendersNodePicksAnObjectByItsName) {
                            path("delivery.exr")})
                 .status,
             0);
-  ASSERT_TRUE(write_file_durably(path("pick.py"), kPick).ok());
+  ASSERT_OK(write_file_durably(path("pick.py"), kPick));
   for (const char* file : {"ids.exr", "delivery.exr"}) {
     const Said said = run_program(
         fmt::format("cd {0} && HOME={0} blender -b --factory-startup --python-exit-code 1 -P pick.py -- "
@@ -158,7 +159,7 @@ TEST_F(MatteIds, BlendersNodePicksAnObjectByItsName) {
                     scratch_.string(), kWidth, kHeight, file));
     ASSERT_EQ(said.status, 0) << said.text;
     const absl::StatusOr<RadianceImage> picked = read_radiance(path("picked.exr"), Encoding::kLinear);
-    ASSERT_TRUE(picked.ok()) << picked.status() << said.text;
+    ASSERT_OK(picked) << picked.status() << said.text;
     std::filesystem::remove(path("picked.exr"));
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {

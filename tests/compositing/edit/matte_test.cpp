@@ -6,6 +6,7 @@
 #include "core/matte/matte_file.h"
 #include "tests/compositing/edit/object.h"
 #include "tests/compositing/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -17,7 +18,7 @@ class MatteCommand : public ScratchTest {
   MatteCommand() { write("vase.exr", random_object(kWidth, kHeight, 2, 1)); }
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }
   void write(const std::string& name, const Matte& matte) const {
-    EXPECT_TRUE(write_file_durably(path(name), encode_matte(matte).value()).ok());
+    EXPECT_OK(write_file_durably(path(name), encode_matte(matte).value()));
   }
   Outcome run(std::vector<std::string> words) const {
     words.insert(words.begin(), "matte");
@@ -102,7 +103,7 @@ TEST_F(MatteCommand, DeliveredMattesAreMattes) {
   const Outcome json = run_glasswing({"matte", "deliver", path("vase.exr"), "--hug", "-o", out, "--json"});
   EXPECT_EQ(nlohmann::json::parse(json.out)["window"], "8x4+0+2");
   EXPECT_EQ(nlohmann::json::parse(json.out)["bytes"], std::filesystem::file_size(out));
-  ASSERT_TRUE(write_radiance(path("behind.exr"), random_pictures().front(), Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("behind.exr"), random_pictures().front(), Encoding::kLinear));
   for (const char* name : {"vase", "out"}) {
     const Outcome shown = run_glasswing({"composite", path(name + std::string(".exr")), "--background",
                                          path("behind.exr"), "-o", path(name + std::string("_over.exr"))});

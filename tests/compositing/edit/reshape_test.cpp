@@ -7,6 +7,7 @@
 #include "core/frame/mosaic.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/edit/object.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -26,7 +27,7 @@ double mean_over(const RadianceImage& picture, double x0, double x1, double y0, 
 
 void expect_resized(const Matte& matte, int width_px, int height_px, double tolerance) {
   const absl::StatusOr<Matte> small = resized(matte, width_px, height_px);
-  ASSERT_TRUE(small.ok()) << small.status();
+  ASSERT_OK(small);
   const RadianceImage whole = seen(matte), now = seen(*small);
   ASSERT_EQ(now.width_px, width_px);
   ASSERT_EQ(now.height_px, height_px);

@@ -6,6 +6,7 @@
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -49,7 +50,7 @@ class Rays : public ScratchTest {
         }
       }
     }
-    ASSERT_TRUE(write_file_durably(path(name + ".exr"), encode_matte(matte).value()).ok());
+    ASSERT_OK(write_file_durably(path(name + ".exr"), encode_matte(matte).value()));
   }
 };
 
@@ -63,8 +64,8 @@ TEST_F(Rays, AreWrittenAndComposited) {
   RadianceImage sky(64, 32), picture(200, 200);
   std::ranges::fill(sky.samples, 0.5f);
   std::ranges::fill(picture.samples, 0.25f);
-  ASSERT_TRUE(write_radiance(path("sky.exr"), sky, Encoding::kLinear).ok());
-  ASSERT_TRUE(write_radiance(path("picture.exr"), picture, Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("sky.exr"), sky, Encoding::kLinear));
+  ASSERT_OK(write_radiance(path("picture.exr"), picture, Encoding::kLinear));
   // The plane at 400 mm is as large as the monitor: 100 mm to either side, a quarter of its depth, so that
   // pixels within 4 px of the middle see it.
   const Outcome over = run_glasswing({"composite", path("rays.exr"), "--plane", "400:" + path("picture.exr"),

@@ -16,6 +16,7 @@
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -97,7 +98,7 @@ class StMap : public ScratchTest {
  protected:
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }
   std::string write_matte(const Matte& matte) const {
-    EXPECT_TRUE(write_file_durably(path("vase.exr"), encode_matte(matte).value()).ok());
+    EXPECT_OK(write_file_durably(path("vase.exr"), encode_matte(matte).value()));
     return path("vase.exr");
   }
 };
@@ -136,8 +137,7 @@ TEST_F(StMap, OiiotoolWarpsAsTheCompositorDoes) {
     const v1::Monitor& monitor = matte.metadata.monitors(texture);
     std::vector<RadianceImage> behind(2);
     behind[static_cast<size_t>(texture)] = random_picture(monitor.width_px(), monitor.height_px());
-    ASSERT_TRUE(
-        write_radiance(path("behind.exr"), behind[static_cast<size_t>(texture)], Encoding::kLinear).ok());
+    ASSERT_OK(write_radiance(path("behind.exr"), behind[static_cast<size_t>(texture)], Encoding::kLinear));
     const RadianceImage expected = composite(matte, behind).value();
     ASSERT_EQ(
         run_glasswing({"stmap", path("vase.exr"), "--monitor", monitor.name(), "-o", path("st.exr")}).status,
@@ -205,7 +205,7 @@ TEST_F(StMap, BlenderWarpsToTheSamePlace) {
       ramp.at(x, y, 1) = (static_cast<float>(y) + 0.5f) / kRampHeight;
     }
   }
-  ASSERT_TRUE(write_radiance(path("ramp.exr"), ramp, Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path("ramp.exr"), ramp, Encoding::kLinear));
   Matte matte = empty_matte();
   matte.metadata.mutable_monitors(0)->set_width_px(kRampWidth);
   matte.metadata.mutable_monitors(0)->set_height_px(kRampHeight);
@@ -221,7 +221,7 @@ TEST_F(StMap, BlenderWarpsToTheSamePlace) {
   }
   for (int c = 0; c < kChannels; ++c) matte.modes(12, 9, c)[0].texture = 1;
   ASSERT_EQ(run_glasswing({"stmap", write_matte(matte), "-o", path("st.exr")}).status, 0);
-  ASSERT_TRUE(write_file_durably(path("map_uv.py"), kMapUv).ok());
+  ASSERT_OK(write_file_durably(path("map_uv.py"), kMapUv));
   const Said said = run_program(
       fmt::format("cd {0} && blender -b --factory-startup -P map_uv.py -- {0}/ramp.exr {0}/st.exr "
                   "{0}/out.exr {1} {2}",
@@ -260,7 +260,7 @@ TEST_F(StMap, OfAFileIsThatOfTheMatte) {
   for (const int path_number : {0, 1}) {
     const absl::StatusOr<WrittenStmap> written =
         write_stmap(bytes, {.monitor = "back", .path = path_number}, path("st.exr"));
-    ASSERT_TRUE(written.ok()) << written.status();
+    ASSERT_OK(written);
     EXPECT_EQ(written->channel, strongest_channel(matte, 0));
     EXPECT_EQ(read_file(path("st.exr")).value(),
               encode_stmap(matte, 0, written->channel, path_number).value());
@@ -284,7 +284,7 @@ TEST_F(StMap, BadInputIsNamedAndNothingIsWritten) {
   expect_one_line_error(run_glasswing({"stmap", matte, "--path", "9", "-o", path("st.exr")}), "--path");
   std::string cut = read_file(matte).value();
   cut.resize(cut.size() - 10);
-  ASSERT_TRUE(write_file_durably(path("cut.exr"), cut).ok());
+  ASSERT_OK(write_file_durably(path("cut.exr"), cut));
   expect_one_line_error(run_glasswing({"stmap", path("cut.exr"), "--channel", "g", "-o", path("st.exr")}),
                         path("cut.exr"));
   for (const auto& left :

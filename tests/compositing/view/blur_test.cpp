@@ -7,6 +7,7 @@
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -128,7 +129,7 @@ using BlurCommand = ScratchTest;
 
 TEST_F(BlurCommand, PrintsATableAndWritesAPicture) {
   const std::string matte = (scratch_ / "m.exr").string(), picture = (scratch_ / "m.png").string();
-  ASSERT_TRUE(write_file_durably(matte, encode_matte(empty_stage()).value()).ok());
+  ASSERT_OK(write_file_durably(matte, encode_matte(empty_stage()).value()));
   const Outcome table = run_glasswing({"blur", matte, "-o", picture});
   EXPECT_EQ(table.status, 0) << table.err;
   EXPECT_NE(table.out.find("bottom right      80      2.500      2.000"), std::string::npos) << table.out;

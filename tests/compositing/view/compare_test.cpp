@@ -9,6 +9,7 @@
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "tests/compositing/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -69,7 +70,7 @@ using CompareCommand = ScratchTest;
 
 TEST_F(CompareCommand, EqualPicturesHaveNoNumberInJson) {
   const std::string path = (scratch_ / "a.exr").string();
-  ASSERT_TRUE(write_radiance(path, flat(5, 4, 0.25f), Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(path, flat(5, 4, 0.25f), Encoding::kLinear));
   const Outcome outcome = run_glasswing({"compare", path, path, "--json"});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_TRUE(nlohmann::json::parse(outcome.out)["psnr_db"].is_null());
@@ -80,7 +81,7 @@ TEST_F(CompareCommand, AFrameOfACalibratedArchiveIsLight) {
   std::filesystem::create_directories(archive / "frames");
   Image16 frame(4, 4);
   std::ranges::fill(frame.samples, std::uint16_t{16384});  // a quarter
-  ASSERT_TRUE(write_file_durably(archive / "frames/000000.tif", encode_tiff(frame)).ok());
+  ASSERT_OK(write_file_durably(archive / "frames/000000.tif", encode_tiff(frame)));
   // Light is half of the code.
   const std::string manifest = R"({"format_version": 1, "session": "s", "monitors": [
       {"name": "back", "width_px": 4, "height_px": 4}],
@@ -88,9 +89,9 @@ TEST_F(CompareCommand, AFrameOfACalibratedArchiveIsLight) {
     "frames": [{"file": "frames/000000.tif", "stimulus": {"kind": "solid", "colour": [1, 1, 1], "panel": "back"}}],
     "camera_calibration": {"format_version": 1, "camera": "cam", "saturation": 1,
       "curves": [{"light": [0, 0.5]}, {"light": [0, 0.5]}, {"light": [0, 0.5]}]}})";
-  ASSERT_TRUE(write_file_durably(archive / "manifest.json", manifest).ok());
+  ASSERT_OK(write_file_durably(archive / "manifest.json", manifest));
   const std::string light = (scratch_ / "light.exr").string();
-  ASSERT_TRUE(write_radiance(light, flat(4, 4, 0.125f), Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(light, flat(4, 4, 0.125f), Encoding::kLinear));
   const Outcome outcome =
       run_glasswing({"compare", (archive / "frames/000000.tif").string(), light, "--linear", "--json"});
   ASSERT_EQ(outcome.status, 0) << outcome.err;

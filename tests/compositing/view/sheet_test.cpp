@@ -2,6 +2,7 @@
 
 #include "core/frame/image_file.h"
 #include "tests/compositing/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -14,7 +15,7 @@ class Sheet : public ScratchTest {
     RadianceImage image(width_px, kHeight);
     for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = light[i % 3];
     const std::string file = (scratch_ / name).string();
-    EXPECT_TRUE(write_radiance(file, image, Encoding::kDisplay).ok());
+    EXPECT_OK(write_radiance(file, image, Encoding::kDisplay));
     return file;
   }
   // Pixels of this light on the sheet.

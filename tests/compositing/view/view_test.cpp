@@ -8,6 +8,7 @@
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -212,7 +213,7 @@ TEST(MattePanels, TheMostSeriousFlagIsShown) {
 
 class ViewCommand : public ScratchTest {
  protected:
-  ViewCommand() { EXPECT_TRUE(write_file_durably(matte_, encode_matte(a_matte()).value()).ok()); }
+  ViewCommand() { EXPECT_OK(write_file_durably(matte_, encode_matte(a_matte()).value())); }
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }
 
   // The codes of a PNG.
@@ -267,7 +268,7 @@ TEST_F(ViewCommand, LargeMattesAreReducedAndLongTextsCut) {
   matte.metadata.set_width_px(1000);
   matte.metadata.set_height_px(700);
   matte.metadata.add_warnings(std::string(2000, 'w'));
-  ASSERT_TRUE(write_file_durably(path("large.exr"), encode_matte(matte).value()).ok());
+  ASSERT_OK(write_file_durably(path("large.exr"), encode_matte(matte).value()));
   ASSERT_EQ(run_glasswing({"view", path("large.exr"), "-o", path("sheet.png")}).status, 0);
   const CodeImage sheet = read("sheet.png");
   EXPECT_LT(sheet.width_px, 2000);
@@ -280,7 +281,7 @@ TEST_F(ViewCommand, BadInputIsNamedAndNothingIsWritten) {
   expect_one_line_error(run_glasswing({"view", path("none.exr"), "-o", path("sheet.png")}), path("none.exr"));
   expect_one_line_error(run_glasswing({"view", scratch_.string(), "-o", path("sheet.png")}),
                         scratch_.string());
-  ASSERT_TRUE(write_file_durably(path("text.exr"), "no matte at all").ok());
+  ASSERT_OK(write_file_durably(path("text.exr"), "no matte at all"));
   expect_one_line_error(run_glasswing({"view", path("text.exr"), "-o", path("sheet.png")}), "no matte");
   expect_one_line_error(run_glasswing({"view", matte_, "-o", path("nowhere/sheet.png")}), path("nowhere"));
   EXPECT_FALSE(std::filesystem::exists(path("sheet.png")));

@@ -7,6 +7,7 @@
 #include "core/rays/ray_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/compositing/web/made_for_web.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -17,9 +18,9 @@ class WebFolder : public ScratchTest {
  protected:
   WebFolder() {
     fs::create_directories(player_ / "assets");
-    EXPECT_TRUE(write_file_durably(player_ / "index.html", "<html>").ok());
-    EXPECT_TRUE(write_file_durably(player_ / "assets/player.js", "1").ok());
-    EXPECT_TRUE(write_file_durably(matte_, encode_matte(a_matte()).value()).ok());
+    EXPECT_OK(write_file_durably(player_ / "index.html", "<html>"));
+    EXPECT_OK(write_file_durably(player_ / "assets/player.js", "1"));
+    EXPECT_OK(write_file_durably(matte_, encode_matte(a_matte()).value()));
   }
   Outcome web(std::vector<std::string> more) {
     std::vector<std::string> all{"web", matte_, "-o", folder_.string(), "--player", player_.string()};
@@ -32,7 +33,7 @@ class WebFolder : public ScratchTest {
 
 TEST_F(WebFolder, HasPlayerMatteAndPictures) {
   const std::string picture = (scratch_ / "sea.png").string();
-  ASSERT_TRUE(write_file_durably(picture, "png").ok());
+  ASSERT_OK(write_file_durably(picture, "png"));
   const Outcome run = web({"--background", picture});
   ASSERT_EQ(run.status, 0) << run.err;
   const auto description = nlohmann::json::parse(read_file(folder_ / "matte.json").value());
@@ -44,14 +45,14 @@ TEST_F(WebFolder, HasPlayerMatteAndPictures) {
   for (const auto& plane : description["planes"]) bytes += plane["bytes"].get<size_t>();
   EXPECT_EQ(read_file(folder_ / "matte.bin").value().size(), bytes);
   // Again: what an older player left goes.
-  ASSERT_TRUE(write_file_durably(folder_ / "assets/old.js", "0").ok());
+  ASSERT_OK(write_file_durably(folder_ / "assets/old.js", "0"));
   ASSERT_EQ(web({}).status, 0);
   EXPECT_FALSE(fs::exists(folder_ / "assets/old.js"));
 }
 
 TEST_F(WebFolder, RefusesWhatItWouldSpoil) {
   fs::create_directories(folder_);
-  ASSERT_TRUE(write_file_durably(folder_ / "thesis.tex", "x").ok());
+  ASSERT_OK(write_file_durably(folder_ / "thesis.tex", "x"));
   const Outcome run = web({});
   expect_one_line_error(run, "has other files");
   EXPECT_FALSE(fs::exists(folder_ / "index.html"));
@@ -63,12 +64,12 @@ TEST_F(WebFolder, RefusesPicturesThatBrowsersDoNotShow) {
 }
 
 TEST_F(WebFolder, OfRaysHasDirectionsAndEnvironments) {
-  ASSERT_TRUE(write_file_durably(matte_, encode_rays(two_rays()).value()).ok());
+  ASSERT_OK(write_file_durably(matte_, encode_rays(two_rays()).value()));
   const std::string street = (scratch_ / "street.exr").string(), sea = (scratch_ / "sea.jpg").string();
   RadianceImage light(16, 8);
   std::ranges::fill(light.samples, 40.0f);
-  ASSERT_TRUE(write_radiance(street, light, Encoding::kLinear).ok());
-  ASSERT_TRUE(write_file_durably(sea, "jpg").ok());
+  ASSERT_OK(write_radiance(street, light, Encoding::kLinear));
+  ASSERT_OK(write_file_durably(sea, "jpg"));
   const Outcome run = web({"--environment", street, "--environment", sea, "--environment-turn", "-30",
                            "--environment-gain", "0.5"});
   ASSERT_EQ(run.status, 0) << run.err;
@@ -87,7 +88,7 @@ TEST_F(WebFolder, OfRaysHasDirectionsAndEnvironments) {
 
 TEST_F(WebFolder, TellsPicturesFromEnvironments) {
   expect_one_line_error(web({"--environment", "street.exr"}), "glasswing rays makes one");
-  ASSERT_TRUE(write_file_durably(matte_, encode_rays(two_rays()).value()).ok());
+  ASSERT_OK(write_file_durably(matte_, encode_rays(two_rays()).value()));
   expect_one_line_error(web({"--background", "sea.png"}), "--environment is");
 }
 

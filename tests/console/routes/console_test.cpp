@@ -21,6 +21,7 @@
 #include "tests/console/rays/straight_mattes.h"
 #include "tests/core/archive/made_archive.h"
 #include "tests/core/security/made_certificates.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -206,7 +207,7 @@ TEST_F(ConsoleTest, AFolderWithoutThePageSaysSoUntilItHasIt) {
   EXPECT_EQ(empty->status, 404);
   EXPECT_NE(empty->body.find((scratch_ / "page").string() + " has no index.html"), std::string::npos)
       << empty->body;
-  ASSERT_TRUE(write_file_durably(page, "<!doctype html>").ok());
+  ASSERT_OK(write_file_durably(page, "<!doctype html>"));
   EXPECT_EQ(client().Get("/")->status, 200);
 }
 
@@ -295,7 +296,7 @@ TEST_F(ConsoleTest, AnEndedLoginEndsItsStreams) {
   request.content_receiver = [&](const char* bytes, size_t size, std::uint64_t, std::uint64_t) {
     seen.append(bytes, size);
     if (seen.ends_with("\"provenCount\":2}}\n\n")) {
-      EXPECT_TRUE(tokens_->revoke(link.token.id).ok());
+      EXPECT_OK(tokens_->revoke(link.token.id));
     }
     return true;
   };
@@ -541,7 +542,7 @@ TEST_F(ConsoleTest, FewPagesWaitForRays) {
 TEST_F(ConsoleTest, AnArchiveIsATarFileThatUnpacksToAnArchive) {
   start();
   ArchiveStore store(scratch_ / "node");
-  ASSERT_TRUE(store.prepare().ok());
+  ASSERT_OK(store.prepare());
   v1::CaptureManifest header = MadeArchive::header();
   header.set_session("vase");
   header.add_monitors()->set_name("back");
@@ -555,8 +556,8 @@ TEST_F(ConsoleTest, AnArchiveIsATarFileThatUnpacksToAnArchive) {
     std::ranges::fill(frames[i].image.samples, static_cast<std::uint16_t>(1000 * i));
   }
   frames[2].record.set_file("frames/" + std::string(200, 'n') + ".tif");
-  ASSERT_TRUE(archive->add(frames).ok());
-  ASSERT_TRUE(archive->seal().ok());
+  ASSERT_OK(archive->add(frames));
+  ASSERT_OK(archive->seal());
   ArchiveServiceImpl service(store);
   const auto node = ServiceHost::start({}, {&service}).value();
   sessions_.archive_address = node->address();
@@ -564,11 +565,11 @@ TEST_F(ConsoleTest, AnArchiveIsATarFileThatUnpacksToAnArchive) {
 
   const auto got = client.Get("/archives/vase.tar");
   ASSERT_EQ(got->status, 200);
-  ASSERT_TRUE(write_file_durably(scratch_ / "vase.tar", got->body).ok());
+  ASSERT_OK(write_file_durably(scratch_ / "vase.tar", got->body));
   ASSERT_EQ(std::system(fmt::format("cd '{}' && tar -xf vase.tar", scratch_.string()).c_str()), 0);
   const std::filesystem::path path = scratch_ / "vase/manifest.json";
   v1::CaptureManifest unpacked;
-  ASSERT_TRUE(parse_archive_json(bytes_of(path), path, &unpacked).ok());
+  ASSERT_OK(parse_archive_json(bytes_of(path), path, &unpacked));
   EXPECT_EQ(unpacked.SerializeAsString(), archive->manifest().SerializeAsString());
   for (const v1::Frame& frame : unpacked.frames())
     EXPECT_EQ(bytes_of(scratch_ / "vase" / frame.file()), archive->read_frame_bytes(frame.file()).value());
@@ -583,7 +584,7 @@ TEST_F(ConsoleTest, AnArchiveIsATarFileThatUnpacksToAnArchive) {
 TEST_F(ConsoleTest, AnArchiveFromABrowserPassesToTheNodeWhole) {
   start();
   ArchiveStore from(scratch_ / "from");
-  ASSERT_TRUE(from.prepare().ok());
+  ASSERT_OK(from.prepare());
   v1::CaptureManifest header = MadeArchive::header();
   header.set_session("vase");
   header.add_monitors()->set_name("back");
@@ -597,7 +598,7 @@ TEST_F(ConsoleTest, AnArchiveFromABrowserPassesToTheNodeWhole) {
     for (size_t at = 0; at < frames[i].image.samples.size(); ++at)
       frames[i].image.samples[at] = static_cast<std::uint16_t>(977 * at + i);
   }
-  ASSERT_TRUE(archive->add(frames).ok());
+  ASSERT_OK(archive->add(frames));
   const v1::CaptureManifest whole = archive->manifest();
   const std::string manifest = archive_json(whole, true);
   std::string body;
@@ -771,15 +772,14 @@ TEST_F(ConsoleTest, ACookieThatIsNoSecretIsNotSentOn) {
 TEST_F(ConsoleTest, OverTlsCookiesAreSecureAndCertificatesOfBrowsersAreNotAskedFor) {
   const MadeCertificate ca = make_certificate("ca");
   const auto write = [&](const std::string& file, const std::string& pem) {
-    EXPECT_TRUE(write_file_durably(scratch_ / file, pem).ok());
+    EXPECT_OK(write_file_durably(scratch_ / file, pem));
     return (scratch_ / file).string();
   };
   // Of the test's own process: the server's certificate, the node's and the console's.
   const MadeCertificate own = make_certificate(
       "rig", &ca, fmt::format("IP:127.0.0.1,URI:{0}server,URI:{0}console,URI:{0}camera", kRoleUri));
-  ASSERT_TRUE(use_tls({write("ca.pem", ca.certificate_pem()), write("own.pem", own.certificate_pem()),
-                       write("own.key", own.key_pem())})
-                  .ok());
+  ASSERT_OK(use_tls({write("ca.pem", ca.certificate_pem()), write("own.pem", own.certificate_pem()),
+                     write("own.key", own.key_pem())}));
   start();
   EXPECT_TRUE(console_->url().starts_with("https://"));
   const MadeCertificate berta = make_certificate("berta", &ca, fmt::format("URI:{}operator", kRoleUri));

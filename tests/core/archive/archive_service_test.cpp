@@ -7,6 +7,7 @@
 #include "core/archive/archive_location.h"
 #include "core/base/checksum.h"
 #include "tests/core/archive/made_archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -66,11 +67,11 @@ TEST_F(ArchiveService, AnyRegionIsTheFilesBytesFromAnyOffset) {
     const std::string expected = rows_of(node_->archive(), frames, first, count);
     v1::ReadRowsRequest request = request_for(frames, first, count);
     std::string rows;
-    ASSERT_TRUE(read(request, rows).ok());
+    ASSERT_OK(read(request, rows));
     ASSERT_EQ(rows, expected);
     const auto offset = static_cast<size_t>(below(static_cast<int>(expected.size()) + 1));
     request.set_offset_bytes(static_cast<std::int64_t>(offset));
-    ASSERT_TRUE(read(request, rows).ok());
+    ASSERT_OK(read(request, rows));
     ASSERT_EQ(rows, expected.substr(offset));
   }
 }
@@ -78,7 +79,7 @@ TEST_F(ArchiveService, AnyRegionIsTheFilesBytesFromAnyOffset) {
 TEST_F(ArchiveService, FramesOfACallAreStoredInTheirOrderOrNotAtAll) {
   v1::CaptureManifest header = MadeArchive::header();
   header.set_session("new");
-  ASSERT_TRUE(node_->store.create(header).ok());
+  ASSERT_OK(node_->store.create(header));
   const std::filesystem::path frames = node_->directory / "new" / "frames";
   // Names are a file's letter and the number of its picture.
   const auto put = [&](const std::vector<std::string>& names, const std::string& damaged) {
@@ -146,7 +147,7 @@ TEST_F(ArchiveService, AnotherPictureOfAStoredStepIsRefused) {
   EXPECT_EQ(put(0, "frames/7.tif"), grpc::StatusCode::OK) << "the same again";
   for (const bool sealed : {false, true}) {
     if (sealed) {
-      ASSERT_TRUE(node_->store.find("new").value()->seal().ok());
+      ASSERT_OK(node_->store.find("new").value()->seal());
     }
     EXPECT_EQ(put(1, "frames/7.tif"), grpc::StatusCode::ALREADY_EXISTS) << sealed;
     EXPECT_EQ(put(1, "frames/8.tif"), grpc::StatusCode::ALREADY_EXISTS) << sealed;
@@ -193,14 +194,14 @@ TEST_F(ArchiveService, AnImportsTokenOpensItsOwnArchiveUntilTheImportEnds) {
   v1::SealArchiveRequest seal;
   seal.set_session("a");
   v1::SealArchiveResponse sealed;
-  ASSERT_TRUE(stub_->SealArchive(&context, seal, &sealed).ok());
+  ASSERT_OK(stub_->SealArchive(&context, seal, &sealed));
   EXPECT_EQ(put("a", "3d"), grpc::StatusCode::PERMISSION_DENIED);
 }
 
 TEST_F(ArchiveService, ListsTheArchivesThatAreHere) {
   v1::CaptureManifest other = MadeArchive::header();
   other.set_session("a");
-  ASSERT_TRUE(node_->store.create(other).ok());
+  ASSERT_OK(node_->store.create(other));
   std::filesystem::create_directories(root_ / "empty");
   std::filesystem::create_directories(root_ / ".removed-x/frames");
   grpc::ClientContext context;
@@ -208,13 +209,13 @@ TEST_F(ArchiveService, ListsTheArchivesThatAreHere) {
   std::vector<std::string> names;
   for (v1::ListArchivesResponse some; reader->Read(&some);)
     names.insert(names.end(), some.sessions().begin(), some.sessions().end());
-  EXPECT_TRUE(reader->Finish().ok());
+  EXPECT_OK(reader->Finish());
   EXPECT_EQ(names, (std::vector<std::string>{"a", "s"}));
 }
 
 TEST_F(ArchiveService, AnArchiveThatWasDeletedIsNotAnsweredFromMemory) {
   std::string rows;
-  ASSERT_TRUE(read(request_for({0}, 0, 1), rows).ok());
+  ASSERT_OK(read(request_for({0}, 0, 1), rows));
   std::filesystem::remove_all(node_->archive());
   EXPECT_EQ(read(request_for({0}, 0, 1), rows).error_code(), grpc::StatusCode::NOT_FOUND);
 }
@@ -245,14 +246,14 @@ TEST_F(ArchiveService, AFileThatChangesLaterIsFoundOut) {
   std::string rows;
   v1::LocateArchiveResponse place;
   const v1::ReadRowsRequest request = request_for({0, 1}, 0, MadeArchive::kHeight);
-  ASSERT_TRUE(read(request, rows).ok());
+  ASSERT_OK(read(request, rows));
   const auto expect_damaged = [&](const std::string& how) {
     for (const grpc::Status& status : {read(request, rows), locate({0, 1}, place)}) {
       EXPECT_EQ(status.error_code(), grpc::StatusCode::DATA_LOSS) << how;
       EXPECT_NE(status.error_message().find("frames/000001.tif"), std::string::npos)
           << status.error_message();
     }
-    EXPECT_TRUE(read(request_for({0}, 0, 1), rows).ok()) << "the others can be read";
+    EXPECT_OK(read(request_for({0}, 0, 1), rows)) << "the others can be read";
   };
   write_over(path, whole.size() / 2, static_cast<char>(whole[whole.size() / 2] ^ 1));
   expect_damaged("altered");
@@ -261,7 +262,7 @@ TEST_F(ArchiveService, AFileThatChangesLaterIsFoundOut) {
   std::filesystem::remove(path);
   expect_damaged("removed");
   std::ofstream(path, std::ios::binary) << whole;
-  EXPECT_TRUE(read(request, rows).ok());
+  EXPECT_OK(read(request, rows));
 }
 
 TEST_F(ArchiveService, WhoReadsWhatIsDeletedReadsOn) {
@@ -275,7 +276,7 @@ TEST_F(ArchiveService, WhoReadsWhatIsDeletedReadsOn) {
   std::string rows = response.chunk();
   const std::shared_ptr<const MappedFile> mapped =
       node_->store.find("s").value()->map(MadeArchive::file(3)).value();
-  ASSERT_TRUE(node_->store.remove("s").ok());
+  ASSERT_OK(node_->store.remove("s"));
   EXPECT_FALSE(std::filesystem::exists(node_->archive()));
   EXPECT_EQ(mapped->bytes().substr(256), std::string_view(expected).substr(0, expected.size() / 40));
   while (reader->Read(&response)) rows += response.chunk();
@@ -287,13 +288,13 @@ TEST_F(ArchiveService, WhoReadsWhatIsDeletedReadsOn) {
 
 TEST_F(ArchiveService, ToldWhereItLiesASecondReaderFindsTheSameDirectory) {
   v1::LocateArchiveResponse place;
-  ASSERT_TRUE(locate({0, 1, 2}, place).ok());
+  ASSERT_OK(locate({0, 1, 2}, place));
   EXPECT_TRUE(std::filesystem::equivalent(place.directory(), node_->archive()));
   const std::shared_ptr<LocalArchive> local = LocalArchive::open(place);
   ASSERT_NE(local, nullptr);
   EXPECT_EQ(LocalArchive::open(place), local) << "one is enough";
   const auto mapped = local->map(MadeArchive::file(2), {MadeArchive::kWidth, MadeArchive::kHeight});
-  ASSERT_TRUE(mapped.ok()) << mapped.status();
+  ASSERT_OK(mapped);
   EXPECT_EQ((*mapped)->bytes(), bytes_of(node_->archive() / MadeArchive::file(2)));
   EXPECT_FALSE(local->map(MadeArchive::file(2), {MadeArchive::kWidth, MadeArchive::kHeight + 1}).ok());
   EXPECT_FALSE(local->map(MadeArchive::file(2), {MadeArchive::kHeight, MadeArchive::kWidth}).ok());
@@ -349,7 +350,7 @@ TEST_F(ArchiveService, FilesCutShortWhileTheyAreReadEndNoNodeAndMakeUpNothing) {
   }
   EXPECT_GT(damaged, 0) << "every cut came too late";
   std::string rows;
-  EXPECT_TRUE(read(request, rows).ok());
+  EXPECT_OK(read(request, rows));
   EXPECT_EQ(rows, expected);
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "tests/core/archive/made_archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -21,9 +22,9 @@ TEST_F(ArchiveStoreTest, ClosesWhatNobodyAskedForOfLateAndOpensItAgain) {
   for (int i = 0; i < 20; ++i) make(fmt::format("s{}", i));
   EXPECT_TRUE(first.expired());
   EXPECT_EQ(store.find("in-use").value(), in_use);  // never two objects for one archive
-  for (int i = 0; i < 20; ++i) EXPECT_TRUE(store.find(fmt::format("s{}", i)).ok());
+  for (int i = 0; i < 20; ++i) EXPECT_OK(store.find(fmt::format("s{}", i)));
   in_use = nullptr;
-  EXPECT_TRUE(store.find("first").ok());
+  EXPECT_OK(store.find("first"));
   EXPECT_TRUE(used.expired());
 }
 

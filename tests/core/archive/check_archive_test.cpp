@@ -7,6 +7,7 @@
 #include "core/base/directory_lock.h"
 #include "core/base/file.h"
 #include "core/frame/archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -32,15 +33,15 @@ class CheckArchive : public testing::Test {
       record.mutable_stimulus()->set_kind("solid");
       Image16 image(7, 5);
       image.samples[0] = static_cast<std::uint16_t>(step);
-      ASSERT_TRUE(archive_->add({{.record = record, .image = image}}).ok());
+      ASSERT_OK(archive_->add({{.record = record, .image = image}}));
     }
   }
   void TearDown() override { fs::remove_all(data_); }
-  void seal() { ASSERT_TRUE(archive_->seal().ok()); }
+  void seal() { ASSERT_OK(archive_->seal()); }
 
   CheckReport check(bool repair = false) const {
     const absl::StatusOr<CheckReport> report = fsck(data_, {.repair = repair});
-    EXPECT_TRUE(report.ok()) << report.status();
+    EXPECT_OK(report);
     return report.value_or(CheckReport());
   }
   // That one thing alone is found, of that file, and a repair leaves nothing to be found.
@@ -58,7 +59,7 @@ class CheckArchive : public testing::Test {
   void flip(const fs::path& file, size_t at) const {
     std::string bytes = read_file(file).value();
     bytes.at(at) = static_cast<char>(bytes.at(at) ^ 1);
-    ASSERT_TRUE(write_file_durably(file, bytes).ok());
+    ASSERT_OK(write_file_durably(file, bytes));
   }
   int frames_left() const { return Archive::open(directory_).value()->manifest().frames_size(); }
 
@@ -79,7 +80,7 @@ TEST_F(CheckArchive, AnArchiveThatIsWholeIsClean) {
   fs::remove(directory_ / "header.json");
   fs::remove(journal_);
   const absl::StatusOr<CheckReport> exported = fsck(directory_, {});
-  ASSERT_TRUE(exported.ok()) << exported.status();
+  ASSERT_OK(exported);
   EXPECT_EQ(exported->kind, "archive");
   EXPECT_TRUE(exported->findings.empty());
 }
@@ -94,7 +95,7 @@ TEST_F(CheckArchive, ADamagedFrameOfACaptureUnderWayIsTakenAnew) {
     v1::Frame record;
     record.set_step(2);
     record.mutable_stimulus()->set_kind("solid");
-    ASSERT_TRUE(archive->add({{.record = record, .image = Image16(7, 5)}}).ok());
+    ASSERT_OK(archive->add({{.record = record, .image = Image16(7, 5)}}));
     EXPECT_TRUE(check().findings.empty());
   }
   EXPECT_TRUE(fs::exists(directory_ / "damaged/frames/000002.tif"));
@@ -113,7 +114,7 @@ TEST_F(CheckArchive, ADamagedFrameOfACapturedSessionKeepsItsPlaceForACopy) {
   ASSERT_EQ(missing.findings.size(), 1u);
   EXPECT_FALSE(missing.findings[0].repaired);
   EXPECT_TRUE(missing.findings[0].repair.empty());
-  ASSERT_TRUE(write_file_durably(frame_, whole).ok());
+  ASSERT_OK(write_file_durably(frame_, whole));
   EXPECT_TRUE(check().findings.empty());
 }
 
@@ -122,7 +123,7 @@ TEST_F(CheckArchive, ListsAreMadeAnewFromEachOther) {
   for (const char* name : {"header.json", "frames.jsonl", "manifest.json"}) {
     const fs::path file = directory_ / name;
     const std::string whole = read_file(file).value();
-    ASSERT_TRUE(write_file_durably(file, whole.substr(1)).ok());
+    ASSERT_OK(write_file_durably(file, whole.substr(1)));
     expect_mends(file, true);
     EXPECT_EQ(read_file(file).value(), whole);
     EXPECT_TRUE(fs::exists(directory_ / "damaged" / name));
@@ -132,7 +133,7 @@ TEST_F(CheckArchive, ListsAreMadeAnewFromEachOther) {
   expect_mends(journal_, true);
   EXPECT_EQ(read_file(journal_).value(), whole);
   // It lost a line.
-  ASSERT_TRUE(write_file_durably(journal_, whole.substr(0, whole.find('\n') + 1)).ok());
+  ASSERT_OK(write_file_durably(journal_, whole.substr(0, whole.find('\n') + 1)));
   expect_mends(journal_, true);
   EXPECT_EQ(frames_left(), kFrames);
 }
@@ -140,7 +141,7 @@ TEST_F(CheckArchive, ListsAreMadeAnewFromEachOther) {
 TEST_F(CheckArchive, LinesThatNothingElseHoldsAreDropped) {
   std::string lines = read_file(journal_).value();
   lines[lines.find('\n') + 1] = '?';
-  ASSERT_TRUE(write_file_durably(journal_, lines).ok());
+  ASSERT_OK(write_file_durably(journal_, lines));
   EXPECT_FALSE(Archive::open(directory_).ok());
   const CheckReport report = check(true);
   ASSERT_EQ(report.findings.size(), 2u) << "the lines, and the frame that they do not list any more";
@@ -152,15 +153,15 @@ TEST_F(CheckArchive, LinesThatNothingElseHoldsAreDropped) {
 }
 
 TEST_F(CheckArchive, WhatBrokenOffWritesLeftIsNoDamage) {
-  ASSERT_TRUE(append_file_durably(journal_, "{\"file\": \"frames/0000").ok());
+  ASSERT_OK(append_file_durably(journal_, "{\"file\": \"frames/0000"));
   expect_mends(journal_, false);
   EXPECT_EQ(frames_left(), kFrames);
   const fs::path temporary = directory_ / "frames/000009.tif.12.tmp",
                  orphan = directory_ / "frames/000009.tif";
-  ASSERT_TRUE(write_file_durably(temporary, "half").ok());
+  ASSERT_OK(write_file_durably(temporary, "half"));
   expect_mends(temporary, false);
   EXPECT_FALSE(fs::exists(temporary));
-  ASSERT_TRUE(write_file_durably(orphan, "whole").ok());
+  ASSERT_OK(write_file_durably(orphan, "whole"));
   expect_mends(orphan, false);
   EXPECT_EQ(read_file(directory_ / "damaged/frames/000009.tif").value(), "whole");
   const fs::path removed = data_ / "archives/.removed-t";
@@ -170,7 +171,7 @@ TEST_F(CheckArchive, WhatBrokenOffWritesLeftIsNoDamage) {
 }
 
 TEST_F(CheckArchive, WhatNothingTellsCannotBeRepaired) {
-  ASSERT_TRUE(write_file_durably(directory_ / "header.json", "no json").ok());
+  ASSERT_OK(write_file_durably(directory_ / "header.json", "no json"));
   const CheckReport report = check(true);
   ASSERT_EQ(report.findings.size(), 1u);
   EXPECT_TRUE(report.findings[0].repair.empty());

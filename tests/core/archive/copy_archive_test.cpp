@@ -3,6 +3,7 @@
 
 #include "core/base/file.h"
 #include "tests/core/archive/made_archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -48,7 +49,7 @@ class CopyArchive : public ArchiveTest {
 TEST_F(CopyArchive, IsTheSameByteForByteAndOutlivesTheNode) {
   std::vector<v1::CopyArchiveResponse> told;
   const grpc::Status status = copy(&told);
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK(status);
   expect_whole_copy();
   std::int64_t bytes = 0;
   for (int i = 0; i < MadeArchive::kFrames; ++i)
@@ -69,7 +70,7 @@ TEST_F(CopyArchive, CompressedFramesStaySo) {
   from_ = std::make_unique<ArchiveNode>(root_ / "from");
   MadeArchive::fill(from_->store, FrameForm::kCompressed);
   const grpc::Status status = copy();
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK(status);
   expect_whole_copy();
   EXPECT_LT(bytes_of(to_->archive() / MadeArchive::file(0)).size(),
             MadeArchive::kRowBytes * MadeArchive::kHeight);
@@ -87,23 +88,23 @@ TEST_F(CopyArchive, WhatBrokeOffIsTakenUp) {
   EXPECT_FALSE(std::filesystem::exists(to_->archive() / "manifest.json")) << "it is not whole";
   const std::vector<FileIdentity> before = {copied(0), copied(1), copied(2)};
 
-  ASSERT_TRUE(write_file_durably(bad, good).ok());
+  ASSERT_OK(write_file_durably(bad, good));
   std::vector<v1::CopyArchiveResponse> told;
   status = copy(&told);
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK(status);
   EXPECT_EQ(told.front().frames_done(), 3);
   EXPECT_EQ(before, (std::vector<FileIdentity>{copied(0), copied(1), copied(2)})) << "not copied again";
   expect_whole_copy();
 }
 
 TEST_F(CopyArchive, AskedAgainItMendsWhatIsDamaged) {
-  ASSERT_TRUE(copy().ok());
+  ASSERT_OK(copy());
   const std::vector<FileIdentity> before = {copied(0), copied(2), copied(3)};
   write_over(to_->archive() / MadeArchive::file(1), 5000, 'x');
   write_over(to_->archive() / MadeArchive::file(1), 5001, 'y');
   std::filesystem::resize_file(to_->archive() / MadeArchive::file(4), 700);
   EXPECT_FALSE(to_->store.find("s").value()->map(MadeArchive::file(4)).ok());
-  ASSERT_TRUE(copy().ok());
+  ASSERT_OK(copy());
   expect_whole_copy();
   EXPECT_EQ(before, (std::vector<FileIdentity>{copied(0), copied(2), copied(3)}));
 }
@@ -111,7 +112,7 @@ TEST_F(CopyArchive, AskedAgainItMendsWhatIsDamaged) {
 TEST_F(CopyArchive, AnotherSessionOfTheNameIsLeftAlone) {
   v1::CaptureManifest other = MadeArchive::header();
   other.set_created("2025-11-01T12:00:00Z");
-  ASSERT_TRUE(to_->store.create(other).ok());
+  ASSERT_OK(to_->store.create(other));
   EXPECT_EQ(copy().error_code(), grpc::StatusCode::ALREADY_EXISTS);
   EXPECT_EQ(to_->store.find("s").value()->manifest().frames_size(), 0);
 }
@@ -130,7 +131,7 @@ TEST_F(CopyArchive, SaysWhichNodeIsAway) {
   from_ = std::make_unique<ArchiveNode>(root_ / "from", address);
   status = copy_archive(to_->store, request, {}, stays, [](const auto&) { return false; });
   EXPECT_TRUE(absl::IsCancelled(status)) << status;
-  EXPECT_TRUE(copy().ok());
+  EXPECT_OK(copy());
   expect_whole_copy();
 }
 

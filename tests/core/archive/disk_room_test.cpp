@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -14,7 +16,7 @@ SpaceOf disk_of(std::uintmax_t total, std::uintmax_t available) {
 TEST(DiskRoom, WhatIsReservedIsNotFree) {
   const DiskRoom room("/frames", 300, disk_of(1000, 1000));
   EXPECT_EQ(room.room()->free_bytes, 700);
-  EXPECT_TRUE(room.check(700).ok());
+  EXPECT_OK(room.check(700));
   const absl::Status full = room.check(701);
   EXPECT_TRUE(absl::IsResourceExhausted(full)) << full;
   EXPECT_NE(full.message().find("/frames"), std::string::npos) << full;
@@ -32,7 +34,7 @@ TEST(DiskRoom, TheUsualReserveFollowsTheDisk) {
 
 TEST(DiskRoom, WhereTheSystemDoesNotTellTheWriteDoes) {
   const DiskRoom room("/frames", 300, [](const auto&) { return absl::UnavailableError("away"); });
-  EXPECT_TRUE(room.check(1).ok());
+  EXPECT_OK(room.check(1));
   EXPECT_FALSE(room.room().ok());
 }
 

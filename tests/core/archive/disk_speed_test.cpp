@@ -5,6 +5,8 @@
 
 #include <filesystem>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -14,7 +16,7 @@ TEST(DiskSpeed, IsMeasuredWithoutLeavingAFile) {
   const fs::path directory = fs::path(testing::TempDir()) / ("speed." + std::to_string(::getpid()));
   fs::create_directories(directory);
   const absl::StatusOr<std::int64_t> speed = measured_write_speed(directory);
-  ASSERT_TRUE(speed.ok()) << speed.status();
+  ASSERT_OK(speed);
   EXPECT_GT(*speed, 0);
   EXPECT_TRUE(fs::is_empty(directory));
   fs::remove_all(directory);

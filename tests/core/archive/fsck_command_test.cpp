@@ -4,6 +4,7 @@
 
 #include "core/daemon/daemon_options.h"
 #include "tests/core/archive/made_archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -24,9 +25,9 @@ class FsckCommand : public ArchiveTest {
       frame.record.set_step(step);
       frame.record.mutable_stimulus()->set_kind("solid");
       frame.image = Image16(MadeArchive::kWidth, MadeArchive::kHeight);
-      ASSERT_TRUE(archive->add({frame}).ok());
+      ASSERT_OK(archive->add({frame}));
     }
-    ASSERT_TRUE(archive->seal().ok());
+    ASSERT_OK(archive->seal());
   }
   // `fsck ARGUMENTS` of a daemon; what it printed is in output_ and errors_.
   int run(std::vector<std::string> arguments) {

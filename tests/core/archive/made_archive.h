@@ -16,6 +16,7 @@
 
 #include "core/archive/archive_service.h"
 #include "core/service/service.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 
@@ -43,8 +44,8 @@ struct MadeArchive {
       for (std::uint16_t& sample : frames[static_cast<size_t>(i)].image.samples)
         sample = static_cast<std::uint16_t>(random() % (form == FrameForm::kPlain ? 65536 : 500));
     }
-    ASSERT_TRUE(archive->add(frames, form).ok());
-    ASSERT_TRUE(archive->seal().ok());
+    ASSERT_OK(archive->add(frames, form));
+    ASSERT_OK(archive->seal());
   }
   static std::string file(int frame) { return "frames/00000" + std::to_string(frame) + ".tif"; }
 };
@@ -77,7 +78,7 @@ inline std::string rows_of(const std::filesystem::path& archive, const std::vect
 struct ArchiveNode {
   explicit ArchiveNode(const std::filesystem::path& archives, const std::string& address = "127.0.0.1:0")
       : directory(archives), store(archives), service(store) {
-    EXPECT_TRUE(store.prepare().ok());
+    EXPECT_OK(store.prepare());
     host = ServiceHost::start({.address = address}, {&service}).value();
   }
   ~ArchiveNode() {

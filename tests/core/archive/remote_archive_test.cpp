@@ -9,6 +9,7 @@
 #include "core/import/foreign_manifest.h"
 #include "tests/core/archive/made_archive.h"
 #include "tests/core/archive/tampering_relay.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -106,9 +107,9 @@ class RemoteArchiveTest : public ArchiveTest {
     return RemoteArchive(addresses, "s", {}, reading).rows(manifest_, all_, kFirst, kCount);
   }
   void expect_read(const absl::StatusOr<FrameRows>& rows) const {
-    ASSERT_TRUE(rows.ok()) << rows.status();
+    ASSERT_OK(rows);
     EXPECT_EQ(text_of(*rows), expected_);
-    EXPECT_TRUE(rows->intact().ok());
+    EXPECT_OK(rows->intact());
   }
   // Which of two nodes is asked first depends on the process; so the failing one comes first in one of both
   // orders, and the other is then asked only for the rest.
@@ -138,19 +139,19 @@ TEST_F(RemoteArchiveTest, RegionsAreTheFilesBytesMappedOrRead) {
   for (const Reading reading : {Reading::kMappedIfHere, Reading::kNeverMapped}) {
     const RemoteArchive archive({a_->address(), b_->address()}, "s", {}, reading);
     const absl::StatusOr<v1::CaptureManifest> manifest = archive.manifest();
-    ASSERT_TRUE(manifest.ok()) << manifest.status();
+    ASSERT_OK(manifest);
     EXPECT_EQ(manifest->SerializeAsString(), manifest_.SerializeAsString());
     for (int trial = 0; trial < 25; ++trial) {
       std::vector<int> frames(static_cast<size_t>(1 + below(6)));
       for (int& frame : frames) frame = below(MadeArchive::kFrames);
       const int first = below(MadeArchive::kHeight), count = 1 + below(MadeArchive::kHeight - first);
       const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, frames, first, count);
-      ASSERT_TRUE(rows.ok()) << rows.status();
+      ASSERT_OK(rows);
       EXPECT_EQ(text_of(*rows), rows_of(a_->archive(), frames, first, count));
       EXPECT_EQ(rows->mapped.size(), reading == Reading::kMappedIfHere ? frames.size() : 0);
       const absl::StatusOr<std::vector<std::uint16_t>> samples =
           archive.samples(manifest_, frames, first, count);
-      ASSERT_TRUE(samples.ok());
+      ASSERT_OK(samples);
       EXPECT_EQ(std::string(reinterpret_cast<const char*>(samples->data()), samples->size() * 2),
                 text_of(*rows));
     }
@@ -232,7 +233,7 @@ TEST_F(RemoteArchiveTest, AConnectionThatIsCutIsTakenUp) {
   std::vector<int> frames;
   for (int i = 0; i < 40; ++i) frames.push_back(i % MadeArchive::kFrames);
   const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, frames, 0, MadeArchive::kHeight);
-  ASSERT_TRUE(rows.ok()) << rows.status();
+  ASSERT_OK(rows);
   const std::string expected = rows_of(a_->archive(), frames, 0, MadeArchive::kHeight);
   EXPECT_EQ(text_of(*rows), expected);
   EXPECT_GE(cuts.load(), 2u);
@@ -323,7 +324,7 @@ TEST_F(RemoteArchiveTest, AFileThatBreaksOffIsReadOnAndADamagedOneAgain) {
   const std::string whole = bytes_of(a_->archive() / MadeArchive::file(2));
   UnsteadyFileNode node(whole);
   const auto file = RemoteArchive({node.address()}, "s", {}).file(manifest_, 2);
-  ASSERT_TRUE(file.ok()) << file.status();
+  ASSERT_OK(file);
   EXPECT_EQ(*file, whole);
   EXPECT_EQ(node.offsets_asked(), (std::vector<std::int64_t>{0, UnsteadyFileNode::kSent, 0}));
   v1::CaptureManifest lying = manifest_;
@@ -347,8 +348,8 @@ TEST_F(RemoteArchiveTest, CompressedRowsAreThoseThatWereStored) {
     }
     for (const Reading reading : {Reading::kMappedIfHere, Reading::kNeverMapped}) {
       const auto rows = RemoteArchive({node.address()}, "s", {}, reading).rows(manifest, all_, first, count);
-      ASSERT_TRUE(rows.ok()) << rows.status();
-      EXPECT_TRUE(rows->intact().ok());
+      ASSERT_OK(rows);
+      EXPECT_OK(rows->intact());
       EXPECT_TRUE(text_of(*rows) == expected) << first;
     }
   }
@@ -357,7 +358,7 @@ TEST_F(RemoteArchiveTest, CompressedRowsAreThoseThatWereStored) {
 TEST_F(RemoteArchiveTest, AMappedFileThatIsCutShortIsReadOtherwiseTheNextTime) {
   const RemoteArchive archive({a_->address(), b_->address()}, "s", {});
   const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, all_, kFirst, kCount);
-  ASSERT_TRUE(rows.ok()) << rows.status();
+  ASSERT_OK(rows);
   ASSERT_EQ(rows->mapped.size(), all_.size());
   for (const ArchiveNode* node : {a_.get(), b_.get()})
     std::filesystem::resize_file(node->archive() / MadeArchive::file(3), 5000);

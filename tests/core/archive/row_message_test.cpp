@@ -6,6 +6,7 @@
 #include <string>
 
 #include "glasswing/v1/archive_service.grpc.pb.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -33,7 +34,7 @@ TEST(RowMessage, IsWhatProtobufWritesAndReads) {
     const std::string chunk = noise(1 + random() % 40000, random);
     grpc::ByteBuffer ours = encode_row_chunk(offset, cut(chunk, random));
     v1::ReadRowsResponse parsed;
-    ASSERT_TRUE(grpc::SerializationTraits<v1::ReadRowsResponse>::Deserialize(&ours, &parsed).ok());
+    ASSERT_OK(grpc::SerializationTraits<v1::ReadRowsResponse>::Deserialize(&ours, &parsed));
     EXPECT_EQ(parsed.offset_bytes(), offset);
     EXPECT_EQ(parsed.chunk(), chunk);
     if (offset > 20000) continue;  // room for the rows before
@@ -42,11 +43,11 @@ TEST(RowMessage, IsWhatProtobufWritesAndReads) {
       bool own = false;
       if (by_protobuf) {
         message.Clear();
-        ASSERT_TRUE(grpc::SerializationTraits<v1::ReadRowsResponse>::Serialize(parsed, &message, &own).ok());
+        ASSERT_OK(grpc::SerializationTraits<v1::ReadRowsResponse>::Serialize(parsed, &message, &own));
       }
       std::string rows(static_cast<size_t>(offset) + chunk.size() + 3, 'x');
       std::int64_t done = offset;
-      ASSERT_TRUE(take_row_chunk(message, rows, done).ok());
+      ASSERT_OK(take_row_chunk(message, rows, done));
       EXPECT_EQ(done, offset + static_cast<std::int64_t>(chunk.size()));
       EXPECT_EQ(rows, std::string(static_cast<size_t>(offset), 'x') + chunk + "xxx");
     }
@@ -58,7 +59,7 @@ TEST(RowMessage, EveryFlippedByteIsFound) {
   const std::string chunk = noise(300, random);
   grpc::ByteBuffer message = encode_row_chunk(0, cut(chunk, random));
   grpc::Slice whole;
-  ASSERT_TRUE(message.DumpToSingleSlice(&whole).ok());
+  ASSERT_OK(message.DumpToSingleSlice(&whole));
   for (size_t at = 0; at < whole.size(); ++at) {
     std::string flipped(reinterpret_cast<const char*>(whole.begin()), whole.size());
     flipped[at] = static_cast<char>(flipped[at] ^ (1 << random() % 8));

@@ -3,13 +3,15 @@
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
 TEST(Address, IsReadAndWrittenBack) {
   const auto check = [](const std::string& text, const std::string& host, int port) {
     const absl::StatusOr<Address> address = parse_address(text);
-    ASSERT_TRUE(address.ok()) << address.status();
+    ASSERT_OK(address);
     EXPECT_EQ(address->host, host);
     EXPECT_EQ(address->port, port);
     EXPECT_EQ(text_of(*address), text);
@@ -33,7 +35,7 @@ TEST(Address, AnythingElseIsRefusedByName) {
 
 TEST(Address, LeadsToSockets) {
   const absl::StatusOr<SocketAddresses> six = socket_addresses("[::1]:7440");
-  ASSERT_TRUE(six.ok()) << six.status();
+  ASSERT_OK(six);
   ASSERT_EQ((*six)->ai_family, AF_INET6);
   EXPECT_EQ(reinterpret_cast<const sockaddr_in6*>((*six)->ai_addr)->sin6_port, htons(7440));
   EXPECT_TRUE(absl::IsInvalidArgument(socket_addresses("127.0.0.1:80x").status()));

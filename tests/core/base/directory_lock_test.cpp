@@ -6,6 +6,8 @@
 
 #include <fstream>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -19,7 +21,7 @@ TEST(DirectoryLock, OneHasTheDirectoryUntilItLetsGo) {
   EXPECT_FALSE(DirectoryLock::is_taken(directory));
   {
     const absl::StatusOr<DirectoryLock> first = DirectoryLock::take(directory);
-    ASSERT_TRUE(first.ok()) << first.status();
+    ASSERT_OK(first);
     EXPECT_TRUE(DirectoryLock::is_taken(directory));
     const absl::Status second = DirectoryLock::take(directory).status();
     EXPECT_TRUE(absl::IsFailedPrecondition(second)) << second;
@@ -27,7 +29,7 @@ TEST(DirectoryLock, OneHasTheDirectoryUntilItLetsGo) {
     EXPECT_NE(second.message().find(std::to_string(::getpid())), std::string::npos) << second;
   }
   EXPECT_FALSE(DirectoryLock::is_taken(directory));
-  EXPECT_TRUE(DirectoryLock::take(directory).ok());
+  EXPECT_OK(DirectoryLock::take(directory));
 }
 
 TEST(DirectoryLock, AProcessThatIsKilledLetsGo) {
@@ -46,7 +48,7 @@ TEST(DirectoryLock, AProcessThatIsKilledLetsGo) {
   EXPECT_TRUE(DirectoryLock::is_taken(directory));
   ::kill(child, SIGKILL);
   ::waitpid(child, nullptr, 0);
-  EXPECT_TRUE(DirectoryLock::take(directory).ok());
+  EXPECT_OK(DirectoryLock::take(directory));
 }
 
 }  // namespace

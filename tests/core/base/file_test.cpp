@@ -9,6 +9,7 @@
 
 #include "core/base/checksum.h"
 #include "core/base/name.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -24,8 +25,8 @@ class File : public testing::Test {
 
 TEST_F(File, WrittenFilesAreWholeAndLeaveNothingElse) {
   const std::string bytes("\0\n\xff glass", 9);
-  ASSERT_TRUE(write_file_durably(directory_ / "a", bytes).ok());
-  ASSERT_TRUE(append_file_durably(directory_ / "a", "wing").ok());
+  ASSERT_OK(write_file_durably(directory_ / "a", bytes));
+  ASSERT_OK(append_file_durably(directory_ / "a", "wing"));
   EXPECT_EQ(read_file(directory_ / "a").value(), bytes + "wing");
   EXPECT_EQ(std::distance(fs::directory_iterator(directory_), fs::directory_iterator()), 1);
 }
@@ -47,16 +48,16 @@ TEST_F(File, AFifoIsRefusedAtOnce) {
 }
 
 TEST_F(File, DirectoriesAreMadeWithThoseAboveThem) {
-  ASSERT_TRUE(make_directory_durably(directory_ / "a" / "b").ok());
-  EXPECT_TRUE(make_directory_durably(directory_ / "a" / "b" / "").ok()) << "it exists already";
+  ASSERT_OK(make_directory_durably(directory_ / "a" / "b"));
+  EXPECT_OK(make_directory_durably(directory_ / "a" / "b" / "")) << "it exists already";
   EXPECT_TRUE(fs::is_directory(directory_ / "a" / "b"));
-  ASSERT_TRUE(write_file_durably(directory_ / "file", "").ok());
+  ASSERT_OK(write_file_durably(directory_ / "file", ""));
   EXPECT_FALSE(make_directory_durably(directory_ / "file" / "c").ok());
 }
 
 TEST_F(File, AnAppendThatFailsLeavesTheFileAsLongAsItWas) {
   const fs::path path = directory_ / "journal";
-  ASSERT_TRUE(append_file_durably(path, "line 1\n").ok());
+  ASSERT_OK(append_file_durably(path, "line 1\n"));
   // The disk is full after some more bytes.
   rlimit before{};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
@@ -85,8 +86,7 @@ TEST(Checksum, SeesEveryBit) {
 }
 
 TEST(Name, RefusesWhatAPathCouldBe) {
-  for (const char* name : {"a", "crystal-2", "S.1_x", "7"})
-    EXPECT_TRUE(check_name("session", name).ok()) << name;
+  for (const char* name : {"a", "crystal-2", "S.1_x", "7"}) EXPECT_OK(check_name("session", name)) << name;
   for (const std::string& name : {std::string(), std::string(".."), std::string("a/b"), std::string(".a"),
                                   std::string("a b"), std::string(65, 'x'), std::string("\xc3\xa9")}) {
     EXPECT_TRUE(absl::IsInvalidArgument(check_name("session", name))) << name;

@@ -10,6 +10,7 @@
 #include "core/pattern/calibration_steps.h"
 #include "core/sim/radial_shading.h"
 #include "core/sim/sensor.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -155,8 +156,8 @@ class CameraCalibrationTest : public testing::Test {
         }
       }
     }
-    ASSERT_TRUE(archive->add(frames).ok());
-    ASSERT_TRUE(archive->seal().ok());
+    ASSERT_OK(archive->add(frames));
+    ASSERT_OK(archive->seal());
   }
   absl::StatusOr<v1::CameraCalibration> calibrate() const {
     return calibrate_camera(*MappedArchive::open(directory_).value());

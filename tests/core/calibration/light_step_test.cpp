@@ -8,6 +8,8 @@
 #include <random>
 #include <set>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -134,7 +136,7 @@ TEST(LightStep, FindsTheTruthWhateverTheCamera) {
   for (const auto& [name, rig] : rigs) {
     SCOPED_TRACE(name);
     const absl::StatusOr<LightStep> found = find_light_step(recorded(rig, 5));
-    ASSERT_TRUE(found.ok()) << found.status();
+    ASSERT_OK(found);
     expect_truth(rig, *found);
   }
 }
@@ -143,7 +145,7 @@ TEST(LightStep, OneBandIsEnoughForTheLag) {
   Rig rig;
   rig.second_contrast = 0.0;
   const absl::StatusOr<LightStep> found = find_light_step(recorded(rig, 5));
-  ASSERT_TRUE(found.ok()) << found.status();
+  ASSERT_OK(found);
   EXPECT_FALSE(found->scanout.has_value());
   EXPECT_NEAR(us(found->lag.value), us(rig.lag), 3.0 * us(found->lag.error));
   EXPECT_LT(us(found->lag.error), 100.0);
@@ -164,7 +166,7 @@ TEST(LightStep, StandardErrorsAreHonest) {
     rig.lag = microseconds(3000 + 101 * i);
     const absl::StatusOr<LightStep> found =
         find_light_step(recorded(rig, 100 + static_cast<std::uint64_t>(i)));
-    ASSERT_TRUE(found.ok()) << found.status();
+    ASSERT_OK(found);
     const auto square = [](nanoseconds truth, const LightStep::Estimate& estimate) {
       return std::pow(us(estimate.value - truth) / us(estimate.error), 2) / kRigs;
     };
@@ -189,7 +191,7 @@ TEST(LightStep, WhatNoExposureSawIsInTheError) {
     rig.settle = nanoseconds(0);
     rig.noise = 1e-5;
     const absl::StatusOr<LightStep> found = find_light_step(recorded(rig, seed));
-    ASSERT_TRUE(found.ok()) << found.status();
+    ASSERT_OK(found);
     // A uniform distribution ends sqrt(3) standard deviations from its mean; the line through both bands adds
     // a little.
     EXPECT_NEAR(us(found->lag.value), us(rig.lag), 3.0 * us(found->lag.error));

@@ -17,6 +17,7 @@
 #include "core/pattern/pattern.h"
 #include "core/sim/panel.h"
 #include "core/sim/sensor.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 
@@ -178,8 +179,8 @@ class SimulatedGrays : public testing::Test {
         frames.push_back({.record = record, .image = expose(light, real_ms, rig.sensor, step)});
       }
     }
-    EXPECT_TRUE(archive->add(frames).ok());
-    EXPECT_TRUE(archive->seal().ok());
+    EXPECT_OK(archive->add(frames));
+    EXPECT_OK(archive->seal());
     return MappedArchive::open(directory_).value();
   }
   v1::DisplayCalibration calibrated(const Rig& rig) {

@@ -5,6 +5,7 @@
 
 #include "core/base/file.h"
 #include "core/cli/help.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -22,7 +23,7 @@ class Pages : public testing::Test {
     cut.group("Work");
     app_.add_subcommand("secret", "Not for people.")->group("");
     setenv("SOURCE_DATE_EPOCH", "86400", 1);
-    EXPECT_TRUE(write_man_pages(app_, 1, scratch_).ok());
+    EXPECT_OK(write_man_pages(app_, 1, scratch_));
   }
   ~Pages() override {
     unsetenv("SOURCE_DATE_EPOCH");

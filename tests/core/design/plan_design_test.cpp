@@ -6,6 +6,8 @@
 
 #include <cmath>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -33,14 +35,14 @@ TEST(PlanDesign, KeepsToItsImagesAndReadsBackAsItIs) {
         EXPECT_NE(design.status().message().find("it must be at least 56"), std::string::npos);
         continue;
       }
-      ASSERT_TRUE(design.ok()) << design.status();
+      ASSERT_OK(design);
       const std::vector<Step> steps = expand(design->plan, limits.monitors).value();
       EXPECT_LE(std::ssize(steps), images);
       EXPECT_GE(std::ssize(steps), images - 8 * monitors);
       EXPECT_TRUE(misfits(design->plan, limits).empty());
       const absl::StatusOr<v1::Plan> read =
           parse_plan(plan_text(design->plan, limits, "glasswing plan design"), "designed.txtpb");
-      ASSERT_TRUE(read.ok()) << read.status();
+      ASSERT_OK(read);
       EXPECT_EQ(read->DebugString(), design->plan.DebugString());
     }
   }

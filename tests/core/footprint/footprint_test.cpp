@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/matte/matte_file.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -15,11 +16,11 @@ TEST(Footprint, WhatRoundingTookFromAWidthOfZeroDoesNotMakeAMatteBad) {
   Matte matte(0, 0, 1, 1, 1);
   matte.metadata.add_monitors();
   matte.modes(0, 0, 0)[0] = mode_of(line, 0.01, 0.1, 0);
-  EXPECT_TRUE(check_matte(matte).ok()) << check_matte(matte);
+  EXPECT_OK(check_matte(matte));
   line.xx_px2 = 2.0;
   line.yy_px2 = -1.3877787807814457e-17;
   matte.modes(0, 0, 0)[0] = mode_of(line, 0.01, 0.1, 0);
-  EXPECT_TRUE(check_matte(matte).ok()) << check_matte(matte);
+  EXPECT_OK(check_matte(matte));
 }
 
 }  // namespace

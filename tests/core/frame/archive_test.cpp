@@ -15,6 +15,7 @@
 #include "core/import/foreign_manifest.h"
 #include "tests/core/base/flipped.h"
 #include "tests/core/frame/archive_rows.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -58,13 +59,13 @@ class ArchiveTest : public testing::Test {
 TEST_F(ArchiveTest, FramesComeBackAfterAnEndWithoutWarning) {
   {
     const auto archive = Archive::create(directory_, header_).value();
-    ASSERT_TRUE(archive->add({frame(0), frame(1)}).ok());
+    ASSERT_OK(archive->add({frame(0), frame(1)}));
   }
   // A crash leaves a torn line.
   std::ofstream(directory_ / "frames.jsonl", std::ios::app) << "{\"file\": \"frames/0000";
   const auto archive = Archive::open(directory_).value();
   EXPECT_EQ(archive->manifest().frames_size(), 2);
-  ASSERT_TRUE(archive->add({frame(2)}).ok());
+  ASSERT_OK(archive->add({frame(2)}));
   const auto again = Archive::open(directory_).value();
   ASSERT_EQ(again->manifest().frames_size(), 3);
   for (int step = 0; step < 3; ++step) {
@@ -85,9 +86,9 @@ TEST_F(ArchiveTest, NoByteOfItsListsIsAlteredUnnoticed) {
   std::string known;
   {
     const auto archive = Archive::create(directory_, header_).value();
-    ASSERT_TRUE(archive->add({frame(0), frame(1)}).ok());
-    ASSERT_TRUE(archive->add({frame(2)}).ok());
-    ASSERT_TRUE(archive->seal().ok());
+    ASSERT_OK(archive->add({frame(0), frame(1)}));
+    ASSERT_OK(archive->add({frame(2)}));
+    ASSERT_OK(archive->seal());
     known = archive->manifest().SerializeAsString();
   }
   const auto expect_noticed = [&](const fs::path& path, const auto& read) {
@@ -116,7 +117,7 @@ TEST_F(ArchiveTest, NoByteOfItsListsIsAlteredUnnoticed) {
 
 TEST_F(ArchiveTest, NoByteOfAFrameIsAlteredUnnoticed) {
   const auto archive = Archive::create(directory_, header_).value();
-  ASSERT_TRUE(archive->add({frame(0)}).ok());
+  ASSERT_OK(archive->add({frame(0)}));
   const std::string file = archive->manifest().frames(0).file();
   const std::string bytes = read_file(directory_ / file).value();
   const auto once_more = Archive::open(directory_).value();
@@ -130,7 +131,7 @@ TEST_F(ArchiveTest, NoByteOfAFrameIsAlteredUnnoticed) {
 
 TEST_F(ArchiveTest, AStepIsStoredOnce) {
   const auto archive = Archive::create(directory_, header_).value();
-  ASSERT_TRUE(archive->add({frame(3)}).ok());
+  ASSERT_OK(archive->add({frame(3)}));
   Archive::NewFrame other = frame(3);
   other.image = noise(5, 4, 99);
   const std::vector<v1::Frame> stored = archive->add({other}).value();
@@ -148,15 +149,15 @@ TEST_F(ArchiveTest, NoFrameIsStoredOverAnother) {
   EXPECT_EQ(archive->manifest().frames_size(), 1);
   Archive::NewFrame named = frame(7);
   named.record.set_file("frames/000004.tif");
-  ASSERT_TRUE(archive->add({named}).ok());
+  ASSERT_OK(archive->add({named}));
   EXPECT_TRUE(absl::IsAlreadyExists(archive->add({frame(4)}).status()));
   Archive::NewFrame other = frame(8);
   other.record.set_file("frames/000009.tif");
   EXPECT_TRUE(absl::IsAlreadyExists(archive->add({other, frame(9)}).status()));
   const v1::CaptureManifest manifest = archive->manifest();
-  EXPECT_TRUE(check_manifest(manifest).ok());
+  EXPECT_OK(check_manifest(manifest));
   for (const v1::Frame& each : manifest.frames())
-    EXPECT_TRUE(archive->read_frame_bytes(each.file()).ok()) << each.file();
+    EXPECT_OK(archive->read_frame_bytes(each.file())) << each.file();
 }
 
 TEST_F(ArchiveTest, AFileHasOneName) {
@@ -183,8 +184,8 @@ TEST_F(ArchiveTest, AFileHasOneName) {
 TEST_F(ArchiveTest, ASealedArchiveTakesNoNewFrames) {
   {
     const auto archive = Archive::create(directory_, header_).value();
-    ASSERT_TRUE(archive->add({frame(0)}).ok());
-    ASSERT_TRUE(archive->seal().ok());
+    ASSERT_OK(archive->add({frame(0)}));
+    ASSERT_OK(archive->seal());
     EXPECT_TRUE(absl::IsFailedPrecondition(archive->add({frame(1)}).status()));
   }
   const auto again = Archive::open(directory_).value();
@@ -197,12 +198,12 @@ TEST_F(ArchiveTest, ASealedArchiveTakesNoNewFrames) {
 
 TEST_F(ArchiveTest, DroppedFramesAreTakenAgain) {
   const auto archive = Archive::create(directory_, header_).value();
-  ASSERT_TRUE(archive->add({frame(0), frame(1), frame(2)}).ok());
-  ASSERT_TRUE(archive->map("frames/000001.tif").ok());
+  ASSERT_OK(archive->add({frame(0), frame(1), frame(2)}));
+  ASSERT_OK(archive->map("frames/000001.tif"));
   const std::string before = archive->manifest().frames(1).checksum();
-  ASSERT_TRUE(archive->seal().ok());
+  ASSERT_OK(archive->seal());
   const auto dropped = archive->drop([](int step) { return step == 1; });
-  ASSERT_TRUE(dropped.ok()) << dropped;
+  ASSERT_OK(dropped);
   EXPECT_FALSE(fs::exists(directory_ / "frames/000001.tif"));
   EXPECT_FALSE(archive->map("frames/000001.tif").ok());
   for (const v1::CaptureManifest& manifest :
@@ -214,9 +215,9 @@ TEST_F(ArchiveTest, DroppedFramesAreTakenAgain) {
   Archive::NewFrame again = frame(1);
   again.image = noise(5, 4, 77);
   const auto added = archive->add({again});
-  ASSERT_TRUE(added.ok()) << added.status();
+  ASSERT_OK(added);
   EXPECT_NE(added->front().checksum(), before);
-  ASSERT_TRUE(archive->seal().ok());
+  ASSERT_OK(archive->seal());
   const auto reopened = Archive::open(directory_).value();
   EXPECT_EQ(reopened->manifest().frames_size(), 3);
   EXPECT_EQ(decode_tiff(reopened->read_frame_bytes("frames/000001.tif").value()).value().samples,
@@ -233,7 +234,7 @@ TEST_F(ArchiveTest, DamageIsNamed) {
   std::string flipped = good;
   flipped[300] = static_cast<char>(flipped[300] ^ 1);
   for (const std::string& bytes : {flipped, good.substr(0, good.size() - 1), std::string()}) {
-    ASSERT_TRUE(write_file_durably(directory_ / file, bytes).ok());
+    ASSERT_OK(write_file_durably(directory_ / file, bytes));
     const absl::Status status = read_rows(*Archive::open(directory_).value(), file, 0, 1).status();
     EXPECT_TRUE(absl::IsDataLoss(status)) << status;
     EXPECT_NE(std::string(status.message()).find(file), std::string::npos) << status;
@@ -255,8 +256,8 @@ TEST_F(ArchiveTest, RowsOutsideTheFrameAreRefused) {
 
 TEST_F(ArchiveTest, ASealedArchiveReadsAsAnyManifest) {
   const auto archive = Archive::create(directory_, header_).value();
-  ASSERT_TRUE(archive->add({frame(0), frame(1)}).ok());
-  ASSERT_TRUE(archive->seal().ok());
+  ASSERT_OK(archive->add({frame(0), frame(1)}));
+  ASSERT_OK(archive->seal());
   EXPECT_EQ(read_any_manifest(directory_).value().SerializeAsString(),
             archive->manifest().SerializeAsString());
 }
@@ -265,7 +266,7 @@ TEST_F(ArchiveTest, IsSealedWithTheRoundsThatWereAdded) {
   header_.mutable_plan()->set_method("gaussian");
   header_.mutable_plan()->mutable_adapt();
   const auto archive = Archive::create(directory_, header_).value();
-  ASSERT_TRUE(archive->add({frame(0)}).ok());
+  ASSERT_OK(archive->add({frame(0)}));
   v1::Plan grown = header_.plan();
   grown.add_rounds()->set_why("edges");
   grown.set_retries(20);
@@ -273,7 +274,7 @@ TEST_F(ArchiveTest, IsSealedWithTheRoundsThatWereAdded) {
   other.set_white_every(50);
   EXPECT_TRUE(absl::IsInvalidArgument(archive->seal(&other)));
   EXPECT_FALSE(fs::exists(directory_ / "manifest.json"));
-  ASSERT_TRUE(archive->seal(&grown).ok());
+  ASSERT_OK(archive->seal(&grown));
   EXPECT_EQ(read_any_manifest(directory_).value().plan().rounds(0).why(), "edges");
   EXPECT_EQ(Archive::open(directory_).value()->manifest().plan().rounds_size(), 1);
 }
@@ -289,12 +290,12 @@ TEST_F(ArchiveTest, AFrameOfAnotherShapeIsDamaged) {
     EXPECT_TRUE(absl::IsInvalidArgument(archive->add({turned}).status()));
   }
   const std::string turned = encode_tiff(noise(4, 5, 1));
-  ASSERT_TRUE(write_file_durably(directory_ / record.file(), turned).ok());
+  ASSERT_OK(write_file_durably(directory_ / record.file(), turned));
   std::string lines = read_file(directory_ / "frames.jsonl").value();
   lines.replace(lines.find(record.checksum()), record.checksum().size(), checksum_of(turned));
   lines.replace(lines.find(",\"record_checksum\""), std::string::npos,
                 "}\n");  // as another program writes it
-  ASSERT_TRUE(write_file_durably(directory_ / "frames.jsonl", lines).ok());
+  ASSERT_OK(write_file_durably(directory_ / "frames.jsonl", lines));
   const absl::Status status = read_rows(*Archive::open(directory_).value(), record.file(), 0, 4).status();
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_NE(std::string(status.message()).find(record.file()), std::string::npos) << status;
@@ -306,7 +307,7 @@ TEST_F(ArchiveTest, ASizeThatNoFrameHasIsRefused) {
   const std::string size = std::to_string(record.size_bytes());
   lines.replace(lines.find(size, lines.find("size_bytes")), size.size(), "9223372036854775807");
   lines.replace(lines.find(",\"record_checksum\""), std::string::npos, "}\n");
-  ASSERT_TRUE(write_file_durably(directory_ / "frames.jsonl", lines).ok());
+  ASSERT_OK(write_file_durably(directory_ / "frames.jsonl", lines));
   const absl::Status status = Archive::open(directory_).value()->map(record.file()).status();
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_NE(std::string(status.message()).find(record.file() + " is listed with 9223372036854775807 bytes"),
@@ -347,7 +348,7 @@ TEST_F(ArchiveTest, WhatAManifestSaysOfItselfIsNotBelieved) {
   v1::CaptureManifest good = header_;
   good.set_format_version(1);
   for (const char* file : {"frames/a.tif", "frames/b.tif"}) good.add_frames()->set_file(file);
-  ASSERT_TRUE(check_manifest(good).ok());
+  ASSERT_OK(check_manifest(good));
   const double nan = std::numeric_limits<double>::quiet_NaN();
   struct Lie {
     std::function<void(v1::CaptureManifest&)> tell;

@@ -17,6 +17,7 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -68,7 +69,7 @@ class ForeignPictures : public testing::Test {
     std::uniform_real_distribution<float> light(0.0f, 1.0f);
     for (float& sample : image.samples) sample = light(random);
     const absl::Status written = write_radiance(at("source.exr"), image, Encoding::kLinear);
-    ASSERT_TRUE(written.ok()) << written;
+    ASSERT_OK(written);
   }
   void TearDown() override { fs::remove_all(directory_); }
   fs::path at(const std::string& name) const { return directory_ / name; }
@@ -100,7 +101,7 @@ class ForeignPictures : public testing::Test {
       const fs::path file = at(fmt::format("{}.{}", i, kinds[i].name));
       if (!kinds[i].big_endian) continue;
       const absl::Status written = write_file_durably(file, big_endian_of(read_file(file).value()));
-      ASSERT_TRUE(written.ok()) << written;
+      ASSERT_OK(written);
     }
     run(read);
     for (size_t i = 0; i < kinds.size(); ++i) {

@@ -20,6 +20,7 @@
 #include "core/frame/archive.h"
 #include "core/frame/exr_limits.h"
 #include "tests/core/frame/exr_of_parts.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -55,7 +56,7 @@ TEST_F(ImageFile, EveryFormatKeepsThePicture) {
                            {"a.png", Encoding::kLinear, 1.0f / 65535},
                            {"a.tif", Encoding::kLinear, 1.0f / 65535},
                            {"b.png", Encoding::kDisplay, 2.3f / 255}}) {
-    ASSERT_TRUE(write_radiance(directory_ / each.file, image, each.encoding).ok());
+    ASSERT_OK(write_radiance(directory_ / each.file, image, each.encoding));
     const RadianceImage back = read_radiance(directory_ / each.file, each.encoding).value();
     ASSERT_EQ(back.samples.size(), image.samples.size());
     for (size_t i = 0; i < image.samples.size(); ++i)
@@ -73,13 +74,13 @@ TEST_F(ImageFile, DamagedPngsAreNamed) {
   for (size_t i = 8; i < good.size(); ++i) {
     std::string bad = good;
     bad[i] = static_cast<char>(bad[i] ^ 0x10);
-    ASSERT_TRUE(write_file_durably(path, bad).ok());
+    ASSERT_OK(write_file_durably(path, bad));
     const absl::Status status = read_frame_file(path).status();
     EXPECT_TRUE(absl::IsDataLoss(status)) << "byte " << i;
     EXPECT_NE(std::string(status.message()).find("frame.png"), std::string::npos);
   }
   for (size_t length = 0; length < good.size(); ++length) {
-    ASSERT_TRUE(write_file_durably(path, good.substr(0, length)).ok());
+    ASSERT_OK(write_file_durably(path, good.substr(0, length)));
     EXPECT_FALSE(read_frame_file(path).ok()) << length << " bytes";
   }
   EXPECT_TRUE(absl::IsDataLoss(read_frame_file(directory_ / "missing.png").status()));
@@ -112,14 +113,14 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   EXPECT_NE(std::string(picture_size(lying).status().message()).find("32768x32768"), std::string::npos);
   EXPECT_TRUE(absl::IsInvalidArgument(decode_png(lying).status()));
   const fs::path path = directory_ / "lying.png";
-  ASSERT_TRUE(write_file_durably(path, lying).ok());
+  ASSERT_OK(write_file_durably(path, lying));
   EXPECT_TRUE(absl::IsDataLoss(read_frame_file(path).status()));
   EXPECT_TRUE(absl::IsDataLoss(decode_radiance(lying, Encoding::kDisplay).status()));
   // Nothing is decoded whose size is unknown.
   EXPECT_TRUE(absl::IsDataLoss(decode_radiance("P6\n32768 32768\n255\n", Encoding::kDisplay).status()));
 
-  ASSERT_TRUE(write_file_durably(path, encode_png16(image).value()).ok());
-  EXPECT_TRUE(read_frame_file(path, PictureSize{6, 4}).ok());
+  ASSERT_OK(write_file_durably(path, encode_png16(image).value()));
+  EXPECT_OK(read_frame_file(path, PictureSize{6, 4}));
   const absl::Status status = read_frame_file(path, PictureSize{4, 6}).status();
   EXPECT_NE(std::string(status.message()).find("lying.png is 6x4; the manifest says that frames are 4x6"),
             std::string::npos)
@@ -204,8 +205,8 @@ TEST_F(ImageFile, OpenExrSaysWhichLayerIsRead) {
 }
 
 TEST_F(ImageFile, OpenExrSaysItsPrimaries) {
-  ASSERT_TRUE(
-      write_radiance(directory_ / "p.exr", random_picture(9, 5), Encoding::kLinear, 0, linear_rec709()).ok());
+  ASSERT_OK(
+      write_radiance(directory_ / "p.exr", random_picture(9, 5), Encoding::kLinear, 0, linear_rec709()));
   const Imf::InputFile file((directory_ / "p.exr").c_str());
   ASSERT_TRUE(Imf::hasChromaticities(file.header()));
   const Imf::Chromaticities& said = Imf::chromaticities(file.header());
@@ -218,19 +219,19 @@ TEST_F(ImageFile, OpenExrSaysItsPrimaries) {
 
 TEST_F(ImageFile, PhotographsKeepTheirCodes) {
   const fs::path path = directory_ / "photo.png";
-  ASSERT_TRUE(write_radiance(path, random_picture(9, 5), Encoding::kDisplay).ok());
+  ASSERT_OK(write_radiance(path, random_picture(9, 5), Encoding::kDisplay));
   const CodedPhotograph coarse = read_photograph(path).value();
   EXPECT_EQ(coarse.bits, 8);
   for (const std::uint16_t code : coarse.codes.samples) EXPECT_EQ(code % 257, 0);
   Image16 fine(3, 2);
   for (size_t i = 0; i < fine.samples.size(); ++i) fine.samples[i] = static_cast<std::uint16_t>(i * 3641);
   for (const std::string& bytes : {encode_png16(fine).value(), encode_tiff(fine)}) {
-    ASSERT_TRUE(write_file_durably(path, bytes).ok());
+    ASSERT_OK(write_file_durably(path, bytes));
     const CodedPhotograph back = read_photograph(path).value();
     EXPECT_EQ(back.bits, 16);
     EXPECT_EQ(back.codes.samples, fine.samples);
   }
-  ASSERT_TRUE(write_radiance(directory_ / "photo.exr", random_picture(9, 5), Encoding::kLinear).ok());
+  ASSERT_OK(write_radiance(directory_ / "photo.exr", random_picture(9, 5), Encoding::kLinear));
   EXPECT_TRUE(absl::IsDataLoss(read_photograph(directory_ / "photo.exr").status()));
   EXPECT_TRUE(absl::IsDataLoss(read_photograph(directory_ / "missing.png").status()));
 }
@@ -245,7 +246,7 @@ TEST_F(ImageFile, CodesOfFewerBitsAreStretchedToTheirWhite) {
     Image16 codes(4, 1);
     for (size_t i = 0; i < codes.samples.size(); ++i)
       codes.samples[i] = static_cast<std::uint16_t>(static_cast<size_t>(white >> shift) * i / 11 << shift);
-    ASSERT_TRUE(write_file_durably(path, encode_png16(codes).value()).ok());
+    ASSERT_OK(write_file_durably(path, encode_png16(codes).value()));
     const CodedPhotograph photograph = read_photograph(path, white).value();
     EXPECT_EQ(photograph.bits, bits) << white;
     for (size_t i = 0; i < codes.samples.size(); ++i)
@@ -254,7 +255,7 @@ TEST_F(ImageFile, CodesOfFewerBitsAreStretchedToTheirWhite) {
     EXPECT_EQ(read_photograph(path, white - 1).status().message(),
               fmt::format("{}: its largest code is {}, above white, {}", path.string(), white, white - 1));
   }
-  ASSERT_TRUE(write_radiance(path, random_picture(9, 5), Encoding::kDisplay).ok());
+  ASSERT_OK(write_radiance(path, random_picture(9, 5), Encoding::kDisplay));
   EXPECT_TRUE(absl::IsInvalidArgument(read_photograph(path, 256).status()));
 }
 
@@ -263,12 +264,12 @@ TEST_F(ImageFile, AJpegThatIsCutOffIsNamed) {
   const std::string good = encode_jpeg(random_picture(40, 30)).value();
   EXPECT_EQ(picture_size(good).value(), (PictureSize{40, 30}));
   const fs::path path = directory_ / "photo.jpg";
-  ASSERT_TRUE(write_file_durably(path, good).ok());
+  ASSERT_OK(write_file_durably(path, good));
   const CodedPhotograph photograph = read_photograph(path).value();
   EXPECT_EQ(photograph.bits, 8);
   EXPECT_EQ(photograph.codes.width_px, 40);
   for (size_t length = 0; length < good.size(); length += 7) {
-    ASSERT_TRUE(write_file_durably(path, good.substr(0, length)).ok());
+    ASSERT_OK(write_file_durably(path, good.substr(0, length)));
     const absl::Status status = read_photograph(path).status();
     EXPECT_TRUE(absl::IsDataLoss(status)) << length << " bytes";
     EXPECT_NE(std::string(status.message()).find("photo.jpg"), std::string::npos);

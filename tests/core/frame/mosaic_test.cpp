@@ -11,6 +11,7 @@
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "core/import/foreign_manifest.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -76,7 +77,7 @@ TEST_F(MosaicFiles, FramesOfOneChannelAreATiffThatOthersRead) {
   const Image16 read = decode_tiff(bytes).value();
   EXPECT_EQ(read.samples, frame.samples);
   EXPECT_EQ(read.channels, 1);
-  EXPECT_TRUE(check_tiff_head(bytes, bytes.size(), shape_of(frame)).ok());
+  EXPECT_OK(check_tiff_head(bytes, bytes.size(), shape_of(frame)));
   EXPECT_FALSE(check_tiff_head(bytes, bytes.size(), {.width_px = 7, .height_px = 5, .channels = 3}).ok());
   for (size_t i = 0; i < kTiffPixelOffset; ++i) {
     std::string bad = bytes;
@@ -84,7 +85,7 @@ TEST_F(MosaicFiles, FramesOfOneChannelAreATiffThatOthersRead) {
     EXPECT_FALSE(decode_tiff(bad).ok()) << "byte " << i;
   }
   const fs::path path = directory_ / "frame.tif";
-  ASSERT_TRUE(write_file_durably(path, bytes).ok());
+  ASSERT_OK(write_file_durably(path, bytes));
   const cv::Mat by_libtiff = cv::imread(path.string(), cv::IMREAD_UNCHANGED);
   ASSERT_EQ(by_libtiff.type(), CV_16UC1);
   for (int y = 0; y < 5; ++y) {
@@ -98,8 +99,8 @@ TEST_F(MosaicFiles, AMosaicsFrameHasOneChannel) {
   const FrameShape shape = shape_of(frame);
   const cv::Mat gray(4, 6, CV_16UC1, const_cast<std::uint16_t*>(frame.samples.data()));
   ASSERT_TRUE(cv::imwrite((directory_ / "gray.png").string(), gray));
-  ASSERT_TRUE(write_file_durably(directory_ / "rgb.png", encode_png16(truth).value()).ok());
-  ASSERT_TRUE(write_file_durably(directory_ / "rgb.tif", encode_tiff(truth)).ok());
+  ASSERT_OK(write_file_durably(directory_ / "rgb.png", encode_png16(truth).value()));
+  ASSERT_OK(write_file_durably(directory_ / "rgb.tif", encode_tiff(truth)));
   EXPECT_EQ(read_frame_file(directory_ / "gray.png", shape).value().samples, frame.samples);
   for (const char* name : {"rgb.png", "rgb.tif"}) {
     const absl::Status status = read_frame_file(directory_ / name, shape).status();

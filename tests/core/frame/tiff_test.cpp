@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/frame/archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -88,7 +89,7 @@ TEST(Tiff, AnyRowsAreThoseOfThePicture) {
         const int first = static_cast<int>(random() % static_cast<unsigned>(shape.height_px)),
                   count = 1 + static_cast<int>(random() % static_cast<unsigned>(shape.height_px - first));
         std::vector<std::uint16_t> read(shape.row_samples() * static_cast<size_t>(count));
-        ASSERT_TRUE(rows.read(first, count, read.data()).ok());
+        ASSERT_OK(rows.read(first, count, read.data()));
         const auto begin = image.samples.begin() + static_cast<std::ptrdiff_t>(shape.row_samples()) * first;
         EXPECT_TRUE(std::equal(read.begin(), read.end(), begin)) << first << " " << count;
       }
@@ -128,13 +129,13 @@ TEST(Tiff, AHeaderAloneIsNotBelieved) {
   const std::string header = encode_tiff(Image16(1, kMaxSide_px)).substr(0, kTiffPixelOffset);
   EXPECT_TRUE(absl::IsDataLoss(decode_tiff(header).status()));
   const FrameShape shape{1, kMaxSide_px};
-  EXPECT_TRUE(check_tiff_head(header, tiff_size_bytes(shape), shape).ok());
+  EXPECT_OK(check_tiff_head(header, tiff_size_bytes(shape), shape));
   EXPECT_FALSE(check_tiff_head(header, tiff_size_bytes(shape) - 1, shape).ok());
   EXPECT_FALSE(check_tiff_head(header, tiff_size_bytes(shape), {kMaxSide_px, 1}).ok());
   EXPECT_FALSE(check_tiff_head(header.substr(0, 255), tiff_size_bytes(shape), shape).ok());
   const std::string whole = encode_tiff(Image16(1, kMaxSide_px), FrameForm::kCompressed);
   const std::string head = whole.substr(0, tiff_head_bytes(shape));
-  EXPECT_TRUE(check_tiff_head(head, whole.size(), shape).ok());
+  EXPECT_OK(check_tiff_head(head, whole.size(), shape));
   EXPECT_FALSE(check_tiff_head(head, whole.size() + 1, shape).ok());
   EXPECT_FALSE(check_tiff_head(head.substr(0, head.size() - 1), whole.size(), shape).ok());
   EXPECT_TRUE(absl::IsDataLoss(decode_tiff(head).status()));
@@ -176,7 +177,7 @@ TEST(Tiff, AStripThatHoldsMoreThanItsRowsIsRefused) {
   std::string bytes = encode_tiff(Image16(64, 4), FrameForm::kCompressed).substr(0, kTiffPixelOffset);
   bytes += more.substr(kTiffPixelOffset);
   std::memcpy(&bytes[kOnlyStripBytesAt], &more[kOnlyStripBytesAt], 4);
-  EXPECT_TRUE(check_tiff_head(bytes, bytes.size(), {64, 4}).ok());
+  EXPECT_OK(check_tiff_head(bytes, bytes.size(), {64, 4}));
   const absl::Status status = decode_tiff(bytes).status();
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_TRUE(absl::StartsWith(status.message(), "rows 0 to 3 cannot be decompressed")) << status;

@@ -10,6 +10,7 @@
 
 #include "core/geometry/rig_geometry.h"
 #include "tests/core/geometry/made_views.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -48,7 +49,7 @@ void expect_true(const Made& made, const GeometryFit& fit) {
   EXPECT_NEAR(camera.cx_px(), made.camera.cx, 1e-3 * made.camera.width_px);
   EXPECT_NEAR(camera.cy_px(), made.camera.cy, 1e-3 * made.camera.width_px);
   EXPECT_LE(fit.rms_px, 0.1);
-  EXPECT_TRUE(check_geometry(fit.geometry).ok()) << check_geometry(fit.geometry);
+  EXPECT_OK(check_geometry(fit.geometry));
   ASSERT_EQ(fit.poses.size(), made.poses.size());
   for (size_t k = 0; k < made.poses.size(); ++k) {
     const v1::MonitorPose& pose = fit.geometry.monitors(static_cast<int>(k));
@@ -64,7 +65,7 @@ TEST(GeometryFit, FindsCameraAndPoses) {
   const Made made;
   for (const double noise_px : {0.0, 0.01, 0.05}) {
     const absl::StatusOr<GeometryFit> fit = made.fit(made.views(noise_px, 7));
-    ASSERT_TRUE(fit.ok()) << fit.status();
+    ASSERT_OK(fit);
     expect_true(made, *fit);
     // Both axes of normal noise.
     EXPECT_NEAR(fit->rms_px, std::sqrt(2.0) * noise_px, 0.1 * noise_px + 1e-6);
@@ -87,7 +88,7 @@ TEST(GeometryFit, FindsStrongDistortionAndAnOffCentre) {
                  .k3 = -0.02};
   for (MadePose& pose : made.poses) pose.middle_mm *= 0.55;
   const absl::StatusOr<GeometryFit> fit = made.fit(made.views(0.02, 3));
-  ASSERT_TRUE(fit.ok()) << fit.status();
+  ASSERT_OK(fit);
   const CameraLens lens(fit->geometry.camera());
   for (double x = -0.6; x <= 0.6; x += 0.1) {
     for (double y = -0.5; y <= 0.5; y += 0.1) {
@@ -115,7 +116,7 @@ TEST(GeometryFit, StandardErrorsAreTheScatterOfRepeats) {
   std::map<std::string, Number> numbers;
   for (std::uint32_t repeat = 0; repeat < kRepeats; ++repeat) {
     const absl::StatusOr<GeometryFit> fit = made.fit(made.views(0.03, 100 + repeat));
-    ASSERT_TRUE(fit.ok()) << fit.status();
+    ASSERT_OK(fit);
     const v1::CameraGeometry& camera = fit->geometry.camera();
     numbers["fx"].add(camera.fx_px() - made.camera.fx, camera.sd(kFx));
     numbers["fy"].add(camera.fy_px() - made.camera.fy, camera.sd(kFy));
@@ -155,7 +156,7 @@ double focal_error_in_sd(const std::function<void(MonitorView&, std::mt19937&)>&
     std::mt19937 random(repeat);
     for (MonitorView& view : views) spoil(view, random);
     const absl::StatusOr<GeometryFit> fit = made.fit(views);
-    EXPECT_TRUE(fit.ok()) << fit.status();
+    EXPECT_OK(fit);
     if (!fit.ok()) return NAN;
     const v1::CameraGeometry& camera = fit->geometry.camera();
     squares += std::pow(camera.fx_px() - made.camera.fx, 2.0) / kRepeats;
@@ -211,7 +212,7 @@ TEST(GeometryFit, LeavesOutWhatLiesFarOff) {
   for (size_t i = 0; i < views[2].sightings.size(); i += 10, ++wrong)
     views[2].sightings[i].pixel = {anywhere(random), anywhere(random)};
   const absl::StatusOr<GeometryFit> fit = made.fit(views);
-  ASSERT_TRUE(fit.ok()) << fit.status();
+  ASSERT_OK(fit);
   expect_true(made, *fit);
   EXPECT_GE(fit->poses[2].left_out, wrong - 2);
   ASSERT_EQ(fit->geometry.warnings_size(), 1);
@@ -237,7 +238,7 @@ TEST(GeometryFit, RefusesParallelPoses) {
 TEST(GeometryFit, SaysWhatIsWeak) {
   const auto warnings_of = [](const Made& made) {
     const absl::StatusOr<GeometryFit> fit = made.fit(made.views(0.02, 4));
-    EXPECT_TRUE(fit.ok()) << fit.status();
+    EXPECT_OK(fit);
     return fit.ok() ? fmt::format("{}", fmt::join(fit->geometry.warnings(), "\n")) : "";
   };
   Made made;

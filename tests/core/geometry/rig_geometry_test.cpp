@@ -4,6 +4,8 @@
 
 #include <limits>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -46,7 +48,7 @@ TEST(CheckGeometry, NamesNumbersThatAreNone) {
   pose.set_pitch_mm(1.0);
   for (const double r : {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}) pose.add_rotation(r);
   for (const double t : {-32.0, -24.0, 200.0}) pose.add_translation_mm(t);
-  ASSERT_TRUE(check_geometry(geometry).ok()) << check_geometry(geometry);
+  ASSERT_OK(check_geometry(geometry));
   geometry.mutable_camera()->set_cx_px(std::numeric_limits<double>::quiet_NaN());
   EXPECT_EQ(check_geometry(geometry).message(),
             "cx_px of the camera is nan; it must be a number of up to 1000000000");

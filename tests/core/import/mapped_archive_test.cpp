@@ -9,6 +9,7 @@
 
 #include "core/base/file.h"
 #include "core/frame/archive.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -36,7 +37,7 @@ class MappedArchiveTest : public testing::Test {
       record.mutable_stimulus()->set_kind("solid");
       frames_.push_back(archive->add({{.record = record, .image = image}}).value().front());
     }
-    ASSERT_TRUE(archive->seal().ok());
+    ASSERT_OK(archive->seal());
   }
   void TearDown() override { fs::remove_all(directory_); }
 
@@ -74,7 +75,7 @@ TEST_F(MappedArchiveTest, CompressedRowsAreThoseThatWereWritten) {
   record.mutable_stimulus()->set_kind("solid");
   const v1::Frame stored =
       archive->add({{.record = record, .image = image}}, FrameForm::kCompressed).value().front();
-  ASSERT_TRUE(archive->seal().ok());
+  ASSERT_OK(archive->seal());
   ASSERT_LT(stored.size_bytes(), 900 * 50 * 6);
   const auto mapped = MappedArchive::open(directory_).value();
   const auto in_memory = MappedArchive::open_interpolated(directory_).value();
@@ -102,10 +103,10 @@ TEST_F(MappedArchiveTest, NamesTheFileThatIsNoFrame) {
   refused();
   std::string altered = bytes;
   altered.back() = static_cast<char>(altered.back() ^ 1);
-  ASSERT_TRUE(write_file_durably(file, altered).ok());
+  ASSERT_OK(write_file_durably(file, altered));
   refused();
-  ASSERT_TRUE(write_file_durably(file, bytes).ok());
-  EXPECT_TRUE(MappedArchive::open(directory_).ok());
+  ASSERT_OK(write_file_durably(file, bytes));
+  EXPECT_OK(MappedArchive::open(directory_));
   fs::remove(file);
   refused();
 }

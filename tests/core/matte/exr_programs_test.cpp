@@ -14,6 +14,7 @@
 #include "core/base/file.h"
 #include "core/matte/matte_file.h"
 #include "tests/core/matte/other_program.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -112,7 +113,7 @@ std::map<std::string, std::vector<float>> planes_in(const std::string& dump) {
 
 class ExrPrograms : public testing::TestWithParam<bool> {  // colourless
  protected:
-  ExrPrograms() { EXPECT_TRUE(write_file_durably(path_, encode_matte(matte_).value()).ok()); }
+  ExrPrograms() { EXPECT_OK(write_file_durably(path_, encode_matte(matte_).value())); }
   ~ExrPrograms() override { std::filesystem::remove(path_); }
 
   std::vector<std::string> colours() const {

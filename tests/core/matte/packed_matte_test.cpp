@@ -10,6 +10,7 @@
 
 #include "core/base/file.h"
 #include "tests/core/matte/random_matte.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -134,14 +135,14 @@ TEST_F(PackedMatteTest, ACroppedFileHoldsTheRegionsPixelsBitForBit) {
     for (const MatteRegion& region :
          {MatteRegion{0, 0, 6, 75}, {2, 0, 1, 75}, {0, 74, 6, 1}, {5, 33, 1, 1}, {1, 10, 4, 50}}) {
       std::string part;
-      ASSERT_TRUE(write_part(reader, cut(region), into(part)).ok());
+      ASSERT_OK(write_part(reader, cut(region), into(part)));
       EXPECT_TRUE(part == encode_matte(part_of(whole, region)).value()) << region.x_px << " " << region.y_px;
       expect_same(decode_matte(part).value(), part_of(whole, region));
       // A part of the part.
       const MatteRegion corner{region.x_px + region.width_px - 1, region.y_px + region.height_px - 1, 1, 1};
       const PositionedFile part_file = file_of(part);
       std::string pixel;
-      ASSERT_TRUE(write_part(PackedMatteReader::open(part_file).value(), cut(corner), into(pixel)).ok());
+      ASSERT_OK(write_part(PackedMatteReader::open(part_file).value(), cut(corner), into(pixel)));
       EXPECT_TRUE(pixel == encode_matte(part_of(whole, corner)).value());
       (void)file_of(encode_matte(whole).value());
     }
@@ -159,7 +160,7 @@ TEST_F(PackedMatteTest, ASampledFileHoldsEveryNthPixelBitForBit) {
                                                    {MatteRegion{0, 0, 6, 75}, 1, 75},
                                                    {MatteRegion{1, 10, 5, 60}, 40, 3}}) {
       std::string bytes;
-      ASSERT_TRUE(write_part(reader, {.region = region, .max_pixels = max_pixels}, into(bytes)).ok());
+      ASSERT_OK(write_part(reader, {.region = region, .max_pixels = max_pixels}, into(bytes)));
       const Matte part = decode_matte(bytes).value();
       ASSERT_EQ(std::max(part.metadata.sampling_px(), 1), step);
       EXPECT_EQ(part.x0_px(), region.x_px / step);

@@ -7,6 +7,8 @@
 #include <map>
 #include <set>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -31,13 +33,13 @@ constexpr const char* kCrystal = R"(
 
 std::vector<Step> steps_of(const v1::Plan& plan, const std::vector<v1::Monitor>& monitors) {
   const absl::StatusOr<std::vector<Step>> steps = expand(plan, monitors);
-  EXPECT_TRUE(steps.ok()) << steps.status();
+  EXPECT_OK(steps);
   return steps.value_or(std::vector<Step>());
 }
 
 v1::Plan plan_of(const std::string& text) {
   const absl::StatusOr<v1::Plan> plan = parse_plan(text, "p");
-  EXPECT_TRUE(plan.ok()) << plan.status();
+  EXPECT_OK(plan);
   return plan.value_or(v1::Plan());
 }
 

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -136,7 +138,7 @@ TEST(IdPatch, APartlyHiddenPatchIsReadByTheBitsThatAreSeen) {
   };
   SimulatedView view(0.005, 9.0);
   const absl::StatusOr<PatchReader> reader = learned_before(9.0);
-  ASSERT_TRUE(reader.ok()) << reader.status();
+  ASSERT_OK(reader);
   EXPECT_NE(reader->bits(), 0xffff);
   EXPECT_GE(std::popcount(reader->bits()), IdPatch::kMinBits);
   for (int i = 0; i < 30; ++i) {

@@ -8,6 +8,7 @@
 
 #include "core/frame/image.h"
 #include "core/pattern/id_patch.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -41,12 +42,12 @@ TEST(PlanFit, MakesPlansThatFitEverySizeAndReadBackAsTheyAre) {
     int images = 0;
     for (const PlanQuality quality : kQualities) {
       const absl::StatusOr<v1::Plan> plan = make_plan({.quality = quality, .images = {}}, rig);
-      ASSERT_TRUE(plan.ok()) << plan.status();
+      ASSERT_OK(plan);
       EXPECT_TRUE(misfits(*plan, rig).empty()) << misfits(*plan, rig)[0];
       EXPECT_GT(images_of(*plan, rig), images);  // each quality takes more than the one before
       images = images_of(*plan, rig);
       const absl::StatusOr<v1::Plan> read = parse_plan(plan_text(*plan, rig), "made.txtpb");
-      ASSERT_TRUE(read.ok()) << read.status();
+      ASSERT_OK(read);
       EXPECT_EQ(read->DebugString(), plan->DebugString());
     }
   }
@@ -91,7 +92,7 @@ TEST(PlanFit, AnIdPatchOfTheAdvisedRowsIsReadThroughTheBlur) {
     std::vector<Image16> lessons;
     for (const std::uint16_t id : patch_learning_ids()) lessons.push_back(frame(id));
     const absl::StatusOr<PatchReader> reader = PatchReader::learn(lessons);
-    ASSERT_TRUE(reader.ok()) << blur_px << ": " << reader.status();
+    ASSERT_OK(reader) << blur_px << ": " << reader.status();
     EXPECT_EQ(reader->read(frame(0xA5C3)), 0xA5C3) << blur_px;
   }
 }

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/pattern/id_patch.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -177,7 +178,7 @@ TEST(Plan, AVideoShowsTheRampAloneAfterTheEmptyStage) {
 
   v1::Plan unnamed = plan;
   unnamed.clear_monitors();
-  EXPECT_TRUE(expand(unnamed, {rig[0]}).ok());
+  EXPECT_OK(expand(unnamed, {rig[0]}));
   const absl::Status status = expand(unnamed, rig).status();
   EXPECT_NE(std::string(status.message()).find("a video is of one monitor; the rig has 2"), std::string::npos)
       << status;

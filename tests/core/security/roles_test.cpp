@@ -29,6 +29,7 @@
 #include "glasswing/v1/stage_service.grpc.pb.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "tests/core/security/made_certificates.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -75,12 +76,12 @@ class Roles : public testing::Test {
     const MadeCertificate own = make_certificate(name, &ca_, names);
     const auto write = [&](const std::string& file, const std::string& pem) {
       const std::string path = (scratch_ / file).string();
-      EXPECT_TRUE(write_file_durably(path, pem).ok());
+      EXPECT_OK(write_file_durably(path, pem));
       return path;
     };
     const TlsFiles files{write("ca.pem", ca_.certificate_pem()), write(name + ".pem", own.certificate_pem()),
                          write(name + ".key", own.key_pem())};
-    EXPECT_TRUE(use_tls(files).ok());
+    EXPECT_OK(use_tls(files));
   }
   static std::unique_ptr<ServiceHost> started(Services& services, PrincipalOf principal_of = nullptr) {
     const auto all =
@@ -279,7 +280,7 @@ TEST_F(Roles, ALoginIsForConsolesAndServers) {
 }
 
 TEST_F(Roles, WithoutTlsOnlyCallsWithALoginAreChecked) {
-  ASSERT_TRUE(use_tls({}).ok());
+  ASSERT_OK(use_tls({}));
   server_ = started(services_, principal_of);
   const auto channel = grpc::CreateChannel(server_->address(), grpc::InsecureChannelCredentials());
   for (const MethodAccess& access : access_table()) {

@@ -14,6 +14,7 @@
 #include "core/service/service.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "tests/core/security/made_certificates.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -85,7 +86,7 @@ class TlsReloading : public testing::Test {
 
   std::string file(const std::string& name) const { return (scratch_ / name).string(); }
   void write(const std::string& name, const std::string& text) const {
-    ASSERT_TRUE(write_file_durably(file(name), text).ok());
+    ASSERT_OK(write_file_durably(file(name), text));
   }
   void install(const MadeCertificate& own) const {
     write("rig.key", own.key_pem());
@@ -94,7 +95,7 @@ class TlsReloading : public testing::Test {
   void start(const std::string& authorities, const MadeCertificate& own) {
     write("ca.pem", authorities);
     install(own);
-    ASSERT_TRUE(use_tls({file("ca.pem"), file("rig.pem"), file("rig.key")}).ok());
+    ASSERT_OK(use_tls({file("ca.pem"), file("rig.pem"), file("rig.key")}));
     host_ = ServiceHost::start({}, {&greeter_}).value();
   }
   // On a new connection of this process.
@@ -147,7 +148,7 @@ TEST_F(TlsReloading, NewConnectionsUseTheNewCertificateAndRunningCallsGoOn) {
   greeter_.go_on.set_value();
   EXPECT_TRUE(stream->Read(&message));
   EXPECT_FALSE(stream->Read(&message));
-  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_OK(stream->Finish());
   EXPECT_EQ(meet(lasting).caller, "first") << "its connection lasts";
 
   restart_host();
@@ -165,23 +166,23 @@ TEST_F(TlsReloading, AnotherAuthorityIsTakenUpWithoutAGap) {
   const MadeCertificate new_caller = make_certificate("new", &other_ca, kNames);
   start(ca_.certificate_pem(), make_certificate("first", &ca_, kNames));
   const auto lasting = dial(host_->address());
-  EXPECT_TRUE(meet(lasting).status.ok());
-  EXPECT_TRUE(met_by(old_caller, ca_).status.ok());
+  EXPECT_OK(meet(lasting).status);
+  EXPECT_OK(met_by(old_caller, ca_).status);
   EXPECT_FALSE(met_by(new_caller, ca_).status.ok());
 
   write("ca.pem", ca_.certificate_pem() + other_ca.certificate_pem());
   EXPECT_TRUE(until([&] { return met_by(new_caller, ca_).status.ok(); }));
-  EXPECT_TRUE(met_by(old_caller, ca_).status.ok());
+  EXPECT_OK(met_by(old_caller, ca_).status);
 
   install(make_certificate("second", &other_ca, kNames));
   EXPECT_TRUE(until_both_are("second"));
-  EXPECT_TRUE(met_by(old_caller, other_ca).status.ok());
+  EXPECT_OK(met_by(old_caller, other_ca).status);
   restart_host();
   EXPECT_TRUE(until([&] { return meet(lasting).caller == "second"; }));
 
   write("ca.pem", other_ca.certificate_pem());
   EXPECT_TRUE(until([&] { return !met_by(old_caller, other_ca).status.ok(); }));
-  EXPECT_TRUE(met_by(new_caller, other_ca).status.ok());
+  EXPECT_OK(met_by(new_caller, other_ca).status);
   EXPECT_EQ(met().host, "second");
 }
 
@@ -213,7 +214,7 @@ TEST_F(TlsReloading, OneThatExpiredIsPutRightWithoutARestart) {
   X509_gmtime_adj(X509_getm_notAfter(brief.certificate.get()), 4);
   ASSERT_GT(X509_sign(brief.certificate.get(), ca_.key.get(), EVP_sha256()), 0);
   start(ca_.certificate_pem(), brief);
-  EXPECT_TRUE(met().status.ok());
+  EXPECT_OK(met().status);
   EXPECT_TRUE(until([&] { return !met().status.ok(); }));
   EXPECT_TRUE(until([&] { return lines_with("has expired") > 0; }));
   install(make_certificate("renewed", &ca_, kNames));

@@ -9,6 +9,7 @@
 #include "core/service/service.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "tests/core/security/made_certificates.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -26,7 +27,7 @@ class Tls : public testing::Test {
     write("foreign", make_certificate("foreign", &foreign_ca_));
     write("old", make_certificate("old", &ca_, "", 0));
     write("server", make_certificate("server", &ca_, "IP:127.0.0.1,URI:urn:glasswing:role:server"));
-    EXPECT_TRUE(use_tls(files("ca", "server")).ok());
+    EXPECT_OK(use_tls(files("ca", "server")));
     server_ = ServiceHost::start({}, {}).value();
     address_ = server_->address();
   }
@@ -37,8 +38,8 @@ class Tls : public testing::Test {
 
   std::string file(const std::string& name) const { return (scratch_ / name).string(); }
   void write(const std::string& name, const MadeCertificate& made) const {
-    ASSERT_TRUE(write_file_durably(file(name + ".pem"), made.certificate_pem()).ok());
-    ASSERT_TRUE(write_file_durably(file(name + ".key"), made.key_pem()).ok());
+    ASSERT_OK(write_file_durably(file(name + ".pem"), made.certificate_pem()));
+    ASSERT_OK(write_file_durably(file(name + ".key"), made.key_pem()));
   }
   TlsFiles files(const std::string& ca, const std::string& own) const {
     return {file(ca + ".pem"), own.empty() ? "" : file(own + ".pem"), own.empty() ? "" : file(own + ".key")};
@@ -52,7 +53,7 @@ class Tls : public testing::Test {
     return from_grpc(stub->Exchange(&context, {}, &response), kPeer);
   }
   std::string told(const TlsFiles& files, const std::string& host = "127.0.0.1") const {
-    EXPECT_TRUE(use_tls(files).ok());
+    EXPECT_OK(use_tls(files));
     return std::string(call(host + address_.substr(address_.rfind(':'))).message());
   }
 
@@ -79,9 +80,9 @@ TEST_F(Tls, CallsGoThroughOnlyWhenEachKnowsTheOther) {
 
 // Calls by each of its names and addresses.
 TEST_F(Tls, APeerWithoutTheWantedRoleGetsNoCall) {
-  ASSERT_TRUE(use_tls(files("ca", "me")).ok());
-  EXPECT_TRUE(call(address_, only(Role::kServer)).ok());
-  EXPECT_TRUE(call(address_, only(Role::kServer) | only(Role::kCamera)).ok());
+  ASSERT_OK(use_tls(files("ca", "me")));
+  EXPECT_OK(call(address_, only(Role::kServer)));
+  EXPECT_OK(call(address_, only(Role::kServer) | only(Role::kCamera)));
   const absl::Status refused = call(address_, kArchiveKeepers);
   EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(
@@ -97,23 +98,23 @@ TEST_F(Tls, APeerWithoutTheWantedRoleGetsNoCall) {
 TEST_F(Tls, AHostHasAllNamesOfItsCertificate) {
   const std::string own = "IP:127.0.0.1,IP:::1,DNS:localhost,URI:urn:glasswing:role:server";
   write("server", make_certificate("server", &ca_, own));
-  ASSERT_TRUE(use_tls(files("ca", "server")).ok());
+  ASSERT_OK(use_tls(files("ca", "server")));
   for (const std::string host : {"127.0.0.1", "localhost", "[::1]"}) {
     const auto listening = ServiceHost::start({.address = host + ":0"}, {});
     if (!listening.ok() && host == "[::1]") GTEST_SKIP() << "there is no IPv6 here";
-    ASSERT_TRUE(listening.ok()) << listening.status();
+    ASSERT_OK(listening);
     EXPECT_EQ(call((*listening)->address()).message(), "") << host;
   }
 }
 
 TEST_F(Tls, APlainServerIsNotCalledWithTls) {
-  ASSERT_TRUE(use_tls({}).ok());
+  ASSERT_OK(use_tls({}));
   const auto plain = ServiceHost::start({}, {}).value();
-  ASSERT_TRUE(use_tls(files("ca", "me")).ok());
+  ASSERT_OK(use_tls(files("ca", "me")));
   EXPECT_EQ(call(plain->address()).message(),
             std::string(kPeer) + " does not speak TLS; if it need not, call it without a CA");
-  ASSERT_TRUE(use_tls({}).ok());
-  EXPECT_TRUE(call(plain->address()).ok());
+  ASSERT_OK(use_tls({}));
+  EXPECT_OK(call(plain->address()));
 }
 
 TEST_F(Tls, ATlsServerTakesNoCallInTheClear) {
@@ -141,7 +142,7 @@ TEST_F(Tls, CertificatesThatExpiredAreRefusedByBothSides) {
   builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port);
   builder.RegisterService(&service);
   const std::unique_ptr<grpc::Server> server = builder.BuildAndStart();
-  ASSERT_TRUE(use_tls(files("ca", "me")).ok());
+  ASSERT_OK(use_tls(files("ca", "me")));
   EXPECT_EQ(call("127.0.0.1:" + std::to_string(port)).message(),
             std::string(kPeer) + " shows a certificate that the CA " + file("ca.pem") +
                 " did not sign, or that has expired");
@@ -149,7 +150,7 @@ TEST_F(Tls, CertificatesThatExpiredAreRefusedByBothSides) {
 
 TEST_F(Tls, OtherMachinesAreListenedToWithACertificateOnly) {
   for (const TlsFiles& without : {TlsFiles(), files("ca", "")}) {
-    ASSERT_TRUE(use_tls(without).ok());
+    ASSERT_OK(use_tls(without));
     const absl::Status status =
         ServiceHost::start({.address = "0.0.0.0:0", .advertised = "rig:1"}, {}).status();
     EXPECT_TRUE(absl::IsInvalidArgument(status));
@@ -159,7 +160,7 @@ TEST_F(Tls, OtherMachinesAreListenedToWithACertificateOnly) {
         0u)
         << status;
   }
-  ASSERT_TRUE(use_tls(files("ca", "server")).ok());
+  ASSERT_OK(use_tls(files("ca", "server")));
   for (const char* everywhere : {"0.0.0.0:0", "[::]:0"}) {
     const absl::Status unnamed = ServiceHost::start({.address = everywhere}, {}).status();
     EXPECT_TRUE(absl::IsInvalidArgument(unnamed));
@@ -173,7 +174,7 @@ TEST_F(Tls, OtherMachinesAreListenedToWithACertificateOnly) {
   for (const char* advertised : {"rig.example.org:7440", "192.0.2.1:7440", "[2001:db8::1]:7440"}) {
     const auto host = ServiceHost::start({.address = "0.0.0.0:0", .advertised = advertised}, {}).value();
     EXPECT_EQ(host->advertised(), advertised);
-    EXPECT_TRUE(call("127.0.0.1" + host->address().substr(host->address().rfind(':'))).ok());
+    EXPECT_OK(call("127.0.0.1" + host->address().substr(host->address().rfind(':'))));
   }
   EXPECT_EQ(server_->advertised(), server_->address());
 }
@@ -185,7 +186,7 @@ TEST_F(Tls, WithFilesThatAreWrongNothingIsListenedOn) {
 }
 
 TEST_F(Tls, BeyondThisMachineNothingGoesInTheClear) {
-  ASSERT_TRUE(use_tls({}).ok());
+  ASSERT_OK(use_tls({}));
   // 192.0.2.0/24 is reserved for documentation: no host answers there.
   for (const char* address : {"192.0.2.1:7440", "127.example.org:1", "[2001:db8::1]:7440"}) {
     EXPECT_EQ(call(address).message(), std::string(kPeer) +
@@ -200,7 +201,7 @@ TEST_F(Tls, BeyondThisMachineNothingGoesInTheClear) {
 }
 
 TEST_F(Tls, NamesTheFileThatIsWrong) {
-  ASSERT_TRUE(write_file_durably(file("words.pem"), "no certificate").ok());
+  ASSERT_OK(write_file_durably(file("words.pem"), "no certificate"));
   const struct {
     TlsFiles files;
     std::string words;

@@ -5,6 +5,7 @@
 #include "core/base/utf8.h"
 #include "glasswing/v1/node_service.pb.h"
 #include "glasswing/v1/session_service.pb.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -13,7 +14,7 @@ TEST(MessageLimits, AreThoseOfTheFieldsOptionsOrTheUsualOnes) {
   v1::RegisterRequest node;
   node.set_name(std::string(64, 'n'));
   node.set_detail(std::string(kMaxStringBytes, 'd'));
-  EXPECT_TRUE(check_limits(node).ok());
+  EXPECT_OK(check_limits(node));
   node.mutable_name()->push_back('n');
   EXPECT_EQ(check_limits(node), absl::InvalidArgumentError("name has 65 bytes; it must have at most 64"));
   node.clear_name();
@@ -24,7 +25,7 @@ TEST(MessageLimits, AreThoseOfTheFieldsOptionsOrTheUsualOnes) {
   v1::AnnotateSessionRequest notes;
   notes.set_note(std::string(4096, 'x'));
   for (int i = 0; i < 100; ++i) notes.add_add_tags(std::string("tag"));
-  EXPECT_TRUE(check_limits(notes).ok());
+  EXPECT_OK(check_limits(notes));
   notes.add_add_tags(std::string("tag"));
   EXPECT_EQ(check_limits(notes),
             absl::InvalidArgumentError("add_tags has 101 items; it must have at most 100"));
@@ -56,7 +57,7 @@ TEST(MessageLimits, HoldAtAnyDepthAndNameThePlace) {
 TEST(MessageLimits, ChunksAreNotLimited) {
   v1::UploadImageRequest image;
   image.set_chunk(std::string(1 << 20, 'x'));
-  EXPECT_TRUE(check_limits(image).ok());
+  EXPECT_OK(check_limits(image));
 }
 
 TEST(MessageLimits, SendersCutTextBetweenCharacters) {

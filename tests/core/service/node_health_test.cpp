@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "core/base/file.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -15,9 +16,9 @@ TEST(NodeHealth, TellsTheWarmestSensorAndTheDisk) {
   fs::create_directories(scratch / "hwmon1");
   EXPECT_FALSE(node_health({}, scratch).has_temperature_c());
   EXPECT_FALSE(node_health({}, scratch / "none").has_temperature_c());
-  ASSERT_TRUE(write_file_durably(scratch / "hwmon0/temp1_input", "41500\n").ok());
-  ASSERT_TRUE(write_file_durably(scratch / "hwmon1/temp2_input", "63000\n").ok());
-  ASSERT_TRUE(write_file_durably(scratch / "hwmon1/temp3_input", "").ok());  // a sensor that cannot be read
+  ASSERT_OK(write_file_durably(scratch / "hwmon0/temp1_input", "41500\n"));
+  ASSERT_OK(write_file_durably(scratch / "hwmon1/temp2_input", "63000\n"));
+  ASSERT_OK(write_file_durably(scratch / "hwmon1/temp3_input", ""));  // a sensor that cannot be read
   EXPECT_DOUBLE_EQ(node_health({}, scratch).temperature_c(), 63.0);
   EXPECT_EQ(node_health({}, scratch).total_bytes(), 0);
   const v1::NodeHealth stores = node_health(scratch, scratch);

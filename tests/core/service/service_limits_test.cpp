@@ -13,6 +13,7 @@
 #include "core/service/service.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -178,7 +179,7 @@ TEST(ServiceLimits, AConnectionWhoseHeadersNeverEndIsDropped) {
   grpc::ClientContext context;
   set_deadline(context, seconds(20));
   v1::ExchangeResponse response;
-  EXPECT_TRUE(stub->Exchange(&context, {}, &response).ok());
+  EXPECT_OK(stub->Exchange(&context, {}, &response));
 }
 
 TEST(ServiceLimits, AConnectionThatSendsMuchInMessagesIsKept) {
@@ -195,7 +196,7 @@ TEST(ServiceLimits, AConnectionThatSendsMuchInMessagesIsKept) {
   // For longer than the watch waits between two looks.
   while (std::chrono::steady_clock::now() - begun < seconds(1)) ASSERT_TRUE(writer->Write(request));
   writer->WritesDone();
-  EXPECT_TRUE(writer->Finish().ok());
+  EXPECT_OK(writer->Finish());
 }
 
 TEST(ServiceLimits, ConnectionsThatSayNothingAreClosed) {
@@ -220,7 +221,7 @@ TEST(ServiceLimits, ConnectionsBeyondTheMostAreClosedAndOthersServed) {
   grpc::ClientContext context;
   set_deadline(context, seconds(10));
   v1::ExchangeResponse response;
-  EXPECT_TRUE(v1::ClockService::NewStub(channel)->Exchange(&context, {}, &response).ok());
+  EXPECT_OK(v1::ClockService::NewStub(channel)->Exchange(&context, {}, &response));
   idle.clear();
   EXPECT_TRUE(until([&] { return answers(*host); }));
 }

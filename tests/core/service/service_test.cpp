@@ -5,6 +5,7 @@
 
 #include "core/base/time.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -16,7 +17,7 @@ TEST(ServiceHost, TellsItsClockAndEndsInOrder) {
   set_deadline(context, std::chrono::seconds(5));
   v1::ExchangeResponse response;
   const nanoseconds sent = monotonic_now();
-  ASSERT_TRUE(stub->Exchange(&context, {}, &response).ok());
+  ASSERT_OK(stub->Exchange(&context, {}, &response));
   EXPECT_LE(sent.count(), response.received_ns());
   EXPECT_LE(response.received_ns(), response.sent_ns());
   EXPECT_LE(response.sent_ns(), monotonic_now().count());
@@ -66,7 +67,7 @@ TEST(Status, CodesCrossTheWireUnchanged) {
     const absl::Status status(static_cast<absl::StatusCode>(code), "why");
     EXPECT_EQ(from_grpc(to_grpc(status)), status);
   }
-  EXPECT_TRUE(from_grpc(grpc::Status::OK).ok());
+  EXPECT_OK(from_grpc(grpc::Status::OK));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "core/sim/scene.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -124,7 +125,7 @@ TEST(Transport, GivesNoMoreLightThanThereIs) {
 // The ball and the sheet reflect and transmit all light that falls on them.
 TEST(Transport, GlassLosesOnlyTheFaintestPaths) {
   const auto scene = make_scene("glass", kSize);
-  ASSERT_TRUE(scene.ok());
+  ASSERT_OK(scene);
   int hits = 0;
   for (int i = 0; i < 400; ++i) {
     const Vec3 eye{32.0, 24.0, -256.0};
@@ -253,7 +254,7 @@ TEST(Transport, ATraceReportsItsShareAndStopsWhenItIsTold) {
     const auto build = [&](const TraceReport& report) {
       return build_phases(scene, {{"back", kSize}}, kWidth_px, kHeight_px, kRaysAcross, kFocalWidths, report);
     };
-    ASSERT_TRUE(build(note).ok());
+    ASSERT_OK(build(note));
     EXPECT_GT(shares.front(), 0.0);
     EXPECT_LT(shares.front(), 0.1);  // a row of the empty stage
     EXPECT_TRUE(std::ranges::is_sorted(shares));

@@ -12,6 +12,7 @@
 
 #include "core/service/service.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -167,7 +168,7 @@ TEST(RpcMetrics, CountCallsByMethodAndCode) {
     grpc::ClientContext context;
     set_deadline(context, std::chrono::seconds(5));
     v1::ExchangeResponse response;
-    ASSERT_TRUE(stub->Exchange(&context, {}, &response).ok());
+    ASSERT_OK(stub->Exchange(&context, {}, &response));
   }
   host->stop(std::chrono::milliseconds(0));  // no call is left running
   EXPECT_EQ(count_of(method, "OK"), before + 3);

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "core/base/descriptor.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -45,7 +46,7 @@ class CommandRailTest : public testing::Test {
 
 TEST_F(CommandRailTest, RunsTheProgramWithThePosition) {
   const std::string move = program("printf '%s|' \"$@\" > " + (folder_ / "moved").string());
-  ASSERT_TRUE(moved(move + "  --to={mm} {monitor} $HOME;x", 251.2).ok());
+  ASSERT_OK(moved(move + "  --to={mm} {monitor} $HOME;x", 251.2));
   EXPECT_EQ(written(), "--to=251.2|back|$HOME;x|") << "no shell reads the words";
 }
 

@@ -23,6 +23,7 @@
 
 #include "tests/display-node/backends/display_contract.h"
 #include "tests/display-node/backends/refresh_stamps.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -197,7 +198,7 @@ TEST_F(KmsDisplayTest, TheCardShowsThePicturesCodes) {
     std::vector<Picture> pictures;
     for (size_t m = 0; m < screens.size(); ++m)
       pictures.push_back(i == 2 && m == 0 ? nullptr : noise(screens[m], 10 * i + static_cast<unsigned>(m)));
-    ASSERT_TRUE(display->show(pictures, monotonic_now()).ok());
+    ASSERT_OK(display->show(pictures, monotonic_now()));
     for (size_t m = 0; m < screens.size(); ++m) {
       const std::vector<std::uint8_t> bytes = Onlooker(cards_[m]).on_screen();
       const size_t pixels =
@@ -288,7 +289,7 @@ TEST_F(KmsDisplayTest, AllThatArePluggedInIfNoneIsNamed) {
   const std::unique_ptr<KmsDisplay> display = KmsDisplay::open({}).value();
   ASSERT_GE(display->screens().size(), cards_.size());
   for (size_t m = 0; m < cards_.size(); ++m) EXPECT_EQ(display->screens()[m].name, connector_of(cards_[m]));
-  EXPECT_TRUE(display->show({}, monotonic_now()).ok());
+  EXPECT_OK(display->show({}, monotonic_now()));
 }
 
 TEST_F(KmsDisplayTest, TheConsoleIsAsItWas) {
@@ -299,7 +300,7 @@ TEST_F(KmsDisplayTest, TheConsoleIsAsItWas) {
       const drmModeCrtc before = onlooker.crtc();
       {
         const std::unique_ptr<KmsDisplay> display = KmsDisplay::open(small_monitors()).value();
-        ASSERT_TRUE(display->show({}, monotonic_now()).ok());
+        ASSERT_OK(display->show({}, monotonic_now()));
         EXPECT_EQ(onlooker.crtc().mode.hdisplay, 640);
         EXPECT_NE(onlooker.crtc().buffer_id, before.buffer_id);
       }
@@ -319,7 +320,7 @@ TEST_F(KmsDisplayTest, AnUnpluggedMonitorIsNamed) {
     return static_cast<bool>(std::ofstream(status) << how << std::flush);
   };
   const std::unique_ptr<KmsDisplay> display = KmsDisplay::open(small_monitors()).value();
-  ASSERT_TRUE(display->show({}, monotonic_now()).ok());
+  ASSERT_OK(display->show({}, monotonic_now()));
   ASSERT_TRUE(plug("off"));
   const absl::Status unplugged = display->show({}, monotonic_now()).status();
   const absl::Status not_found =
@@ -330,7 +331,7 @@ TEST_F(KmsDisplayTest, AnUnpluggedMonitorIsNamed) {
       << unplugged;
   EXPECT_TRUE(absl::IsNotFound(not_found)) << not_found;
   EXPECT_NE(std::string(not_found.message()).find("nothing plugged in"), std::string::npos) << not_found;
-  EXPECT_TRUE(display->show({}, monotonic_now()).ok());
+  EXPECT_OK(display->show({}, monotonic_now()));
 }
 
 TEST_F(KmsDisplayTest, SaysWhatIsWrong) {

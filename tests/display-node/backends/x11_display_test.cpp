@@ -8,6 +8,7 @@
 
 #include "tests/display-node/backends/display_contract.h"
 #include "tests/display-node/backends/xvfb.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -87,7 +88,7 @@ TEST(X11Display, TheFramebufferHoldsThePicturesCodes) {
   EXPECT_EQ(screens[1].width_px, 128);
   for (unsigned i = 0; i < 4; ++i) {
     const Picture back = noise(320, 240, i), left = i == 2 ? nullptr : noise(128, 96, 100 + i);
-    ASSERT_TRUE(display->show({back, left}, monotonic_now()).ok());
+    ASSERT_OK(display->show({back, left}, monotonic_now()));
     expect_on_screen(*server(), screens[0], 0, 0, back);
     expect_on_screen(*server(), screens[1], 320, 100, left);
   }
@@ -102,7 +103,7 @@ TEST(X11Display, CodesOf10BitsNeedAServerThatHasThem) {
   EXPECT_EQ(screen.bits, 10);
   for (unsigned i = 0; i < 4; ++i) {
     const Picture picture = i == 2 ? nullptr : noise(screen.width_px, screen.height_px, i, 10);
-    ASSERT_TRUE(display->show({picture}, monotonic_now()).ok());
+    ASSERT_OK(display->show({picture}, monotonic_now()));
     expect_on_screen(*deep, screen, 0, 0, picture);
   }
   const auto refused = [](const Xvfb& xvfb, int bits, const std::string& words) {
@@ -160,7 +161,7 @@ TEST(X11Display, AServerThatDiesIsAnErrorSoon) {
   if (own == nullptr) GTEST_SKIP() << "no Xvfb and xrandr here";
   const std::unique_ptr<X11Display> display =
       X11Display::open({.server = own->name(), .monitors = {}}).value();
-  ASSERT_TRUE(display->show({}, monotonic_now()).ok());
+  ASSERT_OK(display->show({}, monotonic_now()));
   own->kill();
   EXPECT_TRUE(absl::IsUnavailable(display->show({}, monotonic_now()).status()));
 }

@@ -6,6 +6,7 @@
 #include <future>
 
 #include "display-node/backends/sim_display.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -100,7 +101,7 @@ class Player : public testing::Test {
 
 TEST_F(Player, ShowsEveryStepInOrderAndThenBlack) {
   const nanoseconds start = soon();
-  ASSERT_TRUE(play_steps(8, start).ok());
+  ASSERT_OK(play_steps(8, start));
   ASSERT_EQ(display_.shown.size(), 9u);
   EXPECT_EQ(display_.shown[0].at, start);
   for (size_t i = 0; i < 8; ++i)
@@ -113,7 +114,7 @@ TEST_F(Player, ReportsWhenEachStepWasReallyShownAndReplaced) {
     display_.misses = misses;
     display_.shown.clear();
     reports_.clear();
-    ASSERT_TRUE(play_steps(8, soon()).ok());
+    ASSERT_OK(play_steps(8, soon()));
     ASSERT_EQ(reports_.size(), 16u);
     for (size_t i = 0; i < reports_.size(); ++i) {
       const v1::Presentation& report = reports_[i];
@@ -146,7 +147,7 @@ TEST_F(Player, ReportsWhenEachStepWasReallyShownAndReplaced) {
 TEST_F(Player, KeepsToATimetableAndIsOnTimeAgainAfterAFlipThatWasLate) {
   display_.misses = true;
   const nanoseconds start = soon(), step = std::chrono::microseconds(7300);
-  ASSERT_TRUE(play_steps(8, start, kHold, step).ok());
+  ASSERT_OK(play_steps(8, start, kHold, step));
   ASSERT_EQ(display_.shown.size(), 9u);
   for (size_t i = 0; i < display_.shown.size(); ++i)
     EXPECT_EQ(display_.shown[i].at, start + static_cast<int>(i) * step) << i;

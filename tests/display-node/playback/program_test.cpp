@@ -11,6 +11,7 @@
 #include "core/frame/image_file.h"
 #include "core/pattern/id_patch.h"
 #include "core/sim/panel.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -354,7 +355,7 @@ TEST(Program, RefusesCalibrationsThatAreNotOfItsMonitors) {
   };
   v1::LoadProgramRequest request = good_request();
   *request.add_calibrations() = good;
-  EXPECT_TRUE(Program::create(request, own, ImageStore()).ok());
+  EXPECT_OK(Program::create(request, own, ImageStore()));
 
   refused({good, good}, "monitor \"back\" has two calibrations");
   refused({power_law("front", 16, 8, 10, {2.2, 2.2, 2.2})}, "of monitor \"front\"; there are: back, left");

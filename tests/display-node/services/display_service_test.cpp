@@ -16,6 +16,7 @@
 #include "core/service/service.h"
 #include "display-node/backends/light_tap.h"
 #include "display-node/backends/sim_display.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -90,7 +91,7 @@ class DisplayServiceTest : public testing::Test {
     grpc::ClientContext context;
     set_deadline(context, kPatience);
     v1::GetDisplayResponse response;
-    EXPECT_TRUE(stub_->GetDisplay(&context, {}, &response).ok());
+    EXPECT_OK(stub_->GetDisplay(&context, {}, &response));
     return response;
   }
 
@@ -175,7 +176,7 @@ class DisplayServiceTest : public testing::Test {
 TEST_F(DisplayServiceTest, DescribesItsMonitors) {
   grpc::ClientContext context;
   v1::GetDisplayResponse response;
-  ASSERT_TRUE(stub_->GetDisplay(&context, {}, &response).ok());
+  ASSERT_OK(stub_->GetDisplay(&context, {}, &response));
   EXPECT_EQ(response.name(), "display-1");
   EXPECT_EQ(response.backend(), "sim");
   ASSERT_EQ(response.monitors_size(), 1);
@@ -190,9 +191,9 @@ TEST_F(DisplayServiceTest, DescribesItsMonitors) {
 }
 
 TEST_F(DisplayServiceTest, PlaysAProgramAndReportsEveryStep) {
-  ASSERT_TRUE(load(program("p", 20, 2)).ok());
+  ASSERT_OK(load(program("p", 20, 2)));
   Play play = start("p");
-  ASSERT_TRUE(play.finish().ok());
+  ASSERT_OK(play.finish());
   ASSERT_EQ(play.reports.size(), 20u);
   for (size_t i = 0; i < play.reports.size(); ++i) {
     const v1::Presentation& report = play.reports[i];
@@ -203,13 +204,13 @@ TEST_F(DisplayServiceTest, PlaysAProgramAndReportsEveryStep) {
     }
   }
   Play again = start("p");
-  EXPECT_TRUE(again.finish().ok()) << "a program stays loaded";
+  EXPECT_OK(again.finish()) << "a program stays loaded";
 }
 
 TEST_F(DisplayServiceTest, RefusesToPlayLateOrWhatIsNotLoaded) {
   Play nothing = start("p");
   EXPECT_TRUE(absl::IsFailedPrecondition(nothing.finish()));
-  ASSERT_TRUE(load(program("p", 2, 2)).ok());
+  ASSERT_OK(load(program("p", 2, 2)));
   Play other = start("q");
   EXPECT_TRUE(absl::IsFailedPrecondition(other.finish()));
   Play late(*stub_, "p", monotonic_now() - milliseconds(1));
@@ -218,31 +219,31 @@ TEST_F(DisplayServiceTest, RefusesToPlayLateOrWhatIsNotLoaded) {
 }
 
 TEST_F(DisplayServiceTest, LoadingAnotherProgramAbortsTheOneThatPlays) {
-  ASSERT_TRUE(load(program("long", 20000, 2)).ok());
+  ASSERT_OK(load(program("long", 20000, 2)));
   Play play = start("long");
   ASSERT_TRUE(play.next());
   EXPECT_TRUE(absl::IsInvalidArgument(load(program("bad", 1, 1)))) << "a bad one disturbs nothing";
   ASSERT_TRUE(play.next());
-  ASSERT_TRUE(load(program("next", 2, 2)).ok());
+  ASSERT_OK(load(program("next", 2, 2)));
   EXPECT_TRUE(absl::IsAborted(play.finish()));
   Play next = start("next");
-  EXPECT_TRUE(next.finish().ok());
+  EXPECT_OK(next.finish());
 }
 
 TEST_F(DisplayServiceTest, PlayingAgainAbortsTheEarlierCall) {
-  ASSERT_TRUE(load(program("long", 20000, 600)).ok());
+  ASSERT_OK(load(program("long", 20000, 600)));
   Play first(*stub_, "long", monotonic_now() + hours(1));
   // The second call ends the first one, whichever comes first, and the new program ends the second.
   Play second(*stub_, "long", monotonic_now() + hours(1));
-  ASSERT_TRUE(load(program("next", 2, 2)).ok());
+  ASSERT_OK(load(program("next", 2, 2)));
   EXPECT_FALSE(first.finish().ok());
   EXPECT_FALSE(second.finish().ok());
   Play next = start("next");
-  EXPECT_TRUE(next.finish().ok());
+  EXPECT_OK(next.finish());
 }
 
 TEST_F(DisplayServiceTest, CancellingFreesTheScreensWithinTheStep) {
-  ASSERT_TRUE(load(program("slow", 2, 600)).ok());  // 3 s a step
+  ASSERT_OK(load(program("slow", 2, 600)));  // 3 s a step
   Play play = start("slow");
   play.context.TryCancel();
   EXPECT_TRUE(absl::IsCancelled(play.finish()));
@@ -282,13 +283,13 @@ TEST_F(DisplayServiceTest, EveryProgramBringsItsCalibrations) {
                                      : static_cast<float>(code + 55) / 310.0f);
   }
   const auto shown = [&] {
-    EXPECT_TRUE(load(request).ok());
+    EXPECT_OK(load(request));
     std::uint64_t cursor = 0;
     std::vector<Emission> emissions;
     nanoseconds horizon{};
     EXPECT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(0)));
     Play play = start("p");
-    EXPECT_TRUE(play.finish().ok());
+    EXPECT_OK(play.finish());
     EXPECT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(0)));
     return emissions.at(0).picture->samples;
   };
@@ -315,7 +316,7 @@ TEST_F(DisplayServiceTest, TakesPicturesInChunks) {
   v1::LoadProgramRequest request = program("photo", 1, 2);
   request.mutable_steps(0)->mutable_stimuli(0)->set_kind("photo");
   request.mutable_steps(0)->mutable_stimuli(0)->set_image(name);
-  EXPECT_TRUE(load(request).ok());
+  EXPECT_OK(load(request));
   request.mutable_steps(0)->mutable_stimuli(0)->set_image("xxh30");
   EXPECT_TRUE(absl::IsFailedPrecondition(load(request)));
 }
@@ -357,7 +358,7 @@ TEST_F(DisplayServiceTest, AMonitorThatCannotBeMovedStaysWhereItIs) {
   for (const double position_mm : {99.9, 300.1, std::numeric_limits<double>::quiet_NaN()})
     refused("back", position_mm, absl::StatusCode::kInvalidArgument,
             "the rail of monitor \"back\" takes 100 to 300");
-  ASSERT_TRUE(load(program("long", 20000, 2)).ok());
+  ASSERT_OK(load(program("long", 20000, 2)));
   Play play = start("long");
   ASSERT_TRUE(play.next());
   refused("back", 250.0, absl::StatusCode::kFailedPrecondition, "plays a program");
@@ -400,7 +401,7 @@ TEST_F(DisplayServiceTest, AStoppedMoveLeavesARailThatCanBeMoved) {
 TEST_F(DisplayServiceTest, AMonitorWithoutARailIsNotMoved) {
   DisplayServiceImpl fixed("display-2", display_);
   v1::GetDisplayResponse description;
-  ASSERT_TRUE(fixed.GetDisplay(nullptr, nullptr, &description).ok());
+  ASSERT_OK(fixed.GetDisplay(nullptr, nullptr, &description));
   EXPECT_FALSE(description.monitors(0).has_rail());
   v1::MoveMonitorRequest request;
   request.set_monitor("back");
@@ -447,7 +448,7 @@ TEST_F(DisplayServiceTest, ARepeatedLoadIsJoinedToTheFirst) {
   while (reader->Read(&response)) {
   }
   const grpc::Status end = reader->Finish();
-  EXPECT_TRUE(end.ok()) << end.error_message();
+  EXPECT_OK(end);
   EXPECT_EQ(drawn, 1);
   at_fault_points(nullptr);
 }

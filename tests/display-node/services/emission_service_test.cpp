@@ -12,6 +12,7 @@
 #include "core/service/service.h"
 #include "display-node/backends/sim_display.h"
 #include "display-node/playback/player.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -130,7 +131,7 @@ TEST_F(EmissionServiceTest, ThePanelMakesLightOfCodes) {
   auto picture = std::make_shared<Image<std::uint16_t>>(16, 16);
   for (size_t i = 0; i < picture->samples.size(); ++i)
     picture->samples[i] = static_cast<std::uint16_t>(i / 3);
-  ASSERT_TRUE(display_->show({picture}, monotonic_now()).ok());
+  ASSERT_OK(display_->show({picture}, monotonic_now()));
   const std::vector<std::uint16_t> light = next_picture(*reader_);
   ASSERT_EQ(light.size(), picture->samples.size());
   for (size_t i = 0; i < light.size(); ++i)
@@ -178,9 +179,8 @@ TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
     ASSERT_TRUE(reader_->Read(&event));
   } while (!event.has_horizon());  // the tap has seen the black before the program
   std::jthread player([&] {
-    EXPECT_TRUE(play(program, *display_, monotonic_now() + milliseconds(300), {}, {},
-                     [&](const v1::Presentation& report) { reports.push_back(report); })
-                    .ok());
+    EXPECT_OK(play(program, *display_, monotonic_now() + milliseconds(300), {}, {},
+                   [&](const v1::Presentation& report) { reports.push_back(report); }));
   });
 
   struct Light {
@@ -222,7 +222,7 @@ TEST_F(EmissionServiceTest, ReaderThatStallsIsDroppedAndHoldsNobodyUp) {
   serve({screen("back", 700, 300, 1000.0)}, 0.0);
   v1::WatchEmissionResponse event;
   ASSERT_TRUE(reader_->Read(&event));
-  for (int i = 0; i < 400; ++i) ASSERT_TRUE(display_->show({nullptr}, monotonic_now()).ok());
+  for (int i = 0; i < 400; ++i) ASSERT_OK(display_->show({nullptr}, monotonic_now()));
   while (reader_->Read(&event)) {
   }
   EXPECT_EQ(reader_->Finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);

@@ -20,6 +20,7 @@
 #include "server/capture/lag_search.h"
 #include "server/capture/patch_learning.h"
 #include "tests/faults/capture/rig.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -549,7 +550,7 @@ class LyingDaemons : public testing::Test {
     v1::CreateSessionResponse created;
     grpc::ClientContext context;
     const grpc::Status status = rig.sessions().CreateSession(&context, create, &created);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(status);
     v1::WatchSessionRequest watch;
     watch.set_name("s");
     grpc::ClientContext watching;

@@ -18,6 +18,7 @@
 #include "server/sessions/session_state.h"
 #include "solver/worker/work_loop.h"
 #include "tests/faults/capture/rig.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -106,7 +107,7 @@ class SlowCalls : public testing::Test {
     v1::CreateSessionResponse created;
     grpc::ClientContext context;
     const grpc::Status status = rig_->sessions().CreateSession(&context, create, &created);
-    ASSERT_TRUE(status.ok()) << status.error_message();
+    ASSERT_OK(status);
   }
   // Returns once `is_so`, or when the session rests.
   v1::Session wait_until(const std::string& name, const std::function<bool(const v1::Session&)>& is_so) {
@@ -207,13 +208,13 @@ TEST_F(SlowCalls, ASessionThatGoesOnFindsTheCameraThatItBeganToStart) {
   v1::PauseSessionResponse paused;
   grpc::ClientContext pause_context;
   const grpc::Status stopped = rig_->sessions().PauseSession(&pause_context, pause, &paused);
-  ASSERT_TRUE(stopped.ok()) << stopped.error_message();
+  ASSERT_OK(stopped);
   v1::ResumeSessionRequest resume;
   resume.set_name("s");
   v1::ResumeSessionResponse resumed;
   grpc::ClientContext resume_context;
   const grpc::Status again = rig_->sessions().ResumeSession(&resume_context, resume, &resumed);
-  ASSERT_TRUE(again.ok()) << again.error_message();
+  ASSERT_OK(again);
   wait_slow("s", "start the camera");
   EXPECT_EQ(held.visits(), 1);
   held.release();
@@ -234,7 +235,7 @@ TEST_F(SlowCalls, ACancelledCaptureEndsWhileTheCameraNodeStillHoldsItsCall) {
     grpc::ClientContext context;
     set_deadline(context, seconds(60));
     const grpc::Status status = rig_->sessions().CancelSession(&context, cancel, &cancelled);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(status);
     EXPECT_EQ(cancelled.session().state(), v1::SESSION_STATE_CANCELLED);
   }
 }
@@ -250,7 +251,7 @@ class SlowResults : public SlowCalls {
                            .threads = 1,
                            .claim_time = kClaimDeadline,
                            .result_time = kDeadline};
-    solver_ = std::jthread([work](std::stop_token stop) { EXPECT_TRUE(run_work_loop(work, stop).ok()); });
+    solver_ = std::jthread([work](std::stop_token stop) { EXPECT_OK(run_work_loop(work, stop)); });
     undisturbed_ = solve(nullptr);
   }
   void TearDown() override {
@@ -265,7 +266,7 @@ class SlowResults : public SlowCalls {
     v1::SolveSessionResponse response;
     grpc::ClientContext context;
     const grpc::Status status = rig_->sessions().SolveSession(&context, request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(status);
     if (meanwhile) meanwhile();
     const v1::Session session = wait_rests("s");
     EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE) << session.reason();

@@ -4,6 +4,7 @@
 #include "server/services/server.h"
 #include "tests/core/archive/made_archive.h"
 #include "tests/core/archive/tampering_relay.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -20,10 +21,10 @@ class Replicate : public ArchiveTest {
     v1::BeginImportRequest import;
     import.set_name("s");
     *import.mutable_manifest() = MadeArchive::header();
-    ASSERT_TRUE(server_->importer().begin(import, {}).ok());
+    ASSERT_OK(server_->importer().begin(import, {}));
     EXPECT_TRUE(absl::IsFailedPrecondition(replicate("solver-2"))) << "it is being imported";
     MadeArchive::fill(camera_->store);
-    ASSERT_TRUE(server_->importer().finish("s").ok());
+    ASSERT_OK(server_->importer().finish("s"));
     register_node(v1::NODE_KIND_SOLVER, "solver-2", solver_->address());
   }
   void TearDown() override {
@@ -41,7 +42,7 @@ class Replicate : public ArchiveTest {
     node.set_kind(kind);
     node.set_name(name);
     node.set_address(address);
-    ASSERT_TRUE(server_->rig().add(node, std::nullopt).ok());
+    ASSERT_OK(server_->rig().add(node, std::nullopt));
   }
   void register_camera(const std::string& address) {
     register_node(v1::NODE_KIND_CAMERA, "camera-1", address);
@@ -72,21 +73,21 @@ class Replicate : public ArchiveTest {
 TEST_F(Replicate, TheCopyIsKnownAndFoundWhereTheNodeIsNow) {
   std::vector<v1::ReplicateSessionResponse> told;
   const absl::Status status = replicate("solver-2", &told);
-  ASSERT_TRUE(status.ok()) << status;
+  ASSERT_OK(status);
   expect_whole_copy();
   EXPECT_EQ(told.back().frames_done(), MadeArchive::kFrames);
   EXPECT_EQ(told.back().bytes_done(), session().archive_bytes());
   ASSERT_EQ(session().copies_size(), 1);
   EXPECT_EQ(session().copies(0).node(), "solver-2");
   EXPECT_EQ(replica_addresses(session(), server_->rig()), std::vector<std::string>{solver_->address()});
-  ASSERT_TRUE(replicate("solver-2").ok()) << "asking for what is so is no error";
+  ASSERT_OK(replicate("solver-2")) << "asking for what is so is no error";
   EXPECT_EQ(session().copies_size(), 1);
 
   // A change of the session keeps its replicas.
   v1::AnnotateSessionRequest note;
   note.set_name("s");
   note.set_note("a copy");
-  ASSERT_TRUE(server_->sessions().annotate(note).ok());
+  ASSERT_OK(server_->sessions().annotate(note));
   const std::string old = solver_->address();
   server_ = nullptr;
   server_ = open_server();
@@ -102,7 +103,7 @@ TEST_F(Replicate, PixelsGoFromNodeToNodeAlone) {
   server_ = nullptr;
   server_ = open_server();
   register_node(v1::NODE_KIND_SOLVER, "solver-2", to_solver.address());
-  ASSERT_TRUE(replicate("solver-2").ok());
+  ASSERT_OK(replicate("solver-2"));
   expect_whole_copy();
   EXPECT_GT(to_solver.sent() + to_solver.received(), 0u);
   EXPECT_LT(to_solver.sent() + to_solver.received(), MadeArchive::kRowBytes * MadeArchive::kHeight / 10)
@@ -120,7 +121,7 @@ TEST_F(Replicate, APartOfACopyIsNotReadFromAndIsFinishedOrRemoved) {
   EXPECT_TRUE(replica_addresses(session(), server_->rig()).empty());
   std::ofstream(bad, std::ios::binary) << good;
   std::vector<v1::ReplicateSessionResponse> told;
-  ASSERT_TRUE(replicate("solver-2", &told).ok());
+  ASSERT_OK(replicate("solver-2", &told));
   EXPECT_EQ(told.front().frames_done(), 3);
   EXPECT_EQ(replica_addresses(session(), server_->rig()).size(), 1u);
   expect_whole_copy();
@@ -134,7 +135,7 @@ TEST_F(Replicate, NobodyWaitingEndsItAndItIsTakenUp) {
   (void)server_->replicator().replicate(
       request, [](const auto&) { return false; }, [] { return false; });
   EXPECT_EQ(session().copies_size(), 1);
-  ASSERT_TRUE(replicate("solver-2").ok());
+  ASSERT_OK(replicate("solver-2"));
   expect_whole_copy();
 }
 
@@ -155,7 +156,7 @@ TEST_F(Replicate, OnlyNodesThatKeepArchivesTakeOne) {
 }
 
 TEST_F(Replicate, DeletionRemovesCopiesOrNothing) {
-  ASSERT_TRUE(replicate("solver-2").ok());
+  ASSERT_OK(replicate("solver-2"));
   const std::int64_t frames = session().archive_bytes();
   server_ = nullptr;
   server_ = open_server();  // no node has registered with this one yet
@@ -174,7 +175,7 @@ TEST_F(Replicate, DeletionRemovesCopiesOrNothing) {
   EXPECT_TRUE(fs::exists(solver_->archive())) << "nothing is removed while the camera is away";
   camera_ = std::make_unique<ArchiveNode>(root_ / "camera", camera_address);
   const absl::StatusOr<std::int64_t> freed = server_->deleter().remove("s");
-  ASSERT_TRUE(freed.ok()) << freed.status();
+  ASSERT_OK(freed);
   EXPECT_EQ(*freed, 2 * frames);
   EXPECT_FALSE(fs::exists(solver_->archive()));
   EXPECT_FALSE(fs::exists(camera_->archive()));

@@ -6,6 +6,8 @@
 #include <limits>
 #include <map>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -54,7 +56,7 @@ TEST(CapturePositions, ASessionGoesOnOnlyWhereItWasBegun) {
   (*session.mutable_rail_mm())["back"] = 200.0;
   (*session.mutable_rail_mm())["left"] = 312.5;
   std::vector<v1::Monitor> monitors{monitor("back", 200.0), monitor("left"), monitor("top", 7.0)};
-  ASSERT_TRUE(enter_positions(session, monitors).ok());
+  ASSERT_OK(enter_positions(session, monitors));
   EXPECT_EQ(monitors[1].rail_mm(), 312.5) << "as the operator said";
   EXPECT_EQ(monitors[2].rail_mm(), 7.0);
   monitors[0].set_rail_mm(251.2);

@@ -12,6 +12,7 @@
 #include "core/frame/archive.h"
 #include "core/service/service.h"
 #include "tests/faults/capture/rig.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -50,7 +51,7 @@ class RigChangesTest : public testing::Test {
 
   void create() {
     const grpc::Status status = rig_->create(sweeping_plan());
-    ASSERT_TRUE(status.ok()) << status.error_message();
+    ASSERT_OK(status);
   }
 
   void retake(const v1::RigChange& change) {
@@ -61,7 +62,7 @@ class RigChangesTest : public testing::Test {
     grpc::ClientContext context;
     set_deadline(context, seconds(30));
     const grpc::Status status = rig_->sessions().ResumeSession(&context, retake, &resumed);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(status);
     EXPECT_EQ(resumed.session().state(), v1::SESSION_STATE_CAPTURING);
   }
 

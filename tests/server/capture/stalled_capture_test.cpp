@@ -8,6 +8,7 @@
 
 #include "core/service/service.h"
 #include "tests/faults/capture/rig.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -34,7 +35,7 @@ TEST(StalledCapture, ACameraWhoseFramesAreLostIsNamedAsTheCause) {
   {
     FaultyRig rig(RigFaults{.name = "blind", .drop = 1.0}, 1, 16, data);
     const grpc::Status created = rig.create(many_retries());
-    ASSERT_TRUE(created.ok()) << created.error_message();
+    ASSERT_OK(created);
     const v1::Session end = rig.watch([&](const v1::Session& now) {
       if (stalled || !now.waiting().what().starts_with("no step")) return;
       stalled = now;
@@ -44,7 +45,7 @@ TEST(StalledCapture, ACameraWhoseFramesAreLostIsNamedAsTheCause) {
       grpc::ClientContext context;
       set_deadline(context, std::chrono::seconds(60));
       const grpc::Status status = rig.sessions().CancelSession(&context, cancel, &cancelled);
-      EXPECT_TRUE(status.ok()) << status.error_message();
+      EXPECT_OK(status);
       EXPECT_EQ(cancelled.session().state(), v1::SESSION_STATE_CANCELLED);
     });
     EXPECT_EQ(end.state(), v1::SESSION_STATE_CANCELLED) << end.reason();

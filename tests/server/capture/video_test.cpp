@@ -13,6 +13,7 @@
 #include "core/service/service.h"
 #include "tests/faults/capture/rig.h"
 #include "tests/server/solve/idle_solver.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -42,7 +43,7 @@ class VideoTest : public testing::Test {
   // Returns when the session rests. Calls `seen` with every change.
   v1::Session capture(const v1::Plan& plan, const std::function<void(const v1::Session&)>& seen = nullptr) {
     const grpc::Status status = rig_->create(plan);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(status);
     return rig_->watch(seen);
   }
   // Returns once all tiles are done or the solve has failed.
@@ -157,8 +158,8 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_TRUE(server.sessions().find("s")->solved_frames().empty());
   EXPECT_FALSE(fs::exists(data_ / "server" / "mattes" / "s" / "0000.exr"));
 
-  ASSERT_TRUE(solver.complete(first, lost).ok());
-  ASSERT_TRUE(solver.complete(first, lost).ok());  // again, as if the answer had been lost
+  ASSERT_OK(solver.complete(first, lost));
+  ASSERT_OK(solver.complete(first, lost));  // again, as if the answer had been lost
   std::vector<int> solved;
   for (int frame = 0; frame < first.frame_count(); ++frame) {
     if (!lost.contains(frame)) solved.push_back(frame);
@@ -176,7 +177,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_TRUE(absl::IsFailedPrecondition(server.solves().matte("s", std::nullopt).status()));
 
   // A failed solve keeps them, also across a restart of the server.
-  ASSERT_TRUE(solver.fail(solver.claim(), "frame 17: it cannot be read").ok());
+  ASSERT_OK(solver.fail(solver.claim(), "frame 17: it cannot be read"));
   session = *server.sessions().find("s");
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
   EXPECT_TRUE(session.reason().ends_with(": frame 17: it cannot be read")) << session.reason();
@@ -188,13 +189,13 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   }
 
   // The next solve replaces them, and late results of the last one are refused.
-  ASSERT_TRUE(server.solves().solve(request).ok());
+  ASSERT_OK(server.solves().solve(request));
   EXPECT_TRUE(server.sessions().find("s")->solved_frames().empty());
   EXPECT_EQ(solver.complete(first, lost).error_code(), grpc::StatusCode::ABORTED);
   int tiles = 0, smallest = kFrames;
   for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim(), ++tiles) {
     smallest = std::min(smallest, tile.frame_count());
-    ASSERT_TRUE(solver.complete(tile, lost, 2.0f).ok());
+    ASSERT_OK(solver.complete(tile, lost, 2.0f));
   }
   EXPECT_LT(smallest, first.frame_count());  // tiles shrink towards the end
   session = settled();
@@ -206,11 +207,10 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
 
   // A finished solve stays until the next one finishes. Frames without a possible matte fail the session once
   // all others are solved.
-  ASSERT_TRUE(server.solves().solve(request).ok());
+  ASSERT_OK(server.solves().solve(request));
   const std::set<int> refused{solved.front(), solved.back()};
   for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim())
-    ASSERT_TRUE(
-        solver.complete(tile, lost, 3.0f, 0, tile.first_frame() == 0 ? refused : std::set<int>()).ok());
+    ASSERT_OK(solver.complete(tile, lost, 3.0f, 0, tile.first_frame() == 0 ? refused : std::set<int>()));
   session = settled();
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
   EXPECT_EQ(
@@ -224,11 +224,11 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   // A retry solves only those; then all mattes are of the new solve.
   v1::ResumeSessionRequest retry;
   retry.set_name("s");
-  ASSERT_TRUE(server.control().resume(retry, {}).ok());
+  ASSERT_OK(server.control().resume(retry, {}));
   std::set<int> again;
   for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim()) {
     for (int i = 0; i < tile.frame_count(); ++i) again.insert(tile.first_frame() + i);
-    ASSERT_TRUE(solver.complete(tile, lost, 4.0f).ok());
+    ASSERT_OK(solver.complete(tile, lost, 4.0f));
   }
   EXPECT_EQ(again, refused);
   session = settled();

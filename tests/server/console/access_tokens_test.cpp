@@ -6,6 +6,7 @@
 
 #include "core/base/file.h"
 #include "server/storage/row_checksums.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -73,9 +74,9 @@ TEST_F(AccessTokensTest, NoSecretIsStored) {
 TEST_F(AccessTokensTest, ALogoutEndsOneLoginOnly) {
   const AccessTokens::Made token = made();
   const Login here = login(token), there = login(token);
-  ASSERT_TRUE(tokens_->log_out(here.secret).ok());
+  ASSERT_OK(tokens_->log_out(here.secret));
   EXPECT_FALSE(is_in(here));
-  EXPECT_TRUE(tokens_->log_out(here.secret).ok()) << "twice";
+  EXPECT_OK(tokens_->log_out(here.secret)) << "twice";
   EXPECT_TRUE(is_in(there));
   EXPECT_TRUE(is_in(login(token)));
 }
@@ -87,7 +88,7 @@ TEST_F(AccessTokensTest, ARevokedTokenTakesItsLoginsAndItsOwnTokensAlong) {
   const std::vector<Login> ended{login(root), login(child), login(grandchild)};
   const Login stays = login(other);
   EXPECT_EQ(tokens_->revoke("nonsense").code(), absl::StatusCode::kNotFound);
-  ASSERT_TRUE(tokens_->revoke(root.token.id).ok());
+  ASSERT_OK(tokens_->revoke(root.token.id));
   for (const Login& each : ended) EXPECT_FALSE(is_in(each));
   for (const AccessTokens::Made* token : {&root, &child, &grandchild})
     EXPECT_FALSE(tokens_->log_in(token->secret, now_).ok());
@@ -116,11 +117,11 @@ TEST_F(AccessTokensTest, ATokenEndsNoLaterThanItsMaker) {
 TEST_F(AccessTokensTest, TokensAndLoginsSurviveARestart) {
   const AccessTokens::Made token = made();
   const Login anna = login(token), gone = login(token);
-  ASSERT_TRUE(tokens_->log_out(gone.secret).ok());
+  ASSERT_OK(tokens_->log_out(gone.secret));
   restart();
   EXPECT_TRUE(is_in(anna));
   EXPECT_FALSE(is_in(gone));
-  EXPECT_TRUE(tokens_->log_in(token.secret, now_).ok());
+  EXPECT_OK(tokens_->log_in(token.secret, now_));
   EXPECT_EQ(tokens_->list(now_)->front().login_count, 2);
 }
 
@@ -129,13 +130,13 @@ TEST_F(AccessTokensTest, ADamagedFileIsSetAsideAndBrowsersLogInAgain) {
   tokens_.reset();
   std::string bytes = read_file(data_ / kTokensFile).value();
   bytes[bytes.rfind("viewer")] = 'w';  // an altered row
-  ASSERT_TRUE(write_file_durably(data_ / kTokensFile, bytes).ok());
+  ASSERT_OK(write_file_durably(data_ / kTokensFile, bytes));
   restart();
   EXPECT_FALSE(tokens_->log_in(token.secret, now_).ok());
   EXPECT_TRUE(is_in(login(made())));
   EXPECT_EQ(read_file(data_ / "damaged" / kTokensFile).value(), bytes);
   EXPECT_EQ(problems_.all().size(), 1);
-  ASSERT_TRUE(write_file_durably(data_ / kTokensFile, std::string(8192, 'x')).ok());
+  ASSERT_OK(write_file_durably(data_ / kTokensFile, std::string(8192, 'x')));
   restart();
   EXPECT_TRUE(is_in(login(made())));
 }
@@ -153,7 +154,7 @@ TEST_F(AccessTokensTest, TheirNumberIsLimited) {
   EXPECT_EQ(tokens_->make({"lab"}, "anna", "viewer", now_ + hours(1), now_).status().code(),
             absl::StatusCode::kResourceExhausted);
   const sys_seconds later = now_ + hours(1);  // all have expired
-  EXPECT_TRUE(tokens_->make({"lab"}, "anna", "viewer", later + hours(1), later).ok());
+  EXPECT_OK(tokens_->make({"lab"}, "anna", "viewer", later + hours(1), later));
   EXPECT_EQ(tokens_->list(later)->size(), 1u);
 }
 

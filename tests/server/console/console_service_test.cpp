@@ -9,6 +9,7 @@
 #include "core/security/tls.h"
 #include "core/service/service.h"
 #include "tests/core/security/made_certificates.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -83,7 +84,7 @@ TEST_F(ConsoleServiceTest, ATokenNeedsAConsoleToLogInTo) {
                           "http://rig.lab:7480#token=x", "http://anna@rig.lab:7480", "http://rig\n:7480"})
     EXPECT_EQ(announce(url).code(), absl::StatusCode::kInvalidArgument) << url;
   for (const char* url : {"http://127.0.0.1:1", "https://[::1]:7480", "https://rig.lab:7480"}) {
-    EXPECT_TRUE(announce(url).ok()) << url;
+    EXPECT_OK(announce(url)) << url;
     EXPECT_EQ(call(kCreate, request(1.0))->url(), url);
   }
   EXPECT_EQ(call(kCreate, request(0.0)).status().code(), absl::StatusCode::kInvalidArgument);
@@ -91,13 +92,13 @@ TEST_F(ConsoleServiceTest, ATokenNeedsAConsoleToLogInTo) {
 
 TEST_F(ConsoleServiceTest, AConsoleThatIsJustStartingIsWaitedFor) {
   start();
-  std::jthread console([this] { EXPECT_TRUE(announce("http://127.0.0.1:1").ok()); });
-  EXPECT_TRUE(call(kCreate, request(1.0)).ok());
+  std::jthread console([this] { EXPECT_OK(announce("http://127.0.0.1:1")); });
+  EXPECT_OK(call(kCreate, request(1.0)));
 }
 
 TEST_F(ConsoleServiceTest, ALoginIsKnownUntilItsLogout) {
   start();
-  ASSERT_TRUE(announce("http://127.0.0.1:1").ok());
+  ASSERT_OK(announce("http://127.0.0.1:1"));
   const v1::CreateTokenResponse token = call(kCreate, request(1.0, "operator")).value();
   const v1::LogInResponse login = log_in(token.token()).value();
   EXPECT_EQ(login.principal().name(), "berta");
@@ -110,15 +111,15 @@ TEST_F(ConsoleServiceTest, ALoginIsKnownUntilItsLogout) {
   EXPECT_EQ(log_in(login.login()).status().code(), absl::StatusCode::kUnauthenticated);
   v1::LogOutRequest out;
   out.set_login(login.login());
-  EXPECT_TRUE(call(&v1::ConsoleService::Stub::LogOut, out).ok());
+  EXPECT_OK(call(&v1::ConsoleService::Stub::LogOut, out));
   EXPECT_EQ(principal_of(login.login()).status().code(), absl::StatusCode::kUnauthenticated);
-  EXPECT_TRUE(call(&v1::ConsoleService::Stub::LogOut, out).ok()) << "twice";
+  EXPECT_OK(call(&v1::ConsoleService::Stub::LogOut, out)) << "twice";
 }
 
 // Without TLS too, where all others may do everything.
 TEST_F(ConsoleServiceTest, ACallWithALoginHasItsRoleAndItsName) {
   start();
-  ASSERT_TRUE(announce("http://127.0.0.1:1").ok());
+  ASSERT_OK(announce("http://127.0.0.1:1"));
   const auto login_of = [&](const std::string& role) {
     return log_in(call(kCreate, request(1.0, role))->token())->login();
   };
@@ -136,17 +137,16 @@ TEST_F(ConsoleServiceTest, ACallWithALoginHasItsRoleAndItsName) {
 TEST_F(ConsoleServiceTest, ATokenEndsWithTheCertificateOfItsMaker) {
   const MadeCertificate ca = make_certificate("ca");
   const auto write = [&](const std::string& file, const std::string& pem) {
-    EXPECT_TRUE(write_file_durably(scratch_ / file, pem).ok());
+    EXPECT_OK(write_file_durably(scratch_ / file, pem));
     return (scratch_ / file).string();
   };
   // Of the test's own process: the server's certificate and the callers'.
   const MadeCertificate own =
       make_certificate("anna", &ca, fmt::format("IP:127.0.0.1,URI:{0}operator,URI:{0}console", kRoleUri), 3);
-  ASSERT_TRUE(use_tls({write("ca.pem", ca.certificate_pem()), write("own.pem", own.certificate_pem()),
-                       write("own.key", own.key_pem())})
-                  .ok());
+  ASSERT_OK(use_tls({write("ca.pem", ca.certificate_pem()), write("own.pem", own.certificate_pem()),
+                     write("own.key", own.key_pem())}));
   start();
-  ASSERT_TRUE(announce("https://rig.lab:7480").ok());
+  ASSERT_OK(announce("https://rig.lab:7480"));
   const v1::CreateTokenResponse response = call(kCreate, request(8760.0)).value();
   const std::vector<AccessToken> valid = tokens_->list(AccessTokens::current_time()).value();
   ASSERT_EQ(valid.size(), 1u);

@@ -11,6 +11,7 @@
 #include "server/services/server.h"
 #include "server/storage/image_name.h"
 #include "server/storage/matte_files.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -39,7 +40,7 @@ class FsckServer : public testing::Test {
   // A session that is done, a video that is done, and one that is being solved: one of its two tiles is
   // there.
   void SetUp() override {
-    { ASSERT_TRUE(Server::open({.data = data_}).ok()); }
+    { ASSERT_OK(Server::open({.data = data_})); }
     catalogue_ = Catalogue::open(data_ / "catalogue.sqlite").value();
     v1::Session done = session("done", v1::SESSION_STATE_DONE),
                 solving = session("solving", v1::SESSION_STATE_SOLVING),
@@ -60,16 +61,14 @@ class FsckServer : public testing::Test {
     const std::string name = tile_name(lease.id.job, lease.id.tile, lease.id.attempt, checksum_of(matte()));
     tile_ = files_.tiles("solving").value() / name;
     write(tile_, matte());
-    ASSERT_TRUE(jobs->complete(lease.id, {.result = name}).ok());
-    for (const v1::Session& each : {done, video, solving}) ASSERT_TRUE(catalogue_->insert(each, "").ok());
+    ASSERT_OK(jobs->complete(lease.id, {.result = name}));
+    for (const v1::Session& each : {done, video, solving}) ASSERT_OK(catalogue_->insert(each, ""));
     write(data_ / "images" / image_name("png"), "png");
     write(data_ / "calibration/camera-c.json", "{\"camera\": \"c\"}");
   }
   void TearDown() override { fs::remove_all(data_); }
 
-  void write(const fs::path& path, const std::string& bytes) {
-    ASSERT_TRUE(write_file_durably(path, bytes).ok());
-  }
+  void write(const fs::path& path, const std::string& bytes) { ASSERT_OK(write_file_durably(path, bytes)); }
   void flip(const fs::path& file) {
     std::string bytes = read_file(file).value();
     const size_t at = bytes.size() - 9;
@@ -79,7 +78,7 @@ class FsckServer : public testing::Test {
   CheckReport check(bool repair = false) {
     catalogue_.reset();
     const absl::StatusOr<CheckReport> report = fsck(data_, {.repair = repair, .check_server = check_server});
-    EXPECT_TRUE(report.ok()) << report.status();
+    EXPECT_OK(report);
     if (repair) catalogue_ = Catalogue::open(data_ / "catalogue.sqlite").value();
     return report.value_or(CheckReport());
   }
@@ -92,7 +91,7 @@ class FsckServer : public testing::Test {
       EXPECT_EQ(report.findings[0].repaired, repair) << report.findings[0].error;
     }
     EXPECT_TRUE(check(true).findings.empty());
-    EXPECT_TRUE(Server::open({.data = data_}).ok());
+    EXPECT_OK(Server::open({.data = data_}));
   }
   bool is_aside(const fs::path& file) const {
     return !fs::exists(file) && fs::exists(data_ / "damaged" / file.lexically_relative(data_));
@@ -173,20 +172,19 @@ TEST_F(FsckServer, PicturesCalibrationsAndTheIdAreSetAside) {
 
 TEST_F(FsckServer, ARecordThatCannotBeReadKeepsTheServerFromNothing) {
   catalogue_.reset();
-  ASSERT_TRUE(Database::open(data_ / "catalogue.sqlite")
-                  ->run("UPDATE sessions SET session = x'ff' WHERE name = 'done'")
-                  .ok());
+  ASSERT_OK(Database::open(data_ / "catalogue.sqlite")
+                ->run("UPDATE sessions SET session = x'ff' WHERE name = 'done'"));
   {
     const std::unique_ptr<Server> server = Server::open({.data = data_}).value();
     EXPECT_TRUE(absl::IsDataLoss(server->sessions().find("done").status()));
-    EXPECT_TRUE(server->sessions().find("video").ok());
+    EXPECT_OK(server->sessions().find("video"));
   }
   const CheckReport report = check(true);
   ASSERT_EQ(report.findings.size(), 1u);
   EXPECT_NE(report.findings[0].what.find("\"done\""), std::string::npos) << report.findings[0].what;
   EXPECT_TRUE(fs::exists(data_ / "damaged/sessions/done"));
-  EXPECT_TRUE(Server::open({.data = data_}).ok());
-  EXPECT_TRUE(catalogue_->find("video").ok());
+  EXPECT_OK(Server::open({.data = data_}));
+  EXPECT_OK(catalogue_->find("video"));
   // Its matte is now of nobody.
   expect_mends(files_.finished("done"), false);
   EXPECT_TRUE(is_aside(files_.finished("done")));
@@ -196,7 +194,7 @@ TEST_F(FsckServer, WithoutItsCatalogueOnlyABackupHelps) {
   catalogue_.reset();
   write(data_ / "catalogue.sqlite", std::string(8192, 'x'));
   const absl::StatusOr<CheckReport> report = fsck(data_, {.repair = true, .check_server = check_server});
-  ASSERT_TRUE(report.ok()) << report.status();
+  ASSERT_OK(report);
   ASSERT_EQ(report->findings.size(), 1u);
   EXPECT_TRUE(report->findings[0].repair.empty());
   EXPECT_TRUE(fs::exists(data_ / "catalogue.sqlite"));

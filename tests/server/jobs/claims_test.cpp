@@ -4,6 +4,7 @@
 #include <thread>
 
 #include "tests/server/jobs/contract.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -22,8 +23,8 @@ TEST_P(JobContract, EachTileIsHandedOutOnceToManyAtOnce) {
         const std::optional<Lease> lease = claim(solver);
         if (!lease) continue;
         ++claims;
-        EXPECT_TRUE(store_->renew(lease->id).ok());
-        EXPECT_TRUE(store_->complete(lease->id, result(solver)).ok());
+        EXPECT_OK(store_->renew(lease->id));
+        EXPECT_OK(store_->complete(lease->id, result(solver)));
         const std::lock_guard lock(mutex);
         EXPECT_TRUE(seen.insert({lease->id.job, lease->id.tile}).second);
       }
@@ -54,7 +55,7 @@ TEST_P(JobContract, OfManyAtOneTileOneIsFirst) {
   threads.clear();
   // Tiles that were skipped while locked.
   while (std::optional<Lease> lease = claim("last")) {
-    ASSERT_TRUE(store_->complete(lease->id, result("last")).ok());
+    ASSERT_OK(store_->complete(lease->id, result("last")));
     ++done;
   }
   EXPECT_EQ(done, kTiles);

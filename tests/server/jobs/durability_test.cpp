@@ -1,5 +1,6 @@
 // A store that is opened again.
 #include "tests/server/jobs/contract.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -7,7 +8,7 @@ namespace {
 TEST_P(JobContract, AStoreOpenedAgainKeepsAll) {
   const std::int64_t job = create(5);
   const Lease done = claimed("a"), leased = claimed("a"), failed = claimed("a"), quarantined = claimed("a");
-  ASSERT_TRUE(store_->complete(done.id, result("done.exr", 2.5)).ok());
+  ASSERT_OK(store_->complete(done.id, result("done.exr", 2.5)));
   ASSERT_FALSE(store_->fail(failed.id, "dark", false).value());
   ASSERT_TRUE(store_->fail(quarantined.id, "no", true).value());
   open(options());
@@ -19,9 +20,9 @@ TEST_P(JobContract, AStoreOpenedAgainKeepsAll) {
   EXPECT_TRUE(tile(quarantined).quarantined);
   // Leases go on, and completions may be repeated.
   EXPECT_EQ(store_->leases()->size(), 1u);
-  EXPECT_TRUE(store_->renew(leased.id).ok());
-  EXPECT_TRUE(store_->complete(leased.id, result("leased.exr")).ok());
-  EXPECT_TRUE(store_->complete(done.id, result("done.exr")).ok());
+  EXPECT_OK(store_->renew(leased.id));
+  EXPECT_OK(store_->complete(leased.id, result("leased.exr")));
+  EXPECT_OK(store_->complete(done.id, result("done.exr")));
   EXPECT_EQ(claimed("a").id.tile, 4);
   EXPECT_GT(create(1), job);
 }
@@ -29,15 +30,15 @@ TEST_P(JobContract, AStoreOpenedAgainKeepsAll) {
 TEST_P(JobContract, ASurveyMayBeSaidAgainToAStoreOpenedAgain) {
   const std::int64_t job = create(1);
   const Lease survey = claimed("a");
-  ASSERT_TRUE(store_->recut(survey.id, "plan", ranges(3)).ok());
+  ASSERT_OK(store_->recut(survey.id, "plan", ranges(3)));
   open(options());
-  ASSERT_TRUE(store_->recut(survey.id, "plan", ranges(3)).ok());
+  ASSERT_OK(store_->recut(survey.id, "plan", ranges(3)));
   EXPECT_EQ(store_->counts(job)->tiles, 3);
 }
 
 TEST_P(JobContract, HoldsEndWhenTheServerOpensTheStoreAgain) {
   const std::int64_t job = create(1);
-  ASSERT_TRUE(store_->suspend(job).ok());
+  ASSERT_OK(store_->suspend(job));
   open(options());
   EXPECT_EQ(claimed("a").id.job, job);
 }

@@ -2,6 +2,7 @@
 #include "server/jobs/job_store.h"
 
 #include "tests/server/jobs/contract.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -34,12 +35,12 @@ TEST_P(JobContract, TheOldestJobComesFirst) {
 
 TEST_P(JobContract, NumbersOfRemovedJobsAreNotUsedAgain) {
   const std::int64_t job = create(1);
-  ASSERT_TRUE(store_->remove(job).ok());
+  ASSERT_OK(store_->remove(job));
   EXPECT_GT(create(1), job);
 }
 
 TEST_P(JobContract, OnlyWhoComputesItGetsATile) {
-  ASSERT_TRUE(store_->create({.session = "s", .computes = "gaussian/2", .work = ""}, ranges(1)).ok());
+  ASSERT_OK(store_->create({.session = "s", .computes = "gaussian/2", .work = ""}, ranges(1)));
   EXPECT_FALSE(claim("old").has_value());
   EXPECT_FALSE(store_->claim("none", {}, false).value().has_value());
   const std::vector<std::string> computes{"gaussian/2"};
@@ -48,19 +49,19 @@ TEST_P(JobContract, OnlyWhoComputesItGetsATile) {
 
 TEST_P(JobContract, WorkAndResultsAreAnyBytes) {
   const std::string bytes("\0\xff'\\x\n", 6);
-  ASSERT_TRUE(store_->create({.session = "s", .computes = "gaussian/1", .work = bytes}, ranges(2)).ok());
+  ASSERT_OK(store_->create({.session = "s", .computes = "gaussian/1", .work = bytes}, ranges(2)));
   const Lease lease = claimed("a"), other = claimed("a");
   EXPECT_EQ(lease.work, bytes);
-  ASSERT_TRUE(store_->complete(lease.id, result(bytes)).ok());
+  ASSERT_OK(store_->complete(lease.id, result(bytes)));
   EXPECT_EQ(tile(lease).done.result, bytes);
-  ASSERT_TRUE(store_->fail(other.id, bytes, false).ok());
+  ASSERT_OK(store_->fail(other.id, bytes, false));
   EXPECT_EQ(tile(other).error, bytes);
 }
 
 TEST_P(JobContract, ASurveyCutsTheJobAnew) {
   const std::int64_t job = create(1);
   const Lease survey = claimed("a");
-  ASSERT_TRUE(store_->recut(survey.id, "plan", ranges(2)).ok());
+  ASSERT_OK(store_->recut(survey.id, "plan", ranges(2)));
   ASSERT_EQ(store_->tiles(job)->size(), 2u);
   const Lease first = claimed("a");
   EXPECT_EQ(first.id.tile, 0);
@@ -68,10 +69,10 @@ TEST_P(JobContract, ASurveyCutsTheJobAnew) {
   EXPECT_GT(first.id.attempt, survey.id.attempt);  // so that the survey's attempt never names it
   EXPECT_TRUE(absl::IsAborted(store_->renew(survey.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(survey.id, result("x"))));
-  ASSERT_TRUE(store_->complete(first.id, result("0.exr")).ok());
+  ASSERT_OK(store_->complete(first.id, result("0.exr")));
 
   // Repeated, as after a lost answer, it changes nothing.
-  ASSERT_TRUE(store_->recut(survey.id, "other", ranges(5)).ok());
+  ASSERT_OK(store_->recut(survey.id, "other", ranges(5)));
   EXPECT_EQ(store_->counts(job)->tiles, 2);
   EXPECT_EQ(store_->counts(job)->done, 1);
   EXPECT_EQ(claimed("a").work, "plan");
@@ -82,7 +83,7 @@ TEST_P(JobContract, OfTwoSurveysTheFirstCounts) {
   const std::int64_t job = create(1);
   const Lease first = claimed("a"), second = claim_at_last("b");
   ASSERT_EQ(second.id.tile, first.id.tile);
-  ASSERT_TRUE(store_->recut(second.id, "second", ranges(3)).ok());
+  ASSERT_OK(store_->recut(second.id, "second", ranges(3)));
   EXPECT_TRUE(absl::IsAborted(store_->recut(first.id, "first", ranges(7))));
   EXPECT_EQ(store_->counts(job)->tiles, 3);
   EXPECT_TRUE(absl::IsAborted(store_->recut({.job = job + 1, .tile = 0, .attempt = 1}, "", ranges(1))));
@@ -90,7 +91,7 @@ TEST_P(JobContract, OfTwoSurveysTheFirstCounts) {
 
 TEST_P(JobContract, AddedTilesAreNumberedOn) {
   const std::int64_t job = create(2);
-  ASSERT_TRUE(store_->add(job, std::vector<TileRange>{{.first = 3, .count = 2}}).ok());
+  ASSERT_OK(store_->add(job, std::vector<TileRange>{{.first = 3, .count = 2}}));
   const std::vector<TileState> tiles = store_->tiles(job).value();
   ASSERT_EQ(tiles.size(), 3u);
   EXPECT_EQ(tiles[2].number, 2);
@@ -101,15 +102,15 @@ TEST_P(JobContract, AddedTilesAreNumberedOn) {
 TEST_P(JobContract, NothingOfAHeldJobIsHandedOut) {
   const std::int64_t job = create(3);
   const Lease before = claimed("a"), other = claimed("a");
-  ASSERT_TRUE(store_->suspend(job).ok());
-  ASSERT_TRUE(store_->suspend(job).ok());
+  ASSERT_OK(store_->suspend(job));
+  ASSERT_OK(store_->suspend(job));
   EXPECT_FALSE(claim("b").has_value());
   EXPECT_TRUE(store_->jobs()->at(0).suspended);
-  EXPECT_TRUE(store_->renew(before.id).ok());
-  EXPECT_TRUE(store_->complete(before.id, result("x")).ok());
-  EXPECT_TRUE(store_->hand_back(other.id).ok());
+  EXPECT_OK(store_->renew(before.id));
+  EXPECT_OK(store_->complete(before.id, result("x")));
+  EXPECT_OK(store_->hand_back(other.id));
   EXPECT_FALSE(claim("b").has_value());
-  ASSERT_TRUE(store_->resume(job).ok());
+  ASSERT_OK(store_->resume(job));
   EXPECT_EQ(claimed("b").id.tile, other.id.tile);
 }
 
@@ -118,7 +119,7 @@ TEST_P(JobContract, WhatIsAskedOfNoJobIsNotFound) {
        {store_->add(7, ranges(1)), store_->suspend(7), store_->resume(7), store_->retry(7)}) {
     EXPECT_TRUE(absl::IsNotFound(status)) << status;
   }
-  EXPECT_TRUE(store_->remove(7).ok());
+  EXPECT_OK(store_->remove(7));
   EXPECT_TRUE(store_->tiles(7)->empty());
   EXPECT_EQ(store_->counts(7)->tiles, 0);
   EXPECT_TRUE(absl::IsAborted(store_->tile({.job = 7, .tile = 0, .attempt = 1}).status()));
@@ -127,12 +128,12 @@ TEST_P(JobContract, WhatIsAskedOfNoJobIsNotFound) {
 TEST_P(JobContract, ARemovedJobFencesWhoWorksOnIt) {
   const std::int64_t job = create(2);
   const Lease lease = claimed("a");
-  ASSERT_TRUE(store_->remove(job).ok());
+  ASSERT_OK(store_->remove(job));
   EXPECT_FALSE(claim("b").has_value());
   EXPECT_TRUE(absl::IsAborted(store_->renew(lease.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(lease.id, result("x"))));
   EXPECT_FALSE(store_->fail(lease.id, "error", true).value());
-  EXPECT_TRUE(store_->hand_back(lease.id).ok());
+  EXPECT_OK(store_->hand_back(lease.id));
   EXPECT_TRUE(store_->own_jobs()->empty());
   EXPECT_TRUE(store_->leases()->empty());
 }
@@ -140,7 +141,7 @@ TEST_P(JobContract, ARemovedJobFencesWhoWorksOnIt) {
 TEST_P(JobContract, CountsTellWhatRests) {
   const std::int64_t job = create(4);
   const Lease done = claimed("a"), failed = claimed("a"), leased = claimed("b");
-  ASSERT_TRUE(store_->complete(done.id, result("x")).ok());
+  ASSERT_OK(store_->complete(done.id, result("x")));
   ASSERT_TRUE(store_->fail(failed.id, "no light", true).value());
   JobCounts counts = store_->counts(job).value();
   EXPECT_EQ(counts.tiles, 4);
@@ -170,8 +171,8 @@ TEST_P(JobContract, CountsTellWhatRests) {
   EXPECT_EQ(jobs[0].counts.done, 1);
   EXPECT_GT(jobs[0].tiles_per_second, 0.0);
 
-  ASSERT_TRUE(store_->complete(leased.id, result("y")).ok());
-  ASSERT_TRUE(store_->complete(claimed("a").id, result("z")).ok());
+  ASSERT_OK(store_->complete(leased.id, result("y")));
+  ASSERT_OK(store_->complete(claimed("a").id, result("z")));
   counts = store_->counts(job).value();
   EXPECT_TRUE(counts.rests());
   EXPECT_EQ(counts.object_pixels, 30);
@@ -184,7 +185,7 @@ TEST_P(JobContract, AHintWakesWhoWaits) {
   create(1);
   store_->wait_for_tiles(std::chrono::minutes(1));  // at once
   const Lease lease = claimed("a");
-  ASSERT_TRUE(store_->hand_back(lease.id).ok());
+  ASSERT_OK(store_->hand_back(lease.id));
   store_->wait_for_tiles(std::chrono::minutes(1));
   EXPECT_LT(std::chrono::steady_clock::now() - before, std::chrono::minutes(1));
 }

@@ -1,5 +1,6 @@
 // Leases: renewed, expired, fenced, handed out twice, failed.
 #include "tests/server/jobs/contract.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -19,8 +20,8 @@ TEST_P(JobContract, ALostLeaseIsFenced) {
   EXPECT_TRUE(absl::IsAborted(store_->renew(slow.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(slow.id, result("slow"))));
   EXPECT_FALSE(store_->fail(slow.id, "late", true).value());
-  EXPECT_TRUE(store_->hand_back(slow.id).ok());
-  EXPECT_TRUE(store_->complete(quick.id, result("quick")).ok());
+  EXPECT_OK(store_->hand_back(slow.id));
+  EXPECT_OK(store_->complete(quick.id, result("quick")));
   EXPECT_TRUE(absl::IsAborted(store_->complete(slow.id, result("slow"))));
   EXPECT_EQ(tile(quick).done.result, "quick");
   EXPECT_EQ(tile(quick).failures, 0);
@@ -36,7 +37,7 @@ TEST_P(JobContract, ATileThatSilencesItsSolversIsGivenUp) {
   }));
   EXPECT_EQ(store_->tiles(job)->front().error, "10 solvers that had it fell silent");
   EXPECT_TRUE(store_->counts(job)->rests());
-  ASSERT_TRUE(store_->retry(job).ok());
+  ASSERT_OK(store_->retry(job));
   EXPECT_TRUE(claim("another").has_value());
 }
 
@@ -45,9 +46,9 @@ TEST_P(JobContract, ALeaseThatEndedAndWasNotHandedOutAgainGoesOn) {
   create(2);
   const Lease kept = claimed("a"), completed = claimed("a");
   ASSERT_TRUE(comes_true([&] { return store_->leases()->empty(); }));
-  EXPECT_TRUE(store_->renew(kept.id).ok());
-  EXPECT_TRUE(store_->complete(completed.id, result("x")).ok());
-  EXPECT_TRUE(store_->complete(kept.id, result("y")).ok());
+  EXPECT_OK(store_->renew(kept.id));
+  EXPECT_OK(store_->complete(completed.id, result("x")));
+  EXPECT_OK(store_->complete(kept.id, result("y")));
 }
 
 TEST_P(JobContract, AKeptLeaseDoesNotEnd) {
@@ -55,7 +56,7 @@ TEST_P(JobContract, AKeptLeaseDoesNotEnd) {
   create(1);
   const Lease lease = claimed("a");
   open(options());  // lasts, so that the test's pace does not matter
-  ASSERT_TRUE(store_->renew(lease.id).ok());
+  ASSERT_OK(store_->renew(lease.id));
   EXPECT_EQ(store_->leases()->size(), 1u);
   EXPECT_FALSE(claim("b").has_value());
 }
@@ -63,14 +64,14 @@ TEST_P(JobContract, AKeptLeaseDoesNotEnd) {
 TEST_P(JobContract, ACompletionMayBeSaidAgain) {
   const std::int64_t job = create(2);
   const Lease lease = claimed("a");
-  ASSERT_TRUE(store_->complete(lease.id, result("x")).ok());
-  EXPECT_TRUE(store_->complete(lease.id, result("x")).ok());
+  ASSERT_OK(store_->complete(lease.id, result("x")));
+  EXPECT_OK(store_->complete(lease.id, result("x")));
   EXPECT_EQ(store_->counts(job)->done, 1);
   EXPECT_EQ(store_->counts(job)->object_pixels, 10);
   // A done tile stays done.
   EXPECT_TRUE(absl::IsAborted(store_->renew(lease.id)));
   EXPECT_FALSE(store_->fail(lease.id, "late", true).value());
-  EXPECT_TRUE(store_->hand_back(lease.id).ok());
+  EXPECT_OK(store_->hand_back(lease.id));
   const TileState state = tile(lease);
   EXPECT_EQ(state.done.result, "x");
   EXPECT_EQ(state.done.seconds, 1.0);
@@ -86,7 +87,7 @@ TEST_P(JobContract, NumbersThatWereNeverHandedOutAreVoid) {
     EXPECT_TRUE(absl::IsAborted(store_->complete(id, result("x"))));
     EXPECT_TRUE(absl::IsAborted(store_->recut(id, "", ranges(1))));
     EXPECT_FALSE(store_->fail(id, "error", true).value());
-    EXPECT_TRUE(store_->hand_back(id).ok());
+    EXPECT_OK(store_->hand_back(id));
   }
   EXPECT_EQ(store_->counts(job)->failures, 0);
 }
@@ -104,12 +105,12 @@ TEST_P(JobContract, OfTwoAtOneTileTheFirstResultCounts) {
   ASSERT_EQ(leases.size(), 2u);
   EXPECT_TRUE(leases[0].twice && leases[1].twice);
   EXPECT_EQ(store_->counts(slow.id.job)->leased, 1);
-  EXPECT_TRUE(store_->renew(slow.id).ok());
-  EXPECT_TRUE(store_->renew(quick.id).ok());
-  ASSERT_TRUE(store_->complete(quick.id, result("quick")).ok());
+  EXPECT_OK(store_->renew(slow.id));
+  EXPECT_OK(store_->renew(quick.id));
+  ASSERT_OK(store_->complete(quick.id, result("quick")));
   EXPECT_TRUE(absl::IsAborted(store_->renew(slow.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(slow.id, result("slow"))));
-  EXPECT_TRUE(store_->complete(quick.id, result("quick")).ok());
+  EXPECT_OK(store_->complete(quick.id, result("quick")));
   EXPECT_EQ(tile(quick).done.result, "quick");
   EXPECT_TRUE(store_->leases()->empty());
 }
@@ -118,7 +119,7 @@ TEST_P(JobContract, TheOneWhoHadItFirstMayBeFirst) {
   open(options(hours(1), milliseconds(0)));
   create(1);
   const Lease first = claimed("a"), second = claim_at_last("b");
-  ASSERT_TRUE(store_->complete(first.id, result("first")).ok());
+  ASSERT_OK(store_->complete(first.id, result("first")));
   EXPECT_TRUE(absl::IsAborted(store_->complete(second.id, result("second"))));
   EXPECT_EQ(tile(first).done.result, "first");
 }
@@ -134,17 +135,17 @@ TEST_P(JobContract, WhoGivesUpDoesNotHurtTheOther) {
       if (fails) {
         EXPECT_FALSE(store_->fail(gone.id, "broken", true).value());  // another solver still works on it
       } else {
-        EXPECT_TRUE(store_->hand_back(gone.id).ok());
+        EXPECT_OK(store_->hand_back(gone.id));
       }
       EXPECT_TRUE(absl::IsAborted(store_->renew(gone.id)));
       EXPECT_TRUE(absl::IsAborted(store_->complete(gone.id, result("gone"))));
-      EXPECT_TRUE(store_->renew(rest.id).ok());
+      EXPECT_OK(store_->renew(rest.id));
       const std::vector<LeaseState> leases = store_->leases().value();
       ASSERT_EQ(leases.size(), 1u);
       EXPECT_EQ(leases[0].id.attempt, rest.id.attempt);
       EXPECT_FALSE(leases[0].twice);
       EXPECT_EQ(tile(rest).failures, fails ? 1 : 0);
-      ASSERT_TRUE(store_->complete(rest.id, result("rest")).ok());
+      ASSERT_OK(store_->complete(rest.id, result("rest")));
     }
   }
 }
@@ -159,17 +160,17 @@ TEST_P(JobContract, YoungLeasesAreNotHandedOutTwice) {
 TEST_P(JobContract, LeasesYoungerThanTilesTakeAreNotHandedOutTwice) {
   open(options(hours(1), milliseconds(0)));
   const std::int64_t job = create(3);
-  ASSERT_TRUE(store_->complete(claimed("a").id, result("x", 7200.0)).ok());
-  ASSERT_TRUE(store_->complete(claimed("a").id, result("y", 0.0)).ok());
+  ASSERT_OK(store_->complete(claimed("a").id, result("x", 7200.0)));
+  ASSERT_OK(store_->complete(claimed("a").id, result("y", 0.0)));
   const Lease slow = claimed("a");
   EXPECT_FALSE(claim("b").has_value());  // an hour on average
   // Each job has its own average.
-  ASSERT_TRUE(store_->suspend(job).ok());
+  ASSERT_OK(store_->suspend(job));
   const std::int64_t other = create(2, "other");
-  ASSERT_TRUE(store_->complete(claimed("a").id, result("x", 0.001)).ok());
+  ASSERT_OK(store_->complete(claimed("a").id, result("x", 0.001)));
   claimed("a");
   EXPECT_EQ(claim_at_last("b").id.job, other);
-  EXPECT_TRUE(store_->renew(slow.id).ok());
+  EXPECT_OK(store_->renew(slow.id));
 }
 
 TEST_P(JobContract, AheadOnlyWhileThereIsEnoughForAll) {
@@ -188,8 +189,8 @@ TEST_P(JobContract, AFailedTileIsTriedAgainThenQuarantined) {
   const std::int64_t job = create(2);
   const Lease first = claimed("a");
   EXPECT_FALSE(store_->fail(first.id, "one", false).value());
-  EXPECT_FALSE(store_->fail(first.id, "again", false).value());      // void now
-  ASSERT_TRUE(store_->complete(claimed("a").id, result("x")).ok());  // the failed one comes last
+  EXPECT_FALSE(store_->fail(first.id, "again", false).value());  // void now
+  ASSERT_OK(store_->complete(claimed("a").id, result("x")));     // the failed one comes last
   for (int failures = 1; failures < kMaxAttempts; ++failures) {
     const Lease lease = claimed("b");
     EXPECT_EQ(lease.id.tile, first.id.tile);
@@ -201,10 +202,10 @@ TEST_P(JobContract, AFailedTileIsTriedAgainThenQuarantined) {
   EXPECT_FALSE(claim("a").has_value());
   EXPECT_TRUE(store_->counts(job)->rests());
 
-  ASSERT_TRUE(store_->retry(job).ok());
+  ASSERT_OK(store_->retry(job));
   EXPECT_FALSE(tile(first).quarantined);
   EXPECT_EQ(tile(first).failures, 0);
-  EXPECT_TRUE(store_->complete(claimed("a").id, result("y")).ok());
+  EXPECT_OK(store_->complete(claimed("a").id, result("y")));
 }
 
 TEST_P(JobContract, APermanentFailureQuarantinesAtOnce) {
@@ -231,8 +232,8 @@ TEST_P(JobContract, HandingBackIsNoFailure) {
   const std::int64_t job = create(1);
   for (int i = 0; i < kMaxAttempts + 1; ++i) {
     const Lease lease = claimed("a");
-    ASSERT_TRUE(store_->hand_back(lease.id).ok());
-    EXPECT_TRUE(store_->hand_back(lease.id).ok());
+    ASSERT_OK(store_->hand_back(lease.id));
+    EXPECT_OK(store_->hand_back(lease.id));
     EXPECT_TRUE(absl::IsAborted(store_->complete(lease.id, result("x"))));
   }
   EXPECT_EQ(store_->counts(job)->failures, 0);

@@ -9,6 +9,7 @@
 
 #include "tests/server/jobs/helpers.h"
 #include "tests/server/jobs/postgres_fixture.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -65,15 +66,15 @@ TEST_F(SharedJobs, ASolverWorksForAllServersWhicheverItAsks) {
   EXPECT_EQ(a->jobs()->at(0).server_address, "b.lab:7000");
   EXPECT_FALSE(a->leases()->at(0).own);
   EXPECT_TRUE(b->leases()->at(0).own);
-  EXPECT_TRUE(a->renew(lease.id).ok());
-  EXPECT_TRUE(b->complete(lease.id, result("x")).ok());
+  EXPECT_OK(a->renew(lease.id));
+  EXPECT_OK(b->complete(lease.id, result("x")));
   EXPECT_TRUE(absl::IsAborted(a->renew(lease.id)));
 }
 
 TEST_F(SharedJobs, HoldsAreEveryServersAndEndWithTheirOwn) {
   auto a = open("a"), b = open("b");
   const std::int64_t job = create(*b, 1);
-  ASSERT_TRUE(b->suspend(job).ok());
+  ASSERT_OK(b->suspend(job));
   EXPECT_FALSE(claim(*a, "solver").has_value());
   a = nullptr;
   a = open("a");
@@ -116,7 +117,7 @@ TEST_F(SharedJobs, ManyServersHandOutEachTileOnce) {
         const std::optional<Lease> lease = claim(store, solver);
         if (!lease) continue;
         ++claims;
-        EXPECT_TRUE(store.complete(lease->id, result(solver)).ok());
+        EXPECT_OK(store.complete(lease->id, result(solver)));
       }
     });
   }
@@ -138,7 +139,7 @@ TEST_F(SharedJobs, TablesOfTheVersionBeforeAreUpgraded) {
       "ALTER TABLE glasswing.tiles DROP COLUMN unsolved_pixels; UPDATE glasswing.version SET number = 1");
   const auto after = open("b");
   const std::int64_t job = create(*after, 1);
-  ASSERT_TRUE(after->complete(claim(*after, "x")->id, result("tile")).ok());
+  ASSERT_OK(after->complete(claim(*after, "x")->id, result("tile")));
   EXPECT_EQ(after->counts(job)->unsolved_pixels, 2);
 }
 

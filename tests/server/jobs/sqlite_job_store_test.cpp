@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "tests/server/jobs/helpers.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -22,7 +23,7 @@ class JobsFile : public testing::Test {
     return SqliteJobStore::open(
         path_, {.server_id = "a", .server_address = "a.lab:7000", .lease = std::chrono::hours(1)});
   }
-  void run(const std::string& sql) { ASSERT_TRUE(Database::open(path_)->run(sql).ok()); }
+  void run(const std::string& sql) { ASSERT_OK(Database::open(path_)->run(sql)); }
 
   const fs::path path_ =
       fs::path(testing::TempDir()) / ("sqlite_job_store." + std::to_string(::getpid())) / "jobs.sqlite";
@@ -37,7 +38,7 @@ TEST_F(JobsFile, TilesOfAnEarlierVersionAreDropped) {
       "INSERT INTO tiles (session, number, first, count) VALUES ('s', 0, 0, 4)");
   const auto store = open().value();
   EXPECT_TRUE(store->own_jobs()->empty());
-  EXPECT_TRUE(store->create({.session = "s", .computes = "c", .work = ""}, ranges(2)).ok());
+  EXPECT_OK(store->create({.session = "s", .computes = "c", .work = ""}, ranges(2)));
 }
 
 TEST_F(JobsFile, AnotherBootEndsLeases) {
@@ -48,7 +49,7 @@ TEST_F(JobsFile, AnotherBootEndsLeases) {
   run("UPDATE boot SET id = 'another'");
   const auto after = open().value();
   EXPECT_TRUE(after->leases()->empty());
-  EXPECT_TRUE(after->renew(lease.id).ok());  // goes on, as any expired lease
+  EXPECT_OK(after->renew(lease.id));  // goes on, as any expired lease
   EXPECT_EQ(after->leases()->size(), 1u);
   run("UPDATE boot SET id = 'a third'");
   EXPECT_EQ(open().value()->claim("b", computes, false)->value().id.job, job);
@@ -62,12 +63,12 @@ TEST_F(JobsFile, JobsOfTheVersionBeforeGoOn) {
   run("ALTER TABLE tiles DROP COLUMN unsolved_pixels; PRAGMA user_version = 1");
   const auto after = open().value();
   const std::vector<std::string> computes{"c"};
-  ASSERT_TRUE(after->complete(after->claim("a", computes, false)->value().id, result("tile")).ok());
+  ASSERT_OK(after->complete(after->claim("a", computes, false)->value().id, result("tile")));
   EXPECT_EQ(after->counts(job)->unsolved_pixels, 2);
 }
 
 TEST_F(JobsFile, ANewerVersionIsRefused) {
-  ASSERT_TRUE(open().ok());
+  ASSERT_OK(open());
   run("PRAGMA user_version = 3");
   const absl::Status refused = open().status();
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;

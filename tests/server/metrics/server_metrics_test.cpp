@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "server/jobs/timed_job_store.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -155,10 +156,10 @@ TEST(TimedJobStore, PassesEveryCallOnAndCountsIt) {
   EXPECT_EQ(store->claim("a", computes, false).value()->session, "a");
   EXPECT_EQ(store->claim("a", computes, true).status(), absl::UnavailableError("claim"));
   EXPECT_EQ(store->renew({}), absl::AbortedError("keep"));
-  EXPECT_TRUE(store->complete({}, {}).ok());
+  EXPECT_OK(store->complete({}, {}));
   EXPECT_TRUE(store->fail({}, "", true).value());
   EXPECT_FALSE(store->fail({}, "", false).value());
-  EXPECT_TRUE(store->hand_back({}).ok());
+  EXPECT_OK(store->hand_back({}));
   EXPECT_EQ(store->tiles(1).value().size(), 3u);
   EXPECT_EQ(store->tile({.job = 1, .tile = 7, .attempt = 1}).value().number, 7);
   EXPECT_EQ(store->counts(1).value().tiles, 9);

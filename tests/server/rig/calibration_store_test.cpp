@@ -5,6 +5,8 @@
 
 #include <fstream>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -29,14 +31,14 @@ class CalibrationStoreTest : public testing::Test {
 TEST_F(CalibrationStoreTest, TheNewestOfEachMonitorSurvivesARestart) {
   {
     const auto store = CalibrationStore::open(data_, problems_);
-    ASSERT_TRUE(store.ok()) << store.status();
+    ASSERT_OK(store);
     EXPECT_FALSE((*store)->sync("back").has_value());
-    ASSERT_TRUE((*store)->put(sync("back", 1)).ok());
-    ASSERT_TRUE((*store)->put(sync("left", 2)).ok());
-    ASSERT_TRUE((*store)->put(sync("back", 6'300'000)).ok());
+    ASSERT_OK((*store)->put(sync("back", 1)));
+    ASSERT_OK((*store)->put(sync("left", 2)));
+    ASSERT_OK((*store)->put(sync("back", 6'300'000)));
   }
   const auto again = CalibrationStore::open(data_, problems_);
-  ASSERT_TRUE(again.ok()) << again.status();
+  ASSERT_OK(again);
   ASSERT_TRUE((*again)->sync("back").has_value());
   EXPECT_EQ((*again)->sync("back")->SerializeAsString(), sync("back", 6'300'000).SerializeAsString());
   EXPECT_EQ((*again)->sync("left")->lag_ns(), 2);
@@ -52,17 +54,17 @@ TEST_F(CalibrationStoreTest, CurvesSurviveARestartUntilTheyAreForgotten) {
   display.add_black(0.01);
   {
     const auto store = CalibrationStore::open(data_, problems_).value();
-    ASSERT_TRUE(store->put(camera).ok());
-    ASSERT_TRUE(store->put(display).ok());
+    ASSERT_OK(store->put(camera));
+    ASSERT_OK(store->put(display));
     camera.set_saturation(0.99);
-    ASSERT_TRUE(store->put(camera).ok());
+    ASSERT_OK(store->put(camera));
     EXPECT_TRUE(absl::IsInvalidArgument(store->put(v1::CameraCalibration())));
   }
   const auto store = CalibrationStore::open(data_, problems_).value();
   EXPECT_EQ(store->camera("camera-1")->SerializeAsString(), camera.SerializeAsString());
   EXPECT_EQ(store->display("back")->SerializeAsString(), display.SerializeAsString());
   EXPECT_FALSE(store->display("left").has_value());
-  ASSERT_TRUE(store->forget("camera-1").ok());
+  ASSERT_OK(store->forget("camera-1"));
   EXPECT_TRUE(absl::IsNotFound(store->forget("camera-1")));
   EXPECT_FALSE(CalibrationStore::open(data_, problems_).value()->camera("camera-1").has_value());
   EXPECT_EQ(CalibrationStore::open(data_, problems_).value()->displays().size(), 1u);
@@ -71,11 +73,11 @@ TEST_F(CalibrationStoreTest, CurvesSurviveARestartUntilTheyAreForgotten) {
 TEST_F(CalibrationStoreTest, ADamagedFileIsSetAsideAndTheOthersAreUsed) {
   {
     const auto store = CalibrationStore::open(data_, problems_).value();
-    ASSERT_TRUE(store->put(sync("back", 1)).ok());
+    ASSERT_OK(store->put(sync("back", 1)));
     for (const char* name : {"camera-1", "camera-2"}) {
       v1::CameraCalibration camera;
       camera.set_camera(name);
-      ASSERT_TRUE(store->put(camera).ok());
+      ASSERT_OK(store->put(camera));
     }
   }
   EXPECT_TRUE(problems_.all().empty());
@@ -84,7 +86,7 @@ TEST_F(CalibrationStoreTest, ADamagedFileIsSetAsideAndTheOthersAreUsed) {
   std::ofstream(sync_file) << "{\"monitors\": [{\"lag";
   std::ofstream(camera_file) << "{\"camera\": \"camera-3\"}";
   const auto store = CalibrationStore::open(data_, problems_);
-  ASSERT_TRUE(store.ok()) << store.status();
+  ASSERT_OK(store);
   EXPECT_FALSE((*store)->sync("back").has_value());
   EXPECT_EQ((*store)->cameras().size(), 1u);
   EXPECT_TRUE((*store)->camera("camera-2").has_value());
@@ -97,7 +99,7 @@ TEST_F(CalibrationStoreTest, ADamagedFileIsSetAsideAndTheOthersAreUsed) {
     EXPECT_FALSE(fs::exists(file));
     EXPECT_TRUE(fs::exists(data_ / "damaged" / file.lexically_relative(data_)));
   }
-  ASSERT_TRUE((*store)->put(sync("back", 2)).ok());
+  ASSERT_OK((*store)->put(sync("back", 2)));
   EXPECT_EQ(CalibrationStore::open(data_, problems_).value()->sync("back")->lag_ns(), 2);
 }
 

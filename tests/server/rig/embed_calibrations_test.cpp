@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -17,13 +19,13 @@ class EmbedCalibrations : public testing::Test {
     camera.set_width_px(64);
     camera.set_height_px(48);
     camera.set_bits(10);
-    ASSERT_TRUE(store_->put(camera).ok());
+    ASSERT_OK(store_->put(camera));
     v1::DisplayCalibration display;
     display.set_monitor("back");
     display.set_width_px(128);
     display.set_height_px(96);
     display.set_bits(8);
-    ASSERT_TRUE(store_->put(display).ok());
+    ASSERT_OK(store_->put(display));
 
     header_.mutable_camera()->set_name("camera-1");
     header_.mutable_camera()->set_width_px(64);
@@ -49,7 +51,7 @@ class EmbedCalibrations : public testing::Test {
 
 TEST_F(EmbedCalibrations, ASessionGetsWhatIsKnownOfItsDevices) {
   EXPECT_NE(uncalibrated_warning(header_).find("calibrate camera"), std::string::npos);
-  ASSERT_TRUE(embed_calibrations(*store_, header_).ok());
+  ASSERT_OK(embed_calibrations(*store_, header_));
   EXPECT_EQ(header_.camera_calibration().camera(), "camera-1");
   ASSERT_EQ(header_.display_calibrations_size(), 1);
   EXPECT_EQ(header_.display_calibrations(0).monitor(), "back");
@@ -59,11 +61,11 @@ TEST_F(EmbedCalibrations, ASessionGetsWhatIsKnownOfItsDevices) {
 TEST_F(EmbedCalibrations, AMeasurementDoesWithoutWhatItMeasures) {
   header_.mutable_plan()->mutable_calibration()->set_of("display");
   v1::CaptureManifest display = header_;
-  ASSERT_TRUE(embed_calibrations(*store_, display).ok());
+  ASSERT_OK(embed_calibrations(*store_, display));
   EXPECT_TRUE(display.has_camera_calibration());
   EXPECT_EQ(display.display_calibrations_size(), 0);
   header_.mutable_plan()->mutable_calibration()->set_of("camera");
-  ASSERT_TRUE(embed_calibrations(*store_, header_).ok());
+  ASSERT_OK(embed_calibrations(*store_, header_));
   EXPECT_FALSE(header_.has_camera_calibration());
   EXPECT_EQ(uncalibrated_warning(header_), "");
 }

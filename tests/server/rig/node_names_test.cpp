@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "core/base/file.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -22,12 +23,12 @@ class NodeNamesTest : public testing::Test {
 TEST_F(NodeNamesTest, AreOwnedBeyondARestartUntilTheyAreReleased) {
   NodeNames names = NodeNames::open(data_, problems_).value();
   EXPECT_EQ(names.owner("eye"), "");
-  ASSERT_TRUE(names.give("eye", "rig").ok());
-  ASSERT_TRUE(names.give("desk", "\"odd\nname\"").ok());
+  ASSERT_OK(names.give("eye", "rig"));
+  ASSERT_OK(names.give("desk", "\"odd\nname\""));
   NodeNames again = NodeNames::open(data_, problems_).value();
   EXPECT_EQ(again.owner("eye"), "rig");
   EXPECT_EQ(again.owner("desk"), "\"odd\nname\"");
-  ASSERT_TRUE(again.release("eye").ok());
+  ASSERT_OK(again.release("eye"));
   EXPECT_EQ(again.release("eye").code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(NodeNames::open(data_, problems_)->owner("eye"), "");
 }
@@ -35,7 +36,7 @@ TEST_F(NodeNamesTest, AreOwnedBeyondARestartUntilTheyAreReleased) {
 TEST_F(NodeNamesTest, ADamagedFileIsSetAside) {
   int count = 0;
   for (const char* text : {"{\"eye\": \"rig\"", "[]", "{\"eye\": 5}", ""}) {
-    ASSERT_TRUE(write_file_durably(data_ / "node-names.json", text).ok());
+    ASSERT_OK(write_file_durably(data_ / "node-names.json", text));
     NodeNames names = NodeNames::open(data_, problems_).value();
     EXPECT_EQ(names.owner("eye"), "") << text;
     EXPECT_EQ(read_file(data_ / "damaged" /
@@ -43,18 +44,17 @@ TEST_F(NodeNamesTest, ADamagedFileIsSetAside) {
                   .value(),
               text);
     EXPECT_EQ(problems_.all().size(), 1);
-    EXPECT_TRUE(names.give("eye", "other").ok());
+    EXPECT_OK(names.give("eye", "other"));
   }
 }
 
 TEST_F(NodeNamesTest, TheirNumberIsLimited) {
   NodeNames names;
-  for (size_t i = 0; i < NodeNames::kMaxNames; ++i)
-    ASSERT_TRUE(names.give(fmt::format("camera-{}", i), "rig").ok());
+  for (size_t i = 0; i < NodeNames::kMaxNames; ++i) ASSERT_OK(names.give(fmt::format("camera-{}", i), "rig"));
   EXPECT_EQ(names.give("one-more", "rig").code(), absl::StatusCode::kResourceExhausted);
-  EXPECT_TRUE(names.give("camera-7", "rig").ok());
-  EXPECT_TRUE(names.release("camera-7").ok());
-  EXPECT_TRUE(names.give("one-more", "rig").ok());
+  EXPECT_OK(names.give("camera-7", "rig"));
+  EXPECT_OK(names.release("camera-7"));
+  EXPECT_OK(names.give("one-more", "rig"));
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "core/service/listener.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -25,7 +26,7 @@ class RigTest : public testing::Test {
     return request;
   }
   void hear(v1::NodeKind kind, const std::string& name) {
-    EXPECT_TRUE(rig_.add(request(kind, name), std::nullopt).ok());
+    EXPECT_OK(rig_.add(request(kind, name), std::nullopt));
   }
   static CertifiedPeer owner(const std::string& name, Roles roles) {
     return {.name = name, .roles = roles, .expires = std::chrono::sys_seconds::max()};
@@ -58,7 +59,7 @@ TEST_F(RigTest, AnAddressIsHostAndPort) {
     EXPECT_NE(status.message().find(address), std::string::npos) << status;
   }
   EXPECT_TRUE(rig_.nodes().empty());
-  EXPECT_TRUE(camera("camera-1", "[::1]:80", "").ok());
+  EXPECT_OK(camera("camera-1", "[::1]:80", ""));
 }
 
 TEST_F(RigTest, WhatANodePreparesIsListedUntilItIsReadyOrAway) {
@@ -66,14 +67,14 @@ TEST_F(RigTest, WhatANodePreparesIsListedUntilItIsReadyOrAway) {
   camera.mutable_preparation()->set_what("simulating the scene");
   for (const double done : {0.0, 0.37, 1.0}) {
     camera.mutable_preparation()->set_done(done);
-    EXPECT_TRUE(rig_.add(camera, std::nullopt).ok());
+    EXPECT_OK(rig_.add(camera, std::nullopt));
     EXPECT_TRUE(rig_.nodes().front().up());
     EXPECT_EQ(rig_.nodes().front().preparation().what(), "simulating the scene");
     EXPECT_EQ(rig_.nodes().front().preparation().done(), done);
   }
   now_ += seconds(5);
   EXPECT_FALSE(rig_.nodes().front().has_preparation());
-  EXPECT_TRUE(rig_.add(camera, std::nullopt).ok());
+  EXPECT_OK(rig_.add(camera, std::nullopt));
   EXPECT_TRUE(rig_.nodes().front().has_preparation());
   for (const double done : {-0.01, 1.01, std::numeric_limits<double>::quiet_NaN()}) {
     camera.mutable_preparation()->set_done(done);
@@ -141,15 +142,14 @@ TEST_F(RigTest, AKindNeedsItsRole) {
       const absl::Status added = rig_.add(request(kind, name), owner("sam", only(static_cast<Role>(other))));
       EXPECT_EQ(added.code(), right ? absl::StatusCode::kOk : absl::StatusCode::kPermissionDenied) << name;
     }
-    EXPECT_TRUE(
-        rig_.add(request(kind, fmt::format("all-{}", static_cast<int>(kind))), owner("rig", kNodes)).ok());
+    EXPECT_OK(rig_.add(request(kind, fmt::format("all-{}", static_cast<int>(kind))), owner("rig", kNodes)));
     EXPECT_FALSE(rig_.add(request(kind, "none"), owner("nobody", 0)).ok());
   }
   EXPECT_EQ(rig_.nodes().size(), 6u);
 }
 
 TEST_F(RigTest, ANameBelongsToItsFirstCertificateForGood) {
-  ASSERT_TRUE(camera("eye", "a:1", "rig").ok());
+  ASSERT_OK(camera("eye", "a:1", "rig"));
   EXPECT_EQ(rig_.nodes().front().certificate(), "rig");
   const absl::Status refused = camera("eye", "b:1", "eve");
   EXPECT_EQ(refused.code(), absl::StatusCode::kPermissionDenied);
@@ -158,12 +158,12 @@ TEST_F(RigTest, ANameBelongsToItsFirstCertificateForGood) {
   now_ += std::chrono::hours(24);
   EXPECT_FALSE(camera("eye", "b:1", "eve").ok()) << "silence is no gift";
   EXPECT_EQ(rig_.nodes().front().address(), "a:1");
-  EXPECT_TRUE(camera("eye", "c:1", "rig").ok()) << "its owner may move";
+  EXPECT_OK(camera("eye", "c:1", "rig")) << "its owner may move";
   EXPECT_EQ(rig_.release("eye").code(), absl::StatusCode::kFailedPrecondition) << "it is up";
   now_ += minutes(1);
-  ASSERT_TRUE(rig_.release("eye").ok());
+  ASSERT_OK(rig_.release("eye"));
   EXPECT_TRUE(rig_.nodes().empty());
-  EXPECT_TRUE(camera("eye", "b:1", "eve").ok());
+  EXPECT_OK(camera("eye", "b:1", "eve"));
   EXPECT_FALSE(camera("eye", "a:1", "rig").ok());
   EXPECT_EQ(rig_.release("nobody").code(), absl::StatusCode::kNotFound);
 }
@@ -172,38 +172,38 @@ TEST_F(RigTest, ASolversNameIsItsOwnWhileItIsKnown) {
   const auto solver = [&](const std::string& certificate) {
     return rig_.add(request(v1::NODE_KIND_SOLVER, "s"), owner(certificate, only(Role::kSolver)));
   };
-  ASSERT_TRUE(solver("a").ok());
+  ASSERT_OK(solver("a"));
   EXPECT_EQ(solver("b").code(), absl::StatusCode::kPermissionDenied);
   EXPECT_EQ(rig_.add(request(v1::NODE_KIND_CAMERA, "s"), owner("b", kNodes)).code(),
             absl::StatusCode::kPermissionDenied);
   EXPECT_EQ(rig_.check_owner("s", owner("b", only(Role::kSolver))).code(),
             absl::StatusCode::kPermissionDenied);
-  EXPECT_TRUE(rig_.check_owner("s", owner("a", only(Role::kSolver))).ok());
-  EXPECT_TRUE(rig_.check_owner("s", std::nullopt).ok()) << "there are no certificates";
+  EXPECT_OK(rig_.check_owner("s", owner("a", only(Role::kSolver))));
+  EXPECT_OK(rig_.check_owner("s", std::nullopt)) << "there are no certificates";
   now_ += kForgotten;
-  EXPECT_TRUE(solver("b").ok());
+  EXPECT_OK(solver("b"));
 }
 
 TEST_F(RigTest, ANameIsNotTakenFromANodeThatIsAlive) {
-  ASSERT_TRUE(camera("eye", "a:1", "").ok());
+  ASSERT_OK(camera("eye", "a:1", ""));
   EXPECT_EQ(camera("eye", "b:1", "").code(), absl::StatusCode::kAlreadyExists) << "just heard";
   now_ += seconds(60);
   alive_.insert("a:1");  // stopped, or cut off: silent, but not gone
   EXPECT_EQ(camera("eye", "b:1", "").code(), absl::StatusCode::kAlreadyExists);
   EXPECT_EQ(rig_.add(request(v1::NODE_KIND_DISPLAY, "eye", "b:1"), std::nullopt).code(),
             absl::StatusCode::kAlreadyExists);
-  EXPECT_TRUE(camera("eye", "a:1", "").ok()) << "it is back";
+  EXPECT_OK(camera("eye", "a:1", "")) << "it is back";
   now_ += seconds(60);
   alive_.clear();
-  EXPECT_TRUE(camera("eye", "b:1", "").ok());
+  EXPECT_OK(camera("eye", "b:1", ""));
   EXPECT_EQ(rig_.nodes().front().address(), "b:1");
 }
 
 TEST_F(RigTest, TwoCamerasAreNotChosenFromByTheirNames) {
   EXPECT_EQ(rig_.camera("").status().code(), absl::StatusCode::kUnavailable);
-  ASSERT_TRUE(camera("eye", "b:1", "").ok());
+  ASSERT_OK(camera("eye", "b:1", ""));
   EXPECT_EQ(rig_.camera("")->name(), "eye");
-  ASSERT_TRUE(camera("aaa", "a:1", "").ok());
+  ASSERT_OK(camera("aaa", "a:1", ""));
   const absl::Status both = rig_.camera("").status();
   EXPECT_EQ(both.code(), absl::StatusCode::kFailedPrecondition);
   for (const char* word : {"\"aaa\" at a:1", "\"eye\" at b:1"})
@@ -211,7 +211,7 @@ TEST_F(RigTest, TwoCamerasAreNotChosenFromByTheirNames) {
   EXPECT_EQ(rig_.camera("eye")->address(), "b:1");
   EXPECT_EQ(rig_.camera("nose").status().code(), absl::StatusCode::kUnavailable);
   now_ += seconds(5);
-  ASSERT_TRUE(camera("eye", "b:1", "").ok());
+  ASSERT_OK(camera("eye", "b:1", ""));
   EXPECT_EQ(rig_.camera("")->name(), "eye") << "the other is away";
 }
 

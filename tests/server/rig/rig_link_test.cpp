@@ -6,6 +6,8 @@
 #include <condition_variable>
 #include <mutex>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -27,7 +29,7 @@ class DisplayLinks : public ::testing::Test {
     ASSERT_NE(server_, nullptr);
     absl::StatusOr<std::unique_ptr<CalibrationStore>> store =
         CalibrationStore::open(testing::TempDir() + "no-calibrations", problems_);
-    ASSERT_TRUE(store.ok()) << store.status();
+    ASSERT_OK(store);
     calibrations_ = *std::move(store);
     hear("display-1", "127.0.0.1:" + std::to_string(port_));
   }
@@ -37,7 +39,7 @@ class DisplayLinks : public ::testing::Test {
     request.set_kind(v1::NODE_KIND_DISPLAY);
     request.set_name(name);
     request.set_address(address);
-    ASSERT_TRUE(rig_.add(request, std::nullopt).ok());
+    ASSERT_OK(rig_.add(request, std::nullopt));
   }
 
   OneMonitor service_;
@@ -49,10 +51,10 @@ class DisplayLinks : public ::testing::Test {
 };
 
 TEST_F(DisplayLinks, ASilentDisplayIsLeftOutOnlyIfOthersHaveTheMonitors) {
-  ASSERT_TRUE(connect_displays(rig_, *calibrations_, {}).ok());
+  ASSERT_OK(connect_displays(rig_, *calibrations_, {}));
   hear("gone", "127.0.0.1:1");
   const absl::StatusOr<RigLinks> links = connect_displays(rig_, *calibrations_, {"back"});
-  ASSERT_TRUE(links.ok()) << links.status();
+  ASSERT_OK(links);
   ASSERT_EQ(links->displays.size(), 1u);
   EXPECT_NE(links->displays.front()->monitor("back"), nullptr);
   ASSERT_EQ(links->silent_displays.size(), 1u);
@@ -140,7 +142,7 @@ TEST_F(SlowNode, IsAskedAgainAsLongAsItsClockAnswers) {
     camera_.release();
   });
   const absl::Status answered = ask();
-  EXPECT_TRUE(answered.ok()) << answered;
+  EXPECT_OK(answered);
   EXPECT_EQ(answer_.backend(), "slow");
   EXPECT_GE(camera_.calls, 2);
   ASSERT_EQ(notes.size(), 2u);

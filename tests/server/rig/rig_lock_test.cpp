@@ -4,6 +4,8 @@
 
 #include <thread>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -17,23 +19,23 @@ TEST(RigLock, OneDrivesAndTheOthersAreToldWho) {
   RigLock lock;
   EXPECT_FALSE(lock.holder().has_value());
   absl::StatusOr<RigLock::Drive> drive = lock.drive(kAnna, "session vase", "glasswing cancel vase");
-  ASSERT_TRUE(drive.ok()) << drive.status();
+  ASSERT_OK(drive);
   const absl::Status refused = lock.drive(kBen, "doctor").status();
   EXPECT_TRUE(says(refused, "the rig is held by session vase, started by anna@lab3 at ")) << refused;
   EXPECT_TRUE(says(refused, "; wait for it, or cancel it: glasswing cancel vase")) << refused;
   EXPECT_FALSE(lock.hold(kBen, "a series").ok());
   EXPECT_EQ(lock.holder()->client(), "anna@lab3");
   EXPECT_EQ(lock.holder()->what(), "session vase");
-  EXPECT_TRUE(lock.check(kBen).ok()) << "anybody may stop what runs";
+  EXPECT_OK(lock.check(kBen)) << "anybody may stop what runs";
   drive->reset();
   EXPECT_FALSE(lock.holder().has_value());
-  EXPECT_TRUE(lock.drive(kBen, "doctor").ok());
+  EXPECT_OK(lock.drive(kBen, "doctor"));
 }
 
 TEST(RigLock, AHoldKeepsTheRigBetweenSessions) {
   RigLock lock;
   absl::StatusOr<RigLock::Hold> hold = lock.hold(kAnna, "turntable series");
-  ASSERT_TRUE(hold.ok()) << hold.status();
+  ASSERT_OK(hold);
   const Caller member{.client = "anna@lab3", .hold = hold->get_deleter().token};
   for (int session = 0; session < 2; ++session) {
     const absl::Status refused = lock.drive(kBen, "doctor").status();
@@ -41,17 +43,17 @@ TEST(RigLock, AHoldKeepsTheRigBetweenSessions) {
     EXPECT_TRUE(says(lock.check(kBen), "turntable series"));
     EXPECT_FALSE(lock.drive(kAnna, "doctor").ok()) << "the token counts, not the name";
     const absl::StatusOr<RigLock::Drive> drive = lock.drive(member, "session a");
-    EXPECT_TRUE(drive.ok()) << drive.status();
-    EXPECT_TRUE(lock.check(member).ok());
+    EXPECT_OK(drive);
+    EXPECT_OK(lock.check(member));
     EXPECT_TRUE(says(lock.drive(member, "session b").status(), "session a"));
     EXPECT_EQ(lock.holder()->what(), "turntable series (session a)");
   }
   hold->reset();
-  EXPECT_TRUE(lock.drive(kBen, "doctor").ok());
+  EXPECT_OK(lock.drive(kBen, "doctor"));
   // A caller whose hold has ended is refused.
   EXPECT_TRUE(says(lock.drive(member, "session c").status(), "has ended"));
   absl::StatusOr<RigLock::Hold> next = lock.hold(kBen, "another series");
-  ASSERT_TRUE(next.ok());
+  ASSERT_OK(next);
   EXPECT_TRUE(says(lock.check(member), "has ended"));
   EXPECT_NE(next->get_deleter().token, member.hold);
 }
@@ -65,7 +67,7 @@ TEST(RigLock, WhatDrivesWhenAHoldEndsGoesOn) {
   EXPECT_EQ(lock.holder()->what(), "session a");
   EXPECT_TRUE(says(lock.drive(kBen, "doctor").status(), "session a"));
   drive->reset();
-  EXPECT_TRUE(lock.drive(kBen, "doctor").ok());
+  EXPECT_OK(lock.drive(kBen, "doctor"));
 }
 
 TEST(RigLock, AHoldLastsAsLongAsAnyOfItsCalls) {
@@ -73,7 +75,7 @@ TEST(RigLock, AHoldLastsAsLongAsAnyOfItsCalls) {
   absl::StatusOr<RigLock::Hold> first = lock.hold(kAnna, "series");
   const Caller member{.client = "anna@lab3", .hold = first->get_deleter().token};
   absl::StatusOr<RigLock::Hold> second = lock.hold(member, "ignored");
-  ASSERT_TRUE(second.ok()) << second.status();
+  ASSERT_OK(second);
   EXPECT_EQ(second->get_deleter().token, member.hold);
   first->reset();
   EXPECT_EQ(lock.holder()->what(), "series");
@@ -87,13 +89,13 @@ TEST(RigLock, AnAbandonedHoldLingersUntilItIsJoinedOrItsTimeIsOver) {
   const Caller member{.client = "anna@lab3", .hold = hold->get_deleter().token};
   hold->reset();
   EXPECT_TRUE(says(lock.drive(kBen, "doctor").status(), "series"));
-  EXPECT_TRUE(lock.drive(member, "session a").ok());
+  EXPECT_OK(lock.drive(member, "session a"));
   hold = lock.hold(member, "series", std::chrono::milliseconds(1));
-  ASSERT_TRUE(hold.ok()) << hold.status();
+  ASSERT_OK(hold);
   hold->reset();
   while (lock.holder()) std::this_thread::yield();
   EXPECT_TRUE(says(lock.hold(member, "series").status(), "has ended"));
-  EXPECT_TRUE(lock.drive(kBen, "doctor").ok());
+  EXPECT_OK(lock.drive(kBen, "doctor"));
 }
 
 TEST(RigLock, AReleasedHoldEndsForAllItsCalls) {
@@ -102,9 +104,9 @@ TEST(RigLock, AReleasedHoldEndsForAllItsCalls) {
   absl::StatusOr<RigLock::Hold> hold = lock.hold(kAnna, "series", std::chrono::hours(1));
   const Caller member{.client = "anna@lab3", .hold = hold->get_deleter().token};
   EXPECT_TRUE(says(lock.release({.client = "ben@lab4", .hold = "guessed"}), "has ended"));
-  EXPECT_TRUE(lock.release(member).ok());
+  EXPECT_OK(lock.release(member));
   absl::StatusOr<RigLock::Hold> next = lock.hold(kBen, "another series");
-  ASSERT_TRUE(next.ok()) << next.status();
+  ASSERT_OK(next);
   hold->reset();  // does not end the next one
   EXPECT_EQ(lock.holder()->what(), "another series");
   EXPECT_TRUE(says(lock.release(member), "has ended"));

@@ -8,6 +8,7 @@
 #include "tests/core/base/flipped.h"
 #include "tests/server/jobs/helpers.h"
 #include "tests/server/jobs/postgres_fixture.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -21,7 +22,7 @@ class DegradedStart : public testing::Test {
   std::int64_t begin_solve(const std::string& jobs = {}) {
     const std::string id = "0123456789abcdef0123456789abcdef";
     fs::create_directories(data_);
-    EXPECT_TRUE(write_file_durably(data_ / "server-id", id).ok());
+    EXPECT_OK(write_file_durably(data_ / "server-id", id));
     const auto store =
         open_job_store(jobs, data_, {.server_id = id, .server_address = ""}, problems_).value();
     v1::Session session;
@@ -29,12 +30,12 @@ class DegradedStart : public testing::Test {
     session.set_method("alpha");
     session.set_state(v1::SESSION_STATE_SOLVING);
     session.set_job(store->create({.session = "s", .computes = "alpha/1", .work = ""}, ranges(2)).value());
-    EXPECT_TRUE(Catalogue::open(data_ / "catalogue.sqlite").value()->insert(session, "").ok());
+    EXPECT_OK(Catalogue::open(data_ / "catalogue.sqlite").value()->insert(session, ""));
     return session.job();
   }
   void damage_record() {
     Database catalogue = Database::open(data_ / "catalogue.sqlite").value();
-    ASSERT_TRUE(catalogue.run("DROP TRIGGER sessions_updated; UPDATE sessions SET session = x'ff'").ok());
+    ASSERT_OK(catalogue.run("DROP TRIGGER sessions_updated; UPDATE sessions SET session = x'ff'"));
   }
   void expect_said(Server& server, const fs::path& file) {
     const std::vector<std::string> said = server.problems().all();
@@ -56,7 +57,7 @@ TEST_F(DegradedStart, WhatIsWholeIsNoProblem) {
 TEST_F(DegradedStart, SolvesOfADamagedJobStoreCanBeRequestedAgain) {
   begin_solve();
   for (const char* log : {"-wal", "-shm"}) fs::remove(data_ / (std::string("jobs.sqlite") + log));
-  ASSERT_TRUE(write_file_durably(data_ / "jobs.sqlite", std::string(8192, 'x')).ok());
+  ASSERT_OK(write_file_durably(data_ / "jobs.sqlite", std::string(8192, 'x')));
   {
     const std::unique_ptr<Server> server = Server::open({.data = data_}).value();
     expect_said(*server, data_ / "jobs.sqlite");
@@ -78,7 +79,7 @@ TEST_F(DegradedStart, NoAlteredByteOfTheJobStoreKeepsTheServerDown) {
   const auto start = [&](const std::string& altered, size_t at) {
     fs::remove_all(data_ / "damaged");
     for (const char* log : {"-wal", "-shm"}) fs::remove(data_ / (std::string("jobs.sqlite") + log));
-    ASSERT_TRUE(write_file_durably(data_ / "jobs.sqlite", altered).ok());
+    ASSERT_OK(write_file_durably(data_ / "jobs.sqlite", altered));
     const absl::StatusOr<std::unique_ptr<Server>> server = Server::open({.data = data_});
     const bool is_version = at >= 60 && at < 64;  // a file of a newer server is refused
     EXPECT_TRUE(server.ok() || (is_version && absl::IsFailedPrecondition(server.status())))
@@ -107,7 +108,7 @@ TEST_F(DegradedStart, ADamagedRecordIsListedAndItsJobKept) {
 
 TEST_F(DegradedStart, ADamagedServerIdIsReplaced) {
   begin_solve();
-  ASSERT_TRUE(write_file_durably(data_ / "server-id", "0123").ok());
+  ASSERT_OK(write_file_durably(data_ / "server-id", "0123"));
   const std::unique_ptr<Server> server = Server::open({.data = data_}).value();
   expect_said(*server, data_ / "server-id");
   EXPECT_EQ(read_file(data_ / "server-id")->size(), 32u);
@@ -128,7 +129,7 @@ TEST_F(DegradedStart, WhileTheSharedJobStoreIsAwaySolvesWaitAndSayWhy) {
   EXPECT_TRUE(absl::IsUnavailable(server->fleet().status()));
   v1::Session other;
   other.set_name("other");
-  EXPECT_TRUE(server->sessions().edit().insert(other, "").ok());  // what needs no jobs works
+  EXPECT_OK(server->sessions().edit().insert(other, ""));  // what needs no jobs works
   postgres->start();
   EXPECT_TRUE(comes_true([&] { return server->sessions().find("s")->reason().empty(); }));
   EXPECT_TRUE(server->problems().all().empty());

@@ -32,6 +32,7 @@
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "server/rig/sync_calibration.h"
 #include "server/services/session_service.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -225,7 +226,7 @@ TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
   while (!response.has_result() && reader->Read(&response)) {
   }
   const grpc::Status status = reader->Finish();
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK(status);
   const v1::MonitorSync sync = response.result();
   EXPECT_EQ(sync.monitor(), "back");
   // The goal for a measured lag: 0.3 ms.
@@ -236,10 +237,10 @@ TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
 
   Problems problems;
   const auto again = CalibrationStore::open(data_ / "server", problems);
-  ASSERT_TRUE(again.ok());
+  ASSERT_OK(again);
   EXPECT_EQ((*again)->sync("back")->SerializeAsString(), sync.SerializeAsString());
   const Checked checked = check();
-  ASSERT_TRUE(checked.status.ok()) << checked.status.error_message();
+  ASSERT_OK(checked.status);
   EXPECT_TRUE(checked.has("sync", v1::FINDING_LEVEL_OK)) << checked.text();
 }
 
@@ -262,7 +263,7 @@ TEST_F(RigTest, AHoldLastsAsLongAsItsCall) {
   v1::ListNodesResponse listed;
   {
     grpc::ClientContext list;
-    ASSERT_TRUE(v1::NodeService::NewStub(dial(server_host_->address()))->ListNodes(&list, {}, &listed).ok());
+    ASSERT_OK(v1::NodeService::NewStub(dial(server_host_->address()))->ListNodes(&list, {}, &listed));
   }
   EXPECT_EQ(listed.holder().client(), "anna@lab3");
   EXPECT_EQ(listed.holder().what(), "turntable series");
@@ -273,12 +274,12 @@ TEST_F(RigTest, AHoldLastsAsLongAsItsCall) {
     for (v1::CheckRigResponse finding; other->Read(&finding);) {
     }
     const grpc::Status status = other->Finish();
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(status);
   }
   context.TryCancel();
   EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
   while (server_->rig_lock().holder()) std::this_thread::yield();
-  EXPECT_TRUE(check().status.ok());
+  EXPECT_OK(check().status);
 }
 
 TEST_F(RigTest, PlansAreMadeForTheRig) {
@@ -296,12 +297,12 @@ TEST_F(RigTest, PlansAreMadeForTheRig) {
                : absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
   };
   const auto draft = make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_quality("draft"); });
-  ASSERT_TRUE(draft.ok()) << draft.status();
+  ASSERT_OK(draft);
   EXPECT_EQ(draft->plan().monitors(0).name(), "back");
   const v1::Plan read = parse_plan(draft->text(), "draft").value();
   EXPECT_EQ(read.SerializeAsString(), draft->plan().SerializeAsString());
   const auto camera = make(v1::PLAN_PURPOSE_CALIBRATE_CAMERA);
-  ASSERT_TRUE(camera.ok()) << camera.status();
+  ASSERT_OK(camera);
   EXPECT_EQ(camera->plan().calibration().of(), "camera");
   EXPECT_EQ(make(v1::PLAN_PURPOSE_UNSPECIFIED).status().code(), absl::StatusCode::kInvalidArgument);
   const auto roof = make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.add_monitors("roof"); });
@@ -310,7 +311,7 @@ TEST_F(RigTest, PlansAreMadeForTheRig) {
       make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_quality("fine"); }).status().message(),
       "quality is \"fine\"; it must be draft, good or best");
   const auto metal = make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_object("metal"); });
-  ASSERT_TRUE(metal.ok()) << metal.status();
+  ASSERT_OK(metal);
   EXPECT_EQ(metal->plan().exposure_ms_size(), 2);
   EXPECT_EQ(
       make(v1::PLAN_PURPOSE_CAPTURE, [](auto& request) { request.set_object("wood"); }).status().message(),
@@ -326,7 +327,7 @@ TEST_F(RigTest, AFitIsListedWhileItRunsAndRunsOnce) {
   session.set_state(v1::SESSION_STATE_CAPTURED);
   session.set_archive_address(node->address());
   session.mutable_plan()->mutable_calibration()->set_of("camera");
-  ASSERT_TRUE(server_->sessions().edit().insert(session, "").ok());
+  ASSERT_OK(server_->sessions().edit().insert(session, ""));
   const auto fit = [&] {
     grpc::ClientContext context;
     v1::FitCalibrationRequest request;
@@ -337,7 +338,7 @@ TEST_F(RigTest, AFitIsListedWhileItRunsAndRunsOnce) {
   const auto running = [&] {
     grpc::ClientContext context;
     v1::ListCalibrationsResponse listed;
-    EXPECT_TRUE(stub_->ListCalibrations(&context, {}, &listed).ok());
+    EXPECT_OK(stub_->ListCalibrations(&context, {}, &listed));
     return listed;
   };
   std::string first;
@@ -388,10 +389,10 @@ TEST_F(RigTest, AHoldCanBeTakenUpAgainAndReleased) {
   }
   grpc::ClientContext with_token;
   with_token.AddMetadata("glasswing-hold", held.token());
-  EXPECT_TRUE(stub_->ReleaseRig(&with_token, {}, &released).ok());
+  EXPECT_OK(stub_->ReleaseRig(&with_token, {}, &released));
   EXPECT_FALSE(reader->Read(&again));
-  EXPECT_TRUE(reader->Finish().ok());
-  EXPECT_TRUE(check().status.ok());
+  EXPECT_OK(reader->Finish());
+  EXPECT_OK(check().status);
 }
 
 TEST_F(RigTest, TheDoctorSaysWhatTheCameraPreparesAndWaitsForIt) {
@@ -411,7 +412,7 @@ TEST_F(RigTest, TheDoctorSaysWhatTheCameraPreparesAndWaitsForIt) {
     EXPECT_EQ(response.finding().text().find("client"), std::string::npos);
   }
   const grpc::Status status = reader->Finish();
-  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_OK(status);
   for (const char* subject : {"flips", "camera", "proof"}) EXPECT_TRUE(subjects.contains(subject)) << subject;
 }
 
@@ -467,10 +468,10 @@ TEST_F(RigTest, ACaptureThatDoesNotFitIsRefusedBeforeItBegins) {
   request.mutable_plan()->set_method("gaussian");
   request.mutable_plan()->add_sweeps()->set_sigma_px(8.0);
   const absl::StatusOr<v1::EstimateSessionResponse> estimate = server_->captures().estimate(request);
-  ASSERT_TRUE(estimate.ok()) << estimate.status();
+  ASSERT_OK(estimate);
   EXPECT_EQ(estimate->free_bytes(), disk_.free_bytes);
   disk_.free_bytes = estimate->bytes();
-  EXPECT_TRUE(server_->captures().estimate(request).ok());
+  EXPECT_OK(server_->captures().estimate(request));
   disk_.free_bytes -= 1;
   v1::CreateSessionRequest create;
   *create.mutable_plan() = request.plan();
@@ -491,7 +492,7 @@ TEST_F(RigTest, ADiskThatIsTooSlowIsToldBeforeItLosesFrames) {
   sweep.set_step_px(0.05);
   const auto warning = [&]() -> std::string {
     const absl::StatusOr<v1::EstimateSessionResponse> estimate = server_->captures().estimate(request);
-    EXPECT_TRUE(estimate.ok()) << estimate.status();
+    EXPECT_OK(estimate);
     for (const std::string& each : estimate->warnings()) {
       if (each.find("MB/s") != std::string::npos) return each;
     }
@@ -543,7 +544,7 @@ TEST_F(RigTest, SyncIsMeasuredInTheLightThatACalibrationTells) {
   const v1::CameraCalibration calibration = calibration_of(s_curve);
   const absl::StatusOr<v1::MonitorSync> sync =
       measure_sync(rig, "back", 0.0, &calibration, [](const std::string&) {}, {});
-  ASSERT_TRUE(sync.ok()) << sync.status();
+  ASSERT_OK(sync);
   // The goals of a linear camera; uncalibrated codes are off by more.
   EXPECT_NEAR(static_cast<double>(sync->lag_ns()), 5e6, 0.3e6);
   EXPECT_NEAR(static_cast<double>(sync->settle_ns()), 1e6, 0.6e6);
@@ -574,7 +575,7 @@ TEST_F(RigTest, WhatCannotBeMeasuredIsRefused) {
 TEST_F(RigTest, AGoodRigHasNoProblem) {
   start();
   const Checked checked = check();
-  ASSERT_TRUE(checked.status.ok()) << checked.status.error_message();
+  ASSERT_OK(checked.status);
   for (const std::string subject :
        {"nodes", "clocks", "monitors", "camera", "window", "flips", "proof", "sync"}) {
     EXPECT_TRUE(checked.findings.contains(subject)) << subject;
@@ -612,7 +613,7 @@ TEST_F(RigTest, PlacesAMonitorOnItsRail) {
     EXPECT_EQ(response.position_mm(), status.ok() ? position_mm : 0.0);
     return status;
   };
-  EXPECT_TRUE(place("back", 250.0).ok());
+  EXPECT_OK(place("back", 250.0));
   // The camera knows it from the light alone.
   while (timeline_.monitors().at(0).pose != PanelPose{.away_mm = 50.0}) std::this_thread::yield();
   EXPECT_TRUE(absl::IsInvalidArgument(place("side", 250.0)));
@@ -627,7 +628,7 @@ TEST_F(RigTest, PlacesAMonitorOnItsRail) {
   const absl::Status refused = place("back", 300.0);
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
   EXPECT_NE(std::string(refused.message()).find("two depths"), std::string::npos) << refused;
-  EXPECT_TRUE(place("back", 300.0, held.token()).ok());
+  EXPECT_OK(place("back", 300.0, held.token()));
   holding.TryCancel();
   (void)reader->Finish();
 }

@@ -7,6 +7,8 @@
 
 #include <filesystem>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -216,7 +218,7 @@ TEST(Waits, AServerTellsWhatItsSessionsWaitFor) {
     done.mutable_waiting()->set_since(kSince);  // as a live view may have it
     EXPECT_FALSE(waits.told(done).has_waiting());
     SessionStore::Edit edit = server->sessions().edit();
-    ASSERT_TRUE(edit.insert(session(v1::SESSION_STATE_CAPTURING), "").ok());
+    ASSERT_OK(edit.insert(session(v1::SESSION_STATE_CAPTURING), ""));
     edit.show(session(v1::SESSION_STATE_CAPTURING, "waiting: camera-1 does not answer"));
     const std::string since = edit.find("vase")->waiting().since();
     EXPECT_FALSE(since.empty());

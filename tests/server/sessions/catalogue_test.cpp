@@ -8,6 +8,7 @@
 #include "core/base/file.h"
 #include "server/storage/database.h"
 #include "tests/core/base/flipped.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -22,14 +23,14 @@ TEST(Catalogue, SessionsOutliveTheProcess) {
   session.mutable_plan()->set_method("gaussian");
   {
     const auto catalogue = Catalogue::open(path).value();
-    ASSERT_TRUE(catalogue->insert(session, "request-1").ok());
+    ASSERT_OK(catalogue->insert(session, "request-1"));
     const absl::Status again = catalogue->insert(session, "request-2");
     EXPECT_TRUE(absl::IsAlreadyExists(again)) << again;
     session.set_state(v1::SESSION_STATE_CAPTURING);
-    ASSERT_TRUE(catalogue->update(session).ok());
+    ASSERT_OK(catalogue->update(session));
     v1::Session second;
     second.set_name("b");
-    ASSERT_TRUE(catalogue->insert(second, "").ok());
+    ASSERT_OK(catalogue->insert(second, ""));
   }
   const auto catalogue = Catalogue::open(path).value();
   EXPECT_EQ(catalogue->find("a").value().SerializeAsString(), session.SerializeAsString());
@@ -63,14 +64,14 @@ TEST_F(CatalogueTest, NoByteIsAlteredUnnoticed) {
     v1::Session session;
     session.set_name("session-" + std::to_string(i));
     session.set_reason(std::string(200, static_cast<char>('a' + i)));
-    ASSERT_TRUE(catalogue_->insert(session, std::to_string(i)).ok());
-    ASSERT_TRUE(catalogue_->keep_finished(session).ok());
+    ASSERT_OK(catalogue_->insert(session, std::to_string(i)));
+    ASSERT_OK(catalogue_->keep_finished(session));
   }
   v1::AnnotateSessionRequest request;
   request.set_name("session-7");
   request.set_note("of glass");
-  ASSERT_TRUE(catalogue_->annotate(request).ok());
-  ASSERT_TRUE(catalogue_->remove("session-3").ok());
+  ASSERT_OK(catalogue_->annotate(request));
+  ASSERT_OK(catalogue_->remove("session-3"));
   const auto all = [](Catalogue& catalogue) -> absl::StatusOr<std::string> {
     const absl::StatusOr<std::vector<v1::Session>> sessions = catalogue.list();
     if (!sessions.ok()) return sessions.status();
@@ -111,16 +112,14 @@ TEST_F(CatalogueTest, ADamagedRecordIsListedAndTheOthersAreServed) {
   for (const char* name : {"a", "b", "c"}) {
     v1::Session session;
     session.set_name(name);
-    ASSERT_TRUE(catalogue_->insert(session, "").ok());
+    ASSERT_OK(catalogue_->insert(session, ""));
   }
   catalogue_ = nullptr;
   const std::string bytes = read_file(path_).value();
   // A flipped bit, and bytes that are no name.
   for (const std::string& damage : {std::string("session = x'ff'"), std::string("name = x'ff00' || 'b'")}) {
-    ASSERT_TRUE(
-        Database::open(path_)
-            ->run("DROP TRIGGER sessions_updated; UPDATE sessions SET " + damage + " WHERE name = 'b'")
-            .ok());
+    ASSERT_OK(Database::open(path_)->run("DROP TRIGGER sessions_updated; UPDATE sessions SET " + damage +
+                                         " WHERE name = 'b'"));
     reopen();
     const std::vector<v1::Session> listed = catalogue_->list().value();
     ASSERT_EQ(listed.size(), 3u);
@@ -132,13 +131,13 @@ TEST_F(CatalogueTest, ADamagedRecordIsListedAndTheOthersAreServed) {
     EXPECT_TRUE(std::ranges::all_of(listed[1].name(), [](char c) { return c > ' ' && c <= '~'; }));
     const absl::Status damaged = catalogue_->find("b").status();
     EXPECT_TRUE(absl::IsDataLoss(damaged) || absl::IsNotFound(damaged)) << damaged;
-    EXPECT_TRUE(catalogue_->find("a").ok());
+    EXPECT_OK(catalogue_->find("a"));
     v1::Session next;
     next.set_name("d");
-    EXPECT_TRUE(catalogue_->insert(next, "").ok());
+    EXPECT_OK(catalogue_->insert(next, ""));
     catalogue_ = nullptr;
     for (const char* suffix : {"-wal", "-shm"}) fs::remove(path_.string() + suffix);
-    ASSERT_TRUE(write_file_durably(path_, bytes).ok());
+    ASSERT_OK(write_file_durably(path_, bytes));
   }
 }
 
@@ -146,7 +145,7 @@ TEST_F(CatalogueTest, AnIndexThatContradictsItsRowsIsMadeAgain) {
   for (const char* name : {"some-session", "b"}) {
     v1::Session session;
     session.set_name(name);
-    ASSERT_TRUE(catalogue_->insert(session, "").ok());
+    ASSERT_OK(catalogue_->insert(session, ""));
   }
   catalogue_ = nullptr;
   std::string bytes = read_file(path_).value();
@@ -157,11 +156,11 @@ TEST_F(CatalogueTest, AnIndexThatContradictsItsRowsIsMadeAgain) {
     std::string one = bytes;
     one[at] = 'S';
     for (const char* suffix : {"-wal", "-shm"}) fs::remove(path_.string() + suffix);
-    ASSERT_TRUE(write_file_durably(path_, one).ok());
+    ASSERT_OK(write_file_durably(path_, one));
     const absl::StatusOr<std::unique_ptr<Catalogue>> opened = Catalogue::open(path_);
-    ASSERT_TRUE(opened.ok()) << opened.status();
+    ASSERT_OK(opened);
     EXPECT_EQ((*opened)->list()->size(), 2u);
-    EXPECT_TRUE((*opened)->find("b").ok());
+    EXPECT_OK((*opened)->find("b"));
     ++altered;
   }
   EXPECT_EQ(altered, 3);
@@ -170,17 +169,17 @@ TEST_F(CatalogueTest, AnIndexThatContradictsItsRowsIsMadeAgain) {
 TEST_F(CatalogueTest, NotesAndTagsAreKeptWhateverRuns) {
   v1::Session running;
   running.set_name("a");
-  ASSERT_TRUE(catalogue_->insert(running, "").ok());
+  ASSERT_OK(catalogue_->insert(running, ""));
   v1::AnnotateSessionRequest request;
   request.set_name("a");
   request.set_note("handle\nto the left");
   for (const char* tag : {"vases", "lab3", "vases"}) request.add_add_tags(tag);
   const absl::StatusOr<v1::Session> annotated = catalogue_->annotate(request);
-  ASSERT_TRUE(annotated.ok()) << annotated.status();
+  ASSERT_OK(annotated);
   EXPECT_EQ(annotated->ShortDebugString().find("vases"), annotated->ShortDebugString().rfind("vases"));
   // A capture that began before does not know them.
   running.set_proven_count(7);
-  ASSERT_TRUE(catalogue_->update(running).ok());
+  ASSERT_OK(catalogue_->update(running));
   reopen();
   v1::Session found = catalogue_->find("a").value();
   EXPECT_EQ(found.proven_count(), 7);
@@ -210,15 +209,15 @@ TEST_F(CatalogueTest, TheFinishedSessionIsKeptBesideTheOneThatGoesOn) {
   v1::Session session;
   session.set_name("a");
   session.set_method("gaussian");
-  ASSERT_TRUE(catalogue_->insert(session, "").ok());
+  ASSERT_OK(catalogue_->insert(session, ""));
   EXPECT_TRUE(absl::IsNotFound(catalogue_->finished("a").status()));
-  ASSERT_TRUE(catalogue_->keep_finished(session).ok());
+  ASSERT_OK(catalogue_->keep_finished(session));
   session.set_method("alpha");
-  ASSERT_TRUE(catalogue_->update(session).ok());
+  ASSERT_OK(catalogue_->update(session));
   reopen();
   EXPECT_EQ(catalogue_->finished("a")->method(), "gaussian");
   EXPECT_EQ(catalogue_->find("a")->method(), "alpha");
-  ASSERT_TRUE(catalogue_->drop_finished("a").ok());
+  ASSERT_OK(catalogue_->drop_finished("a"));
   EXPECT_TRUE(absl::IsNotFound(catalogue_->finished("a").status()));
 }
 

@@ -16,6 +16,7 @@
 #include "server/sessions/session_state.h"
 #include "tests/faults/capture/rig.h"
 #include "tests/server/solve/idle_solver.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -56,7 +57,7 @@ class SessionLife : public testing::Test {
     create.set_solve(solve);
     const absl::StatusOr<v1::Session> created =
         server().captures().create(create, {.client = "anna@lab3", .hold = ""});
-    EXPECT_TRUE(created.ok()) << created.status();
+    EXPECT_OK(created);
     return rested();
   }
   v1::Session wait_until(const std::function<bool(const v1::Session&)>& is_so) {
@@ -86,16 +87,16 @@ class SessionLife : public testing::Test {
     request.set_method(method);
     request.mutable_options()->insert(options.begin(), options.end());
     const absl::StatusOr<v1::Session> session = server().solves().solve(request);
-    EXPECT_TRUE(session.ok()) << session.status();
+    EXPECT_OK(session);
     return session.ok() ? *session : v1::Session();
   }
   // As solve(), then does the survey. Returns the number of tiles.
   int solve_in_tiles(const std::string& method, std::map<std::string, std::string> options = {}) {
     solve(method, std::move(options));
     v1::ClaimTileResponse survey;
-    EXPECT_TRUE(solver_->try_to_claim(IdleSolver::request(), survey).ok());
+    EXPECT_OK(solver_->try_to_claim(IdleSolver::request(), survey));
     EXPECT_GT(survey.survey_rows_size(), 0);
-    EXPECT_TRUE(solver_->complete_survey(survey).ok());
+    EXPECT_OK(solver_->complete_survey(survey));
     return server().sessions().find("s")->tile_count();
   }
   // Waits until all tiles are done, or the solve has failed.
@@ -117,7 +118,7 @@ class SessionLife : public testing::Test {
   v1::Session followed_after_restart() {
     v1::Session session = server().sessions().find("s").value();
     session.set_solve_follows(true);
-    EXPECT_TRUE(server().sessions().edit().change(session).ok());
+    EXPECT_OK(server().sessions().edit().change(session));
     const auto again = Server::open({.data = data_ / "server"}).value();
     const nanoseconds deadline = monotonic_now() + std::chrono::seconds(20);
     std::int64_t seen = 0;
@@ -132,14 +133,14 @@ class SessionLife : public testing::Test {
     for (; count < most; ++count) {
       const v1::ClaimTileResponse tile = solver_->claim();
       if (!tile.has_lease()) break;
-      EXPECT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, mark).ok());
+      EXPECT_OK(solver_->complete_rows(tile, kWidth, kHeight, mark));
     }
     return count;
   }
   // The mark of the matte that can be fetched, in its first and its last row.
   std::pair<float, float> marks() {
     const absl::StatusOr<Matte> matte = read_matte(server().solves().matte("s", std::nullopt).value());
-    EXPECT_TRUE(matte.ok()) << matte.status();
+    EXPECT_OK(matte);
     return {matte->foreground(0, 0)[0], matte->foreground(0, kHeight - 1)[0]};
   }
 
@@ -164,7 +165,7 @@ TEST_F(SessionLife, TheDryRunSaysWhatTheCaptureCosts) {
   request.set_name("s");
   *request.mutable_plan() = small_plan();
   const absl::StatusOr<v1::EstimateSessionResponse> estimate = server().captures().estimate(request);
-  ASSERT_TRUE(estimate.ok()) << estimate.status();
+  ASSERT_OK(estimate);
   EXPECT_FALSE(estimate->has_holder());
   EXPECT_EQ(estimate->warnings_size(), 1) << "sync was not measured";
   EXPECT_GE(estimate->free_bytes(), estimate->bytes());
@@ -220,7 +221,7 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   solve("gaussian");
   complete(2.0f, 3);
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
-  ASSERT_TRUE(server().control().cancel("s", {}).ok());
+  ASSERT_OK(server().control().cancel("s", {}));
   EXPECT_EQ(server().sessions().find("s")->SerializeAsString(), first.SerializeAsString());
   EXPECT_EQ(complete(2.0f), 0);
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
@@ -228,7 +229,7 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   // When the solve fails, the session has the old matte; a retry does not repeat tiles that are done.
   solve("hierarchical");
   EXPECT_EQ(complete(3.0f, 5), 5);
-  ASSERT_TRUE(solver_->fail(solver_->claim(), "row 5: torn").ok());
+  ASSERT_OK(solver_->fail(solver_->claim(), "row 5: torn"));
   v1::Session session = server().sessions().find("s").value();
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
   EXPECT_TRUE(session.matte_ready());
@@ -236,7 +237,7 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   EXPECT_EQ(complete(4.0f), 0);
   {
     const auto again = Server::open({.data = data_ / "server"}).value();
-    EXPECT_TRUE(again->solves().matte("s", std::nullopt).ok());
+    EXPECT_OK(again->solves().matte("s", std::nullopt));
   }
   ASSERT_EQ(resume()->state(), v1::SESSION_STATE_SOLVING);
   EXPECT_EQ(complete(4.0f), tiles - 5);
@@ -277,7 +278,7 @@ TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();
-  ASSERT_TRUE(server().captures().create(create, {}).ok());
+  ASSERT_OK(server().captures().create(create, {}));
   const v1::Session waiting = wait_until(waits_for_room);
   EXPECT_EQ(waiting.state(), v1::SESSION_STATE_CAPTURING);
   EXPECT_GT(waiting.proven_count(), 0);
@@ -301,7 +302,7 @@ TEST_F(SessionLife, ACaptureThatWaitsForRoomCanBePausedAndCancelled) {
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();
-  ASSERT_TRUE(server().captures().create(create, {}).ok());
+  ASSERT_OK(server().captures().create(create, {}));
   wait_until(waits_for_room);
   EXPECT_EQ(server().control().pause("s", {})->state(), v1::SESSION_STATE_PAUSED);
   EXPECT_EQ(server().control().cancel("s", {})->state(), v1::SESSION_STATE_CANCELLED);
@@ -314,11 +315,11 @@ TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
   EXPECT_EQ(complete(1.0f, 2), 2);
   const v1::ClaimTileResponse under_way = solver_->claim();
   const absl::StatusOr<v1::Session> paused = server().control().pause("s", {});
-  ASSERT_TRUE(paused.ok()) << paused.status();
+  ASSERT_OK(paused);
   EXPECT_EQ(paused->state(), v1::SESSION_STATE_PAUSED);
-  EXPECT_TRUE(server().control().pause("s", {}).ok()) << "it is so already";
+  EXPECT_OK(server().control().pause("s", {})) << "it is so already";
   EXPECT_FALSE(solver_->claim().has_lease());
-  EXPECT_TRUE(solver_->complete_rows(under_way, kWidth, kHeight, 1.0f).ok());
+  EXPECT_OK(solver_->complete_rows(under_way, kWidth, kHeight, 1.0f));
   EXPECT_EQ(server().sessions().find("s")->tiles_done(), 3);
   EXPECT_EQ(server().sessions().find("s")->state(), v1::SESSION_STATE_PAUSED);
   {
@@ -326,7 +327,7 @@ TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
     EXPECT_EQ(again->sessions().find("s")->state(), v1::SESSION_STATE_PAUSED);
     EXPECT_FALSE(again->tiles().claim(IdleSolver::request())->has_lease());
   }
-  ASSERT_TRUE(resume().ok());
+  ASSERT_OK(resume());
   EXPECT_EQ(complete(2.0f), tiles - 3);
   EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
   EXPECT_EQ(marks(), Marks(1.0f, 2.0f));
@@ -340,9 +341,9 @@ TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
   EXPECT_TRUE(absl::IsFailedPrecondition(sent(server().solves().open_partial_matte("s", {})).status()));
   const v1::ClaimTileResponse first = solver_->claim(), left_out = solver_->claim(), third = solver_->claim();
   for (const v1::ClaimTileResponse& tile : {first, third})
-    ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
+    ASSERT_OK(solver_->complete_rows(tile, kWidth, kHeight, 1.0f));
   const absl::StatusOr<std::string> bytes = sent(server().solves().open_partial_matte("s", {}));
-  ASSERT_TRUE(bytes.ok()) << bytes.status();
+  ASSERT_OK(bytes);
   const Matte partial = decode_matte(*bytes).value();
   ASSERT_EQ(partial.height_px(), kHeight);
   const auto within = [](int y, const v1::ClaimTileResponse& tile) {
@@ -353,7 +354,7 @@ TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
     EXPECT_EQ(partial.flags(0, y), solved ? kFlagNone : kFlagNoData) << y;
     EXPECT_EQ(partial.foreground(0, y)[0], solved ? 1.0f : 0.0f) << y;
   }
-  ASSERT_TRUE(solver_->complete_rows(left_out, kWidth, kHeight, 1.0f).ok());
+  ASSERT_OK(solver_->complete_rows(left_out, kWidth, kHeight, 1.0f));
   complete(1.0f);
   ASSERT_EQ(settled().state(), v1::SESSION_STATE_DONE);
   EXPECT_EQ(sent(server().solves().open_partial_matte("s", {})).value(),
@@ -424,8 +425,8 @@ TEST_F(SessionLife, ALeaseIsOfNoUseToThoseWhoDoNotKnowItsSecret) {
   other.mutable_lease()->set_tile(own.lease().tile() + 1);
   EXPECT_EQ(solver_->fail(other, "no").error_code(), grpc::StatusCode::ABORTED);
   EXPECT_EQ(server().sessions().find("s")->state(), v1::SESSION_STATE_SOLVING);
-  EXPECT_TRUE(solver_->keep(own).ok());
-  EXPECT_TRUE(solver_->complete_rows(own, kWidth, kHeight, 1.0f).ok());
+  EXPECT_OK(solver_->keep(own));
+  EXPECT_OK(solver_->complete_rows(own, kWidth, kHeight, 1.0f));
 }
 
 // Bytes that were lost before the file's checksum was made.
@@ -468,7 +469,7 @@ TEST_F(SessionLife, ARepeatedClaimGetsTheTileThatTheFirstLeased) {
   const auto claim = [&](const std::string& id) {
     request.set_request_id(id);
     v1::ClaimTileResponse response;
-    EXPECT_TRUE(solver_->try_to_claim(request, response).ok());
+    EXPECT_OK(solver_->try_to_claim(request, response));
     return response;
   };
   const v1::ClaimTileResponse first = claim("one");
@@ -477,7 +478,7 @@ TEST_F(SessionLife, ARepeatedClaimGetsTheTileThatTheFirstLeased) {
   const v1::ClaimTileResponse second = claim("two");
   EXPECT_NE(second.lease().tile(), first.lease().tile());
   // A tile that is done is no answer any more.
-  ASSERT_TRUE(solver_->complete_rows(second, kWidth, kHeight, 1.0f).ok());
+  ASSERT_OK(solver_->complete_rows(second, kWidth, kHeight, 1.0f));
   const v1::ClaimTileResponse third = claim("two");
   ASSERT_TRUE(third.has_lease());
   EXPECT_NE(third.lease().tile(), second.lease().tile());
@@ -518,9 +519,9 @@ TEST_F(SessionLife, ARefusedImportLeavesNothingAndOneThatWasBegunCanBeDeleted) {
   v1::Camera& camera = *request.mutable_manifest()->mutable_camera();
   camera.set_width_px(kWidth);
   camera.set_height_px(kHeight);
-  ASSERT_TRUE(server().importer().begin(request, {}).ok());
-  ASSERT_TRUE(server().importer().begin(request, {}).ok());  // again
-  ASSERT_TRUE(server().deleter().remove("s").ok());
+  ASSERT_OK(server().importer().begin(request, {}));
+  ASSERT_OK(server().importer().begin(request, {}));  // again
+  ASSERT_OK(server().deleter().remove("s"));
   EXPECT_TRUE(absl::IsNotFound(server().sessions().find("s").status()));
   EXPECT_FALSE(server().importer().finish("s").ok());
 }
@@ -542,7 +543,7 @@ TEST_F(SessionLife, SessionsWithPhotosRunOneAfterAnotherAndTakeThemAlong) {
       Image16 image(monitor.width_px(), monitor.height_px());
       image.samples[0] = static_cast<std::uint16_t>(session * kPhotos + photo);
       ImageFiles::Upload upload = server().images().begin().value();
-      ASSERT_TRUE(upload.add(encode_png16(image).value()).ok());
+      ASSERT_OK(upload.add(encode_png16(image).value()));
       v1::Photo& shown = *plan.add_photos();
       shown.set_file(upload.finish().value());
       shown.set_name("photo-" + std::to_string(photo));
@@ -550,7 +551,7 @@ TEST_F(SessionLife, SessionsWithPhotosRunOneAfterAnotherAndTakeThemAlong) {
     const v1::Session captured = capture(plan);
     ASSERT_EQ(captured.state(), v1::SESSION_STATE_CAPTURED) << session << ": " << captured.reason();
     EXPECT_EQ(count(), kPhotos);
-    ASSERT_TRUE(server().deleter().remove("s").ok());
+    ASSERT_OK(server().deleter().remove("s"));
     EXPECT_EQ(count(), 0);
   }
 }
@@ -564,11 +565,11 @@ TEST_F(SessionLife, ATileThatNobodyCanSolveIsNamedOnceTheOthersAreDone) {
   for (int attempt = 1; attempt <= kMaxAttempts; ++attempt) {
     EXPECT_EQ(server().sessions().find("s")->quarantined_size(), 0);
     EXPECT_EQ(tile.lease().tile(), hard.lease().tile());
-    ASSERT_TRUE(solver_->fail(tile, "out of memory", false).ok());
+    ASSERT_OK(solver_->fail(tile, "out of memory", false));
     // Tiles that failed come last.
     for (tile = solver_->claim(); tile.has_lease() && tile.lease().tile() != hard.lease().tile();
          tile = solver_->claim())
-      ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
+      ASSERT_OK(solver_->complete_rows(tile, kWidth, kHeight, 1.0f));
   }
   const v1::Session failed = settled();
   EXPECT_EQ(failed.state(), v1::SESSION_STATE_FAILED);
@@ -577,7 +578,7 @@ TEST_F(SessionLife, ATileThatNobodyCanSolveIsNamedOnceTheOthersAreDone) {
   EXPECT_EQ(failed.quarantined(0).first(), hard.first_row());
   EXPECT_NE(failed.reason().find("out of memory"), std::string::npos) << failed.reason();
   EXPECT_EQ(failed.tiles_done(), tiles - 1);
-  ASSERT_TRUE(resume().ok());
+  ASSERT_OK(resume());
   EXPECT_EQ(complete(2.0f), 1);
   EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
   EXPECT_TRUE(server().sessions().find("s")->quarantined().empty());
@@ -617,7 +618,7 @@ TEST_F(SessionLife, TheCatalogueIsNeverBehindWhatWasShown) {
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();
-  ASSERT_TRUE(server().captures().create(create, {.client = "anna@lab3", .hold = ""}).ok());
+  ASSERT_OK(server().captures().create(create, {.client = "anna@lab3", .hold = ""}));
   v1::Session shown;
   std::set<int> seen;
   do {
@@ -644,7 +645,7 @@ TEST_F(SessionLife, AFailedCaptureNamesItsStepsAndCanBeTriedAgain) {
   EXPECT_TRUE(session.unproven(0).what().starts_with("back ")) << session.unproven(0).what();
   EXPECT_TRUE(server().list({})->at(0).unproven().empty());
   EXPECT_TRUE(absl::IsInvalidArgument(resume(101).status()));
-  ASSERT_TRUE(resume(1).ok());
+  ASSERT_OK(resume(1));
   session = rested();
   EXPECT_EQ(session.plan().retries(), 1);
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
@@ -671,7 +672,7 @@ TEST_F(SessionLife, NothingIsLeftOfADeletedSession) {
   const fs::path matte = server().solves().matte("s", std::nullopt).value();
   const auto matte_bytes = static_cast<std::int64_t>(fs::file_size(matte));
   const absl::StatusOr<std::int64_t> freed = server().deleter().remove("s");
-  ASSERT_TRUE(freed.ok()) << freed.status();
+  ASSERT_OK(freed);
   EXPECT_EQ(*freed, session.archive_bytes() + matte_bytes);
   EXPECT_FALSE(fs::exists(matte));
   EXPECT_TRUE(fs::is_empty(data_ / "archives"));
@@ -695,10 +696,10 @@ TEST_F(SessionLife, WhatBrokeOffWhileDeletingIsFinishedByAskingAgain) {
     v1::DeleteArchiveResponse response;
     grpc::ClientContext context;
     const auto node = v1::ArchiveService::NewStub(dial(captured.archive_address()));
-    ASSERT_TRUE(node->DeleteArchive(&context, request, &response).ok());
+    ASSERT_OK(node->DeleteArchive(&context, request, &response));
   }
   EXPECT_TRUE(fs::is_empty(data_ / "archives"));
-  ASSERT_TRUE(server().deleter().remove("s").ok());
+  ASSERT_OK(server().deleter().remove("s"));
   EXPECT_TRUE(absl::IsNotFound(server().sessions().find("s").status()));
   EXPECT_TRUE(fs::is_empty(data_ / "server" / "mattes"));
 }

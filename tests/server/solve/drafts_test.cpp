@@ -5,6 +5,8 @@
 
 #include <numeric>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -34,7 +36,7 @@ TEST(DraftTiles, EachIsHandedOutOnceUntilItsLeaseExpires) {
   EXPECT_EQ(first->range.first, 0);
   EXPECT_EQ(second->range.first, 4);
   EXPECT_FALSE(tiles.claim(kLease - nanoseconds(1)));
-  EXPECT_TRUE(tiles.renew(lease_of(*second), kLease - nanoseconds(1)).ok());
+  EXPECT_OK(tiles.renew(lease_of(*second), kLease - nanoseconds(1)));
   const auto again = tiles.claim(kLease);
   ASSERT_TRUE(again);
   EXPECT_EQ(again->tile, first->tile);
@@ -49,11 +51,11 @@ TEST(DraftTiles, EachIsHandedOutOnceUntilItsLeaseExpires) {
 TEST(DraftTiles, AreDoneOnceAllResultsAreThere) {
   DraftTiles tiles = two_tiles();
   const auto first = tiles.claim(nanoseconds(0)), second = tiles.claim(nanoseconds(0));
-  EXPECT_TRUE(tiles.complete(lease_of(*first), "a").ok());
-  EXPECT_TRUE(tiles.complete(lease_of(*first), "a").ok());  // the answer was lost
+  EXPECT_OK(tiles.complete(lease_of(*first), "a"));
+  EXPECT_OK(tiles.complete(lease_of(*first), "a"));  // the answer was lost
   EXPECT_TRUE(absl::IsAborted(tiles.renew(lease_of(*first), nanoseconds(0))));
   EXPECT_FALSE(tiles.all_done());
-  EXPECT_TRUE(tiles.complete(lease_of(*second), "b").ok());
+  EXPECT_OK(tiles.complete(lease_of(*second), "b"));
   EXPECT_TRUE(tiles.all_done());
   EXPECT_FALSE(tiles.claim(10 * kLease));
 }

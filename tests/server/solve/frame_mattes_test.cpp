@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "core/matte/matte_file.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -39,13 +40,13 @@ TEST_F(FrameMattesTest, FilesComeInPiecesAndGetTheirNamesTogether) {
     FrameMattes mattes = this->mattes();
     for (const int frame : {16, 18, 19}) {
       const std::string bytes = matte_file(static_cast<float>(frame));
-      ASSERT_TRUE(mattes.begin(frame, checksum_of(bytes)).ok());
-      for (size_t at = 0; at < bytes.size(); at += 3) ASSERT_TRUE(mattes.add(bytes.substr(at, 3)).ok());
+      ASSERT_OK(mattes.begin(frame, checksum_of(bytes)));
+      for (size_t at = 0; at < bytes.size(); at += 3) ASSERT_OK(mattes.add(bytes.substr(at, 3)));
     }
-    ASSERT_TRUE(mattes.finish().ok());
+    ASSERT_OK(mattes.finish());
     EXPECT_TRUE(fs::is_empty(directory_ / "mattes"));
     EXPECT_TRUE(mattes.has(18) && !mattes.has(17));
-    ASSERT_TRUE(mattes.place([&](int frame) { return named(frame); }).ok());
+    ASSERT_OK(mattes.place([&](int frame) { return named(frame); }));
   }
   for (const int frame : {16, 18, 19})
     EXPECT_EQ(read_file(named(frame)).value(), matte_file(static_cast<float>(frame)));
@@ -57,14 +58,14 @@ TEST_F(FrameMattesTest, FilesComeInPiecesAndGetTheirNamesTogether) {
 TEST_F(FrameMattesTest, AFileThatIsNoMatteIsFoundBeforeItGetsItsName) {
   FrameMattes mattes = this->mattes();
   std::string bytes = matte_file(1.0f);
-  ASSERT_TRUE(mattes.begin(16, checksum_of(bytes)).ok());
-  ASSERT_TRUE(mattes.add(bytes).ok());
-  ASSERT_TRUE(mattes.finish().ok());
-  EXPECT_TRUE(mattes.verify().ok());
+  ASSERT_OK(mattes.begin(16, checksum_of(bytes)));
+  ASSERT_OK(mattes.add(bytes));
+  ASSERT_OK(mattes.finish());
+  EXPECT_OK(mattes.verify());
   bytes[bytes.size() - 20] = static_cast<char>(bytes[bytes.size() - 20] ^ 0x10);
-  ASSERT_TRUE(mattes.begin(17, checksum_of(bytes)).ok());
-  ASSERT_TRUE(mattes.add(bytes).ok());
-  ASSERT_TRUE(mattes.finish().ok());
+  ASSERT_OK(mattes.begin(17, checksum_of(bytes)));
+  ASSERT_OK(mattes.add(bytes));
+  ASSERT_OK(mattes.finish());
   const absl::Status found = mattes.verify();
   EXPECT_TRUE(absl::IsDataLoss(found)) << found;
   EXPECT_NE(found.message().find("frame 17"), std::string::npos) << found;
@@ -74,8 +75,8 @@ TEST_F(FrameMattesTest, WhatIsDamagedOrNotOfTheTileIsRefusedAndLeavesNothing) {
   const std::string good = matte_file(1.0f), checksum = checksum_of(good);
   {
     FrameMattes cut = mattes();
-    ASSERT_TRUE(cut.begin(16, checksum).ok());
-    ASSERT_TRUE(cut.add(std::string_view(good).substr(0, good.size() - 1)).ok());
+    ASSERT_OK(cut.begin(16, checksum));
+    ASSERT_OK(cut.add(std::string_view(good).substr(0, good.size() - 1)));
     EXPECT_TRUE(absl::IsDataLoss(cut.finish()));
   }
   {
@@ -83,14 +84,14 @@ TEST_F(FrameMattesTest, WhatIsDamagedOrNotOfTheTileIsRefusedAndLeavesNothing) {
     EXPECT_TRUE(absl::IsInvalidArgument(other.add(good)));  // no frame was begun
     EXPECT_TRUE(absl::IsInvalidArgument(other.begin(15, checksum)));
     EXPECT_TRUE(absl::IsInvalidArgument(other.begin(20, checksum)));
-    ASSERT_TRUE(other.begin(17, checksum).ok());
-    ASSERT_TRUE(other.add(matte_file(2.0f)).ok());
+    ASSERT_OK(other.begin(17, checksum));
+    ASSERT_OK(other.add(matte_file(2.0f)));
     EXPECT_TRUE(absl::IsDataLoss(other.begin(18, checksum)));
   }
   {
     FrameMattes twice = mattes();
-    ASSERT_TRUE(twice.begin(17, checksum).ok());
-    ASSERT_TRUE(twice.add(good).ok());
+    ASSERT_OK(twice.begin(17, checksum));
+    ASSERT_OK(twice.add(good));
     EXPECT_TRUE(absl::IsInvalidArgument(twice.begin(17, checksum)));
   }
   EXPECT_TRUE(fs::is_empty(directory_ / "tiles"));

@@ -14,6 +14,7 @@
 #include "core/pattern/method_options.h"
 #include "core/service/service.h"
 #include "server/services/work_service.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 
@@ -38,9 +39,9 @@ class IdleSolver {
   // Claims a tile; answers surveys on the way.
   v1::ClaimTileResponse claim() {
     v1::ClaimTileResponse response;
-    EXPECT_TRUE(try_to_claim(request(), response).ok());
+    EXPECT_OK(try_to_claim(request(), response));
     if (response.survey_rows().empty()) return response;
-    EXPECT_TRUE(complete_survey(response).ok());
+    EXPECT_OK(complete_survey(response));
     return claim();
   }
   grpc::Status complete_survey(const v1::ClaimTileResponse& survey) {

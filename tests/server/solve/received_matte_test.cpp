@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "tests/core/matte/random_matte.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -28,7 +29,7 @@ TEST_F(ReceivedMatteTest, ComesInPiecesAndIsReadBackBeforeItGetsItsName) {
     }
     EXPECT_EQ(first.check(checksum_of(good_)), absl::OkStatus());
     const absl::StatusOr<MatteOutline> outline = first.verify();
-    ASSERT_TRUE(outline.ok()) << outline.status();
+    ASSERT_OK(outline);
     EXPECT_EQ(outline->y0_px, 2);
     EXPECT_EQ(outline->height_px, 3);
     EXPECT_EQ(first.flush(), absl::OkStatus());

@@ -5,6 +5,8 @@
 
 #include <filesystem>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -19,7 +21,7 @@ class SolveSession : public testing::Test {
     session.set_name("vase");
     session.set_state(v1::SESSION_STATE_SOLVING);
     session.set_job(7);
-    ASSERT_TRUE(store_->edit().insert(session, "").ok());
+    ASSERT_OK(store_->edit().insert(session, ""));
   }
   void TearDown() override { fs::remove_all(data_); }
 
@@ -44,13 +46,13 @@ TEST(TileRows, DeliveryFilesAreNoTiles) {
   v1::Session session;
   session.set_name("vase");
   session.set_pixel_count(12);
-  EXPECT_TRUE(check_rows(tile, {.first = 0, .count = 3}, session).ok());
+  EXPECT_OK(check_rows(tile, {.first = 0, .count = 3}, session));
   tile.delivery = true;
   EXPECT_TRUE(absl::IsInvalidArgument(check_rows(tile, {.first = 0, .count = 3}, session)));
 }
 
 TEST_F(SolveSession, IsThatOfTheLeasesJob) {
-  EXPECT_TRUE(ask("vase", 7).ok());
+  EXPECT_OK(ask("vase", 7));
 }
 
 TEST_F(SolveSession, LeasesOfAnEarlierJobAreOver) {
@@ -62,7 +64,7 @@ TEST_F(SolveSession, LeasesOfAnEarlierJobAreOver) {
   v1::Session session;
   session.set_name("cup");
   session.set_state(v1::SESSION_STATE_CAPTURED);
-  ASSERT_TRUE(store_->edit().insert(session, "").ok());
+  ASSERT_OK(store_->edit().insert(session, ""));
   EXPECT_TRUE(absl::IsAborted(ask("cup", 0)));
 }
 

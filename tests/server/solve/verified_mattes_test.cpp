@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "core/matte/matte_file.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -50,12 +51,12 @@ class VerifiedMattesTest : public testing::Test {
 TEST_F(VerifiedMattesTest, NoTruncatedFileIsReadBeforeOrAfterTheWholeOne) {
   for (const size_t step : {7u, 5u}) {
     for (size_t size = 0; size < good_.size(); size += step) expect_refused(good_.substr(0, size), size);
-    EXPECT_TRUE(read_as(good_).ok());
+    EXPECT_OK(read_as(good_));
   }
 }
 
 TEST_F(VerifiedMattesTest, AChangedRowIsRefusedAlsoAfterTheFileWasGood) {
-  ASSERT_TRUE(read_as(good_).ok());
+  ASSERT_OK(read_as(good_));
   int refused = 0;
   for (size_t at = good_.size() - 40; at < good_.size(); ++at) {
     std::string altered = good_;
@@ -68,21 +69,21 @@ TEST_F(VerifiedMattesTest, AChangedRowIsRefusedAlsoAfterTheFileWasGood) {
     }
   }
   EXPECT_GT(refused, 20);
-  EXPECT_TRUE(read_as(good_).ok());
+  EXPECT_OK(read_as(good_));
 }
 
 TEST_F(VerifiedMattesTest, AFileReplacedMeanwhileIsSentAsItWasVerified) {
-  ASSERT_TRUE(read_as(good_).ok());
+  ASSERT_OK(read_as(good_));
   const StoredMatte matte = mattes_.open(file_).value();
   fs::remove(file_);
   std::ofstream(file_, std::ios::binary) << "another";
   std::string sent;
-  EXPECT_TRUE(matte.send([&](std::string_view chunk) { return !(sent += chunk).empty(); }).ok());
+  EXPECT_OK(matte.send([&](std::string_view chunk) { return !(sent += chunk).empty(); }));
   EXPECT_TRUE(sent == good_);
 }
 
 TEST_F(VerifiedMattesTest, AFileAlteredMeanwhileIsNotSentAsWhole) {
-  ASSERT_TRUE(read_as(good_).ok());
+  ASSERT_OK(read_as(good_));
   const StoredMatte matte = mattes_.open(file_).value();
   std::fstream(file_, std::ios::binary | std::ios::in | std::ios::out).seekp(100).put('?');
   const absl::Status status = matte.send([](std::string_view) { return true; });

@@ -5,6 +5,7 @@
 
 #include "core/frame/photo.h"
 #include "server/storage/image_name.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -74,7 +75,7 @@ TEST_F(ImageFilesTest, WhatNoMonitorCanShowIsRefusedAndLeavesNothing) {
   EXPECT_TRUE(
       absl::IsInvalidArgument(upload(claims(8, 8) + std::string(kMaxPhotoBytes, 'x'), 1 << 20).status()));
   EXPECT_EQ(count(), 0u);
-  EXPECT_TRUE(upload(claims(8192, 4320)).ok());
+  EXPECT_OK(upload(claims(8192, 4320)));
 }
 
 TEST_F(ImageFilesTest, APhotoGoesWithTheLastSessionThatShowsIt) {
@@ -111,7 +112,7 @@ TEST_F(ImageFilesTest, OnlyTheNewestUploadsThatNoSessionShowsAreKept) {
 TEST_F(ImageFilesTest, ARestartKnowsWhatSessionsShow) {
   open(Names());
   const std::string used = upload(photo(1)).value(), awaited = upload(photo(2)).value();
-  ASSERT_TRUE(write_file_durably(directory_ / "0123.tmp", "half").ok());
+  ASSERT_OK(write_file_durably(directory_ / "0123.tmp", "half"));
   open(Names{used});
   EXPECT_EQ(count(), 2u) << "an upload that broke off is gone";
   for (size_t code = 10; code < 10 + ImageFiles::kMaxAwaited; ++code)

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "core/base/file.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -17,11 +18,9 @@ class MatteFilesTest : public testing::Test {
     fs::create_directories(data_ / "tiles");
   }
   ~MatteFilesTest() override { fs::remove_all(data_); }
-  void write(const fs::path& path, const std::string& bytes) {
-    ASSERT_TRUE(write_file_durably(path, bytes).ok());
-  }
+  void write(const fs::path& path, const std::string& bytes) { ASSERT_OK(write_file_durably(path, bytes)); }
   void write_next_frames(const std::string& session, const std::string& bytes) {
-    ASSERT_TRUE(files_.make_next(session).ok());
+    ASSERT_OK(files_.make_next(session));
     for (int frame = 0; frame < 3; ++frame) write(files_.next(session, frame), bytes);
   }
 
@@ -31,20 +30,20 @@ class MatteFilesTest : public testing::Test {
 
 TEST_F(MatteFilesTest, WhatIsFinishedTakesThePlaceOfWhatWasBefore) {
   write(files_.next("s"), "first");
-  ASSERT_TRUE(files_.finish("s").ok());
+  ASSERT_OK(files_.finish("s"));
   EXPECT_EQ(read_file(files_.finished("s")).value(), "first");
   // Frames in place of a still, frames in place of frames, and a still again.
   for (const char* frames : {"second", "third"}) {
     write_next_frames("s", frames);
     EXPECT_NE(read_file(files_.finished("s", 2)).value_or(""), frames);
-    ASSERT_TRUE(files_.finish("s").ok());
+    ASSERT_OK(files_.finish("s"));
     EXPECT_EQ(read_file(files_.finished("s", 2)).value(), frames);
     EXPECT_FALSE(fs::exists(files_.finished("s")));
   }
   write(files_.next("s"), "fourth");
-  ASSERT_TRUE(files_.tiles("s").ok());
-  ASSERT_TRUE(files_.finish("s").ok());
-  ASSERT_TRUE(files_.finish("s").ok()) << "nothing is left to do";
+  ASSERT_OK(files_.tiles("s"));
+  ASSERT_OK(files_.finish("s"));
+  ASSERT_OK(files_.finish("s")) << "nothing is left to do";
   EXPECT_EQ(read_file(files_.finished("s")).value(), "fourth");
   EXPECT_FALSE(fs::exists(files_.finished("s", 2).parent_path()));
   EXPECT_TRUE(fs::is_empty(data_ / "tiles"));
@@ -55,7 +54,7 @@ TEST_F(MatteFilesTest, ASolveGivenUpLeavesWhatWasFinished) {
   write(files_.next("s"), "next");
   write_next_frames("s", "next");
   write(files_.tiles("s").value() / "0-1.exr", "tile");
-  ASSERT_TRUE(files_.drop_next("s").ok());
+  ASSERT_OK(files_.drop_next("s"));
   EXPECT_EQ(read_file(files_.finished("s")).value(), "finished");
   EXPECT_FALSE(fs::exists(files_.next("s")));
   EXPECT_FALSE(fs::exists(files_.next("s", 0)));
@@ -66,13 +65,13 @@ TEST_F(MatteFilesTest, ADraftStaysUntilASolveFinishesOrTheSessionGoes) {
   write(files_.draft("a"), "draft of a");
   write(files_.draft("b.c"), "draft");
   write(files_.next("a"), "next");
-  ASSERT_TRUE(files_.drop_next("a").ok());
+  ASSERT_OK(files_.drop_next("a"));
   const auto drafts = files_.drafts();
   ASSERT_EQ(drafts.size(), 2u);
   EXPECT_EQ(drafts.at("a"), files_.draft("a"));
   EXPECT_EQ(read_file(drafts.at("b.c")).value(), "draft");
   write(files_.next("a"), "next");
-  ASSERT_TRUE(files_.finish("a").ok());
+  ASSERT_OK(files_.finish("a"));
   EXPECT_FALSE(fs::exists(files_.draft("a")));
   EXPECT_EQ(files_.remove("b.c").value(), 5);
   EXPECT_TRUE(files_.drafts().empty());

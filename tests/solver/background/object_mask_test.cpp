@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/solver/background/stage_picture.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -28,7 +29,7 @@ TEST(ObjectMask, WithoutAnObjectTheRateIsTheStatedOne) {
   const Image16 with = stage(1), without = stage(2);
   EXPECT_NEAR(ObjectMask::of_pair(with, without, bare(0.01))->mask(with).coverage(), 0.01, 0.002);
   EmptyAverage average;
-  for (unsigned seed = 10; seed < 15; ++seed) ASSERT_TRUE(average.add(stage(seed)).ok());
+  for (unsigned seed = 10; seed < 15; ++seed) ASSERT_OK(average.add(stage(seed)));
   EXPECT_NEAR(average.finish(bare(0.01))->mask(with).coverage(), 0.01, 0.002);
 }
 
@@ -37,7 +38,7 @@ TEST(ObjectMask, TheNoiseIsThatOfTheDifference) {
   EXPECT_NEAR(ObjectMask::of_pair(stage(1), stage(2), bare(0.01))->usual_noise(), 0.01 * std::sqrt(2.0),
               3e-4);
   EmptyAverage average;
-  for (unsigned seed = 10; seed < 14; ++seed) ASSERT_TRUE(average.add(stage(seed)).ok());
+  for (unsigned seed = 10; seed < 14; ++seed) ASSERT_OK(average.add(stage(seed)));
   EXPECT_NEAR(average.finish(bare(0.01))->usual_noise(), 0.01 * std::sqrt(1.25), 3e-4);
 }
 
@@ -109,7 +110,7 @@ TEST(ObjectMask, TheDarkDoesNotHideTheNoiseOfTheRest) {
 
 TEST(ObjectMask, ComplaintsNameTheFrame) {
   EmptyAverage average;
-  ASSERT_TRUE(average.add(Image16(8, 6)).ok());
+  ASSERT_OK(average.add(Image16(8, 6)));
   EXPECT_EQ(average.finish({}).status().message(),
             "1 frames of the empty stage; there must be two, to tell the noise");
   EXPECT_EQ(average.add(Image16(6, 8)).message(), "frame 1 of the empty stage is 6x8; those before are 8x6");

@@ -27,6 +27,7 @@
 #include "display-node/services/emission_service.h"
 #include "server/services/rig_service.h"
 #include "server/services/session_service.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -175,7 +176,7 @@ v1::RunLiveRequest start_of(const v1::ShowRampResponse& rig) {
 v1::RunLiveRequest picture_of(const RadianceImage& picture) {
   const fs::path file =
       fs::path(testing::TempDir()) / ("live_picture." + std::to_string(::getpid()) + ".png");
-  EXPECT_TRUE(write_radiance(file, picture, Encoding::kDisplay).ok());
+  EXPECT_OK(write_radiance(file, picture, Encoding::kDisplay));
   v1::RunLiveRequest request;
   request.set_picture(read_file(file).value());
   request.set_picture_ends(true);

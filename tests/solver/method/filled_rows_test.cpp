@@ -7,6 +7,8 @@
 #include <functional>
 #include <optional>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -93,7 +95,7 @@ TEST(FilledRows, SaturatedLightStaysSaturated) {
 TEST(FilledRows, OfAMosaic) {
   const Light light = [](int x, int y) { return 10000.0 * (1 + x % 2 + 2 * (y % 2)); };
   const auto mosaic = Mosaic::parse("RGGB");
-  ASSERT_TRUE(mosaic.ok()) << mosaic.status();
+  ASSERT_OK(mosaic);
   const std::vector<double> seen = filled(light, {{7, 6}, {12, 5}, {1, 0}}, *mosaic);
   EXPECT_NEAR(seen[0], light(7, 6), kRounding);
   EXPECT_NEAR(seen[1], light(12, 5), kRounding);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/solver/ramp/ramp_scene.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -36,9 +37,9 @@ TEST(RampExtractor, FindsMaskPlaceAndShareOfALens) {
   const RampScene::Truth truth = [&](int x, int y) { return scene.lens(x, y); };
   const auto samples = scene.frame(truth);
   const auto extractor = scene.extractor();
-  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  ASSERT_OK(extractor);
   const auto frame = extractor->extract(scene.view(samples), 1);
-  ASSERT_TRUE(frame.ok()) << frame.status();
+  ASSERT_OK(frame);
   for_pixels(scene, [&](int x, int y, size_t at) {
     const RampTruth here = truth(x, y);
     EXPECT_EQ(frame->alpha[at] > 0.0f, here.object) << x << " " << y;
@@ -58,9 +59,9 @@ TEST(RampExtractor, ErrorsAreAsItsInformationSays) {
   const RampScene::Truth truth = [&](int x, int y) { return scene.lens(x, y); };
   const auto samples = scene.frame(truth);
   const auto extractor = scene.extractor(options, 30);
-  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  ASSERT_OK(extractor);
   const auto frame = extractor->extract(scene.view(samples), 1);
-  ASSERT_TRUE(frame.ok()) << frame.status();
+  ASSERT_OK(frame);
   double chi_square = 0.0, count = 0.0;
   for_pixels(scene, [&](int x, int y, size_t at) {
     const RampTruth here = truth(x, y);
@@ -93,11 +94,11 @@ TEST(RampExtractor, LightThatIsThereWithoutTheRampIsTakenOff) {
                                    black(empty.size(), kLit);
   const std::array<FrameView, 1> empties{scene.view(empty)}, blacks{scene.view(black)};
   const auto extractor = RampExtractor::create(scene.manifest(), {}, empties, {}, blacks);
-  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  ASSERT_OK(extractor);
   const auto frame = extractor->extract(scene.view(lit(truth)), 1);
-  ASSERT_TRUE(frame.ok()) << frame.status();
+  ASSERT_OK(frame);
   const auto unlit = scene.extractor()->extract(scene.view(scene.frame(truth)), 1);
-  ASSERT_TRUE(unlit.ok()) << unlit.status();
+  ASSERT_OK(unlit);
   EXPECT_EQ(frame->alpha, unlit->alpha);
   for_pixels(scene, [&](int x, int y, size_t at) {
     if (!is_inside(truth, x, y)) return;
@@ -112,10 +113,10 @@ TEST(RampExtractor, AFrameTakesTheMemoryOfAnotherAndNothingElseOfIt) {
   RampScene scene;
   scene.read_sd = 0.004;
   const auto extractor = scene.extractor();
-  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  ASSERT_OK(extractor);
   const auto samples = scene.frame([&](int x, int y) { return scene.lens(x, y); });
   const auto fresh = extractor->extract(scene.view(samples), 1);
-  ASSERT_TRUE(fresh.ok()) << fresh.status();
+  ASSERT_OK(fresh);
   RampFrame spent(scene.width_px, scene.height_px);
   std::vector<float> RampFrame::*const planes[] = {
       &RampFrame::alpha,     &RampFrame::rho,     &RampFrame::x_px,    &RampFrame::y_px,
@@ -123,7 +124,7 @@ TEST(RampExtractor, AFrameTakesTheMemoryOfAnotherAndNothingElseOfIt) {
   for (const auto plane : planes) std::ranges::fill(spent.*plane, 7.0f);
   std::ranges::fill(spent.flags, std::uint8_t{7});
   const auto other = extractor->extract(scene.view(samples), 3, std::move(spent));
-  ASSERT_TRUE(other.ok()) << other.status();
+  ASSERT_OK(other);
   for (const auto plane : planes) EXPECT_EQ((*fresh).*plane, (*other).*plane);
   EXPECT_EQ(fresh->flags, other->flags);
 }
@@ -138,14 +139,14 @@ TEST(RampExtractor, LearnsTheNoiseFromTheEmptyFrames) {
   for (const auto& each : frames) views.push_back(scene.view(each));
   v1::CaptureManifest manifest = scene.manifest();
   const auto told = RampExtractor::create(manifest, {}, views, {})->extract(scene.view(samples), 1);
-  ASSERT_TRUE(told.ok()) << told.status();
+  ASSERT_OK(told);
   manifest.mutable_camera()->set_read_sd(0.0);
   for (const size_t known : {size_t{1}, size_t{8}}) {
     const auto extractor = RampExtractor::create(manifest, {}, std::span(views).first(known), {});
-    ASSERT_TRUE(extractor.ok()) << extractor.status();
+    ASSERT_OK(extractor);
     // The roughness of one frame is a median over 19 000 pixels, a fifth of which show the object.
     const auto frame = extractor->extract(scene.view(samples), 1);
-    ASSERT_TRUE(frame.ok()) << frame.status();
+    ASSERT_OK(frame);
     EXPECT_NEAR(frame->rho_sd, told->rho_sd, 0.05 * static_cast<double>(told->rho_sd)) << known;
     size_t wrong = 0;
     for_pixels(scene, [&](int x, int y, size_t at) {
@@ -164,9 +165,9 @@ TEST(RampExtractor, WhereTheCameraLooksIsToldByTheColours) {
   };
   const auto samples = scene.empty();
   const auto extractor = scene.extractor();
-  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  ASSERT_OK(extractor);
   const auto frame = extractor->extract(scene.view(samples), 1);
-  ASSERT_TRUE(frame.ok()) << frame.status();
+  ASSERT_OK(frame);
   const Matte matte = extractor->matte(*frame);
   int beyond = 0;
   for_pixels(scene, [&](int x, int y, size_t at) {
@@ -191,9 +192,9 @@ TEST(RampExtractor, AHighlightKeepsTheLensBehindIt) {
   };
   const auto samples = scene.frame(truth);
   const auto extractor = scene.extractor();
-  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  ASSERT_OK(extractor);
   auto frame = extractor->extract(scene.view(samples), 1);
-  ASSERT_TRUE(frame.ok()) << frame.status();
+  ASSERT_OK(frame);
   extractor->finish(scene.view(samples), *frame, 1);
   for_pixels(scene, [&](int x, int y, size_t at) {
     const RampTruth here = truth(x, y);
@@ -231,7 +232,7 @@ TEST(RampExtractor, AClippedHighlightIsWhite) {
     options.clipped_highlight = least;
     const auto extractor = scene.extractor(options);
     auto frame = extractor->extract(scene.view(samples), 1);
-    ASSERT_TRUE(frame.ok()) << frame.status();
+    ASSERT_OK(frame);
     extractor->finish(scene.view(samples), *frame, 1);
     const size_t at = place(scene, 70, 66);
     EXPECT_EQ(frame->flags[at] & kFlagSaturated, kFlagSaturated);
@@ -280,9 +281,9 @@ TEST(RampExtractor, ThePatchBelowThePictureIsNoObject) {
   });
   const FrameView view = scene.view(empty);
   const auto extractor = RampExtractor::create(manifest, {}, {&view, 1}, {});
-  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  ASSERT_OK(extractor);
   const auto frame = extractor->extract(scene.view(samples), 1);
-  ASSERT_TRUE(frame.ok()) << frame.status();
+  ASSERT_OK(frame);
   for_pixels(scene, [&](int, int y, size_t at) {
     EXPECT_EQ(frame->alpha[at], 0.0f);
     if (in_patch(y)) {
@@ -341,7 +342,7 @@ TEST(RampExtractor, ABackgroundThatMovedALittleIsSeenThroughNoise) {
   RampScene scene;
   scene.read_sd = 0.01;
   const auto extractor = scene.extractor({}, 8);
-  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  ASSERT_OK(extractor);
   for (const double shift_px : {0.0, 2.0}) {
     RampScene moved = scene;
     moved.behind = [&](double x, double y) { return std::array<double, 2>{x - shift_px, y}; };
@@ -365,7 +366,7 @@ TEST(RampExtractor, AnObjectOverEverythingIsSolvedWithAWarning) {
   });
   const auto extractor = scene.extractor();
   const auto frame = extractor->extract(scene.view(samples), 1);
-  ASSERT_TRUE(frame.ok()) << frame.status();
+  ASSERT_OK(frame);
   const Matte matte = extractor->matte(*frame);
   ASSERT_EQ(matte.metadata.warnings_size(), 1);
   EXPECT_NE(matte.metadata.warnings(0).find("covers all"), std::string::npos);
@@ -381,7 +382,7 @@ TEST(RampExtractor, FootprintsAreAsWideAsTheStepsOfTheWarp) {
   const auto samples = scene.frame(truth);
   const auto extractor = scene.extractor();
   const auto frame = extractor->extract(scene.view(samples), 1);
-  ASSERT_TRUE(frame.ok()) << frame.status();
+  ASSERT_OK(frame);
   const Matte matte = extractor->matte(*frame);
   EXPECT_EQ(matte.metadata.footprint(), kBoxFootprint);
   EXPECT_TRUE(matte.is_colourless());

@@ -7,6 +7,7 @@
 #include "solver/methods.h"
 #include "solver/ramp/video_layout.h"
 #include "tests/solver/ramp/ramp_scene.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -90,13 +91,13 @@ void expect_same(const Matte& a, const Matte& b) {
 TEST(RampMethod, RangesJoinWithoutSeams) {
   Clip clip;
   const Solved whole = solve(clip, 0, kFrames);
-  ASSERT_TRUE(whole.status.ok()) << whole.status;
+  ASSERT_OK(whole.status);
   ASSERT_EQ(whole.mattes.size(), static_cast<size_t>(kFrames));
   EXPECT_EQ(whole.mattes[2].metadata.frame(), 2);
   EXPECT_EQ(whole.mattes[2].metadata.exposure_start_ns(), 1000 + kEmpty + 2);
   for (const auto& [first, count] : {std::pair{0, 2}, {2, 1}, {3, 3}}) {
     const Solved part = solve(clip, first, count, 3);
-    ASSERT_TRUE(part.status.ok()) << part.status;
+    ASSERT_OK(part.status);
     ASSERT_EQ(part.mattes.size(), static_cast<size_t>(count));
     for (int i = 0; i < count; ++i)
       expect_same(part.mattes[static_cast<size_t>(i)], whole.mattes[static_cast<size_t>(first + i)]);
@@ -107,12 +108,12 @@ TEST(RampMethod, FramesRoundABrokenOneAreFinished) {
   Clip clip;
   clip.broken = kEmpty + 3;
   const Solved solved = solve(clip, 0, kFrames);
-  EXPECT_TRUE(solved.status.ok()) << solved.status;
+  EXPECT_OK(solved.status);
   EXPECT_EQ(solved.numbers.size(), static_cast<size_t>(kFrames) - 1);
   ASSERT_EQ(solved.refused.size(), 1u);
   EXPECT_TRUE(absl::IsDataLoss(solved.refused.at(3)));
   // Outside the range the frame is only left out.
-  EXPECT_TRUE(solve(clip, 4, 2).status.ok());
+  EXPECT_OK(solve(clip, 4, 2).status);
 }
 
 TEST(RampMethod, AFrameThatCannotBeSolvedIsNamed) {
@@ -148,7 +149,7 @@ TEST(RampMethod, OptionsAreChecked) {
   };
   const auto parsed =
       parse_ramp_options({{"delta", "0.1"}, {"edge_px", "2"}, {"fill_holes", "0"}, {"smoothing", "none"}});
-  ASSERT_TRUE(parsed.ok()) << parsed.status();
+  ASSERT_OK(parsed);
   EXPECT_EQ(parsed->delta, 0.1);
   EXPECT_EQ(parsed->edge_px, 2);
   EXPECT_FALSE(parsed->fill_holes);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/base/name.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -39,10 +40,10 @@ TEST(SolverName, IsOneThatTheServerTakes) {
   for (const std::string& host : hosts) {
     for (const Variables& variables : {Variables(), longest}) {
       const std::string name = named(host, variables);
-      EXPECT_TRUE(check_name("node", name).ok()) << name;
+      EXPECT_OK(check_name("node", name)) << name;
     }
   }
-  EXPECT_TRUE(check_name("node", solver_name()).ok()) << solver_name();
+  EXPECT_OK(check_name("node", solver_name())) << solver_name();
 }
 
 }  // namespace

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -16,7 +18,7 @@ TEST(KeepSteps, LeavesTheFramesOfADraftInTheirOrder) {
   v1::CaptureManifest manifest = manifest_of({4, 0, 7, 2, 9});
   v1::ClaimTileResponse tile;
   for (const int step : {2, 4, 9}) tile.add_draft_steps(step);
-  ASSERT_TRUE(keep_steps(tile.draft_steps(), manifest).ok());
+  ASSERT_OK(keep_steps(tile.draft_steps(), manifest));
   ASSERT_EQ(manifest.frames_size(), 3);
   EXPECT_EQ(manifest.frames(0).step(), 4);
   EXPECT_EQ(manifest.frames(1).step(), 2);

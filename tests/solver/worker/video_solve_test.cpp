@@ -7,6 +7,8 @@
 #include <mutex>
 #include <set>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -102,7 +104,7 @@ TEST(VideoSolve, FramesAreReadAheadOnceEachAndAFewAtATime) {
         solved.push_back(frame);
         return absl::OkStatus();
       });
-  ASSERT_TRUE(status.ok()) << status;
+  ASSERT_OK(status);
   EXPECT_EQ(solved, (std::vector{4, 5, 6, 7, 8, 9}));
   std::map<int, int> expected;
   for (int i = 0; i < kEmpty; ++i) expected[i] = 1;

@@ -14,6 +14,7 @@
 #include "core/rays/ray_file.h"
 #include "tests/compositing/host_mattes.h"
 #include "tests/compositing/hosts/blender/blender_cases.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -92,8 +93,7 @@ TEST_F(BlenderAddOn, CompositesAsGlasswingDoes) {
       if (x < 7 || y < 5 || x > kWidth - 4 || y > kHeight - 9) beside.coverage(x, y) = 0.0f;
     }
   }
-  ASSERT_TRUE(
-      write_delivery(encode_matte(beside).value(), {.half = true, .hug = true}, path("hugged.exr")).ok());
+  ASSERT_OK(write_delivery(encode_matte(beside).value(), {.half = true, .hug = true}, path("hugged.exr")));
   const Matte hugged = read_matte(path("hugged.exr")).value();
   add_case("hugged", {{"matte", path("hugged.exr")}}, pictures);
   add_case("bright", {{"matte", path("leaks.exr")}, {"foreground_gain", 3.0}}, pictures);
@@ -202,17 +202,16 @@ TEST_F(BlenderAddOn, WritesTheScenesFrames) {
   for (size_t i = 0; i < 3; ++i) {
     const absl::StatusOr<RadianceImage> made =
         read_radiance(path(fmt::format("made/glasswing_000{}.exr", 3 + i)), Encoding::kLinear);
-    ASSERT_TRUE(made.ok()) << error_of("frames");
+    ASSERT_OK(made) << error_of("frames");
     EXPECT_GT(psnr_db(*made, composite(mattes[i], {pictures[(i + 1) % 2], {}}).value()), 40.0) << i;
   }
 }
 
 TEST_F(BlenderAddOn, SaysWhatIsWrong) {
-  ASSERT_TRUE(write_file_durably(path("text.exr"), "not a matte").ok());
-  ASSERT_TRUE(write_file_durably(path("rays.exr"), encode_rays(RayMatte(8, 8, 1)).value()).ok());
+  ASSERT_OK(write_file_durably(path("text.exr"), "not a matte"));
+  ASSERT_OK(write_file_durably(path("rays.exr"), encode_rays(RayMatte(8, 8, 1)).value()));
   const std::string whole = encode_matte(mixed_matte(kWidth, kHeight)).value();
-  ASSERT_TRUE(
-      write_file_durably(path("short.exr"), std::string_view(whole).substr(0, whole.size() / 2)).ok());
+  ASSERT_OK(write_file_durably(path("short.exr"), std::string_view(whole).substr(0, whole.size() / 2)));
   write_picture("picture.exr", picture_of_waves(8, 8));
   for (const char* const name : {"none", "text", "rays", "short", "picture"})
     add_case(name, {{"matte", path(name + std::string(".exr"))}}, json::object());

@@ -12,6 +12,7 @@
 #include "core/frame/image_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 
@@ -19,11 +20,11 @@ class BlenderCases : public ScratchTest {
  protected:
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }
   std::string write_bytes(const std::string& name, const std::string& bytes) const {
-    EXPECT_TRUE(write_file_durably(path(name), bytes).ok());
+    EXPECT_OK(write_file_durably(path(name), bytes));
     return path(name);
   }
   std::string write_picture(const std::string& name, const RadianceImage& picture, Encoding encoding) const {
-    EXPECT_TRUE(write_radiance(path(name), picture, encoding).ok());
+    EXPECT_OK(write_radiance(path(name), picture, encoding));
     return path(name);
   }
 
@@ -34,7 +35,7 @@ class BlenderCases : public ScratchTest {
     cases_.push_back(std::move(others));
   }
   void run() const {
-    ASSERT_TRUE(write_file_durably(path("cases.json"), cases_.dump()).ok());
+    ASSERT_OK(write_file_durably(path("cases.json"), cases_.dump()));
     const Said said = run_program(fmt::format(
         "HOME={0} XDG_CONFIG_HOME={0} blender -b --factory-startup --python-exit-code 1 -P {1} -- {2} "
         "{0}/cases.json",

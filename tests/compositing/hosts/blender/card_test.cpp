@@ -15,6 +15,7 @@
 #include "tests/compositing/host_mattes.h"
 #include "tests/compositing/hosts/blender/blender_cases.h"
 #include "tests/core/rays/snell.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -300,7 +301,7 @@ TEST_F(BlenderCard, StandsWhereTheLensSawIt) {
 }
 
 TEST_F(BlenderCard, SaysWhatIsWrong) {
-  ASSERT_TRUE(write_file_durably(path("matte.exr"), encode_matte(pane()).value()).ok());
+  ASSERT_OK(write_file_durably(path("matte.exr"), encode_matte(pane()).value()));
   write_rays("empty.exr", rays_of_camera(1));
   write_picture("picture.exr", picture_of_waves(8, 8));
   for (const char* const name : {"none", "matte", "empty", "picture"})

@@ -11,6 +11,7 @@
 #include "tests/compositing/host_mattes.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -20,8 +21,7 @@ constexpr int kWidth = 64, kHeight = 48;
 class Frei0rHosts : public ScratchTest {
  protected:
   Frei0rHosts() {
-    EXPECT_TRUE(
-        write_file_durably(path("vase.exr"), encode_matte(mixed_matte(kWidth, kHeight)).value()).ok());
+    EXPECT_OK(write_file_durably(path("vase.exr"), encode_matte(mixed_matte(kWidth, kHeight)).value()));
     RadianceImage waves(kWidth, kHeight);
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {
@@ -29,7 +29,7 @@ class Frei0rHosts : public ScratchTest {
           waves.at(x, y, c) = static_cast<float>(0.5 + 0.5 * std::sin(0.3 * (c + 1) * x + 0.2 * y));
       }
     }
-    EXPECT_TRUE(write_radiance(path("waves.png"), waves, Encoding::kDisplay).ok());
+    EXPECT_OK(write_radiance(path("waves.png"), waves, Encoding::kDisplay));
   }
 
   std::string path(const std::string& name) const { return (scratch_ / name).string(); }

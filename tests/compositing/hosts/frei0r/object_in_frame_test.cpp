@@ -12,6 +12,7 @@
 #include "core/matte/matte_file.h"
 #include "core/rays/ray_file.h"
 #include "tests/compositing/host_mattes.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -43,7 +44,7 @@ class ObjectInFrameTest : public testing::Test {
   ~ObjectInFrameTest() override { std::filesystem::remove(path_); }
 
   ObjectInFrame written(const Matte& matte) const {
-    EXPECT_TRUE(write_file_durably(path_, encode_matte(matte).value()).ok());
+    EXPECT_OK(write_file_durably(path_, encode_matte(matte).value()));
     return ObjectInFrame::open(path_).value();
   }
 
@@ -58,9 +59,8 @@ TEST_F(ObjectInFrameTest, TheWholePictureIsTheComposite) {
   const Frame frame = waves(kWidth, kHeight);
   for (const char* const monitor : {"", "left"}) {
     Frame out(frame.size());
-    ASSERT_TRUE(written(matte)
-                    .composite({.whole_picture = true, .monitor = monitor}, kWidth, kHeight, frame, out)
-                    .ok());
+    ASSERT_OK(
+        written(matte).composite({.whole_picture = true, .monitor = monitor}, kWidth, kHeight, frame, out));
     RadianceImage light(kWidth, kHeight);
     for (size_t i = 0; i < light.samples.size(); ++i)
       light.samples[i] = linear_of_srgb(static_cast<float>(frame[i / 3 * 4 + i % 3]) / 255.0f);
@@ -91,7 +91,7 @@ TEST_F(ObjectInFrameTest, APaneThatBendsNothingIsInvisibleAnywhere) {
   for (const Placement& placement : {Placement{}, Placement{.x = 0.3, .y = 0.61, .size = 0.8},
                                      Placement{.x = 0.7, .y = -0.1, .size = 1.3}}) {
     Frame out(frame.size());
-    ASSERT_TRUE(object.composite(placement, kWidth, kHeight, frame, out).ok());
+    ASSERT_OK(object.composite(placement, kWidth, kHeight, frame, out));
     // At the object's edge its last pixel, up to 2.6 px here, fades out over the next: at half of it a light
     // of half a pixel away has half the weight. The waves rise by 5.9 codes a px at most; two roundings.
     for (size_t i = 0; i < frame.size(); ++i)
@@ -111,7 +111,7 @@ TEST_F(ObjectInFrameTest, TheFrameBesideTheObjectStays) {
   constexpr int kWidth = 160, kHeight = 96;
   const Frame frame = waves(kWidth, kHeight);
   Frame out(frame.size());
-  ASSERT_TRUE(object.composite({.x = 0.25, .size = 0.5}, kWidth, kHeight, frame, out).ok());
+  ASSERT_OK(object.composite({.x = 0.25, .size = 0.5}, kWidth, kHeight, frame, out));
   // The picture of 60x48 px, as one of exactly 60x48, has its middle at (40, 48).
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
@@ -130,7 +130,7 @@ TEST_F(ObjectInFrameTest, TheFrameBesideTheObjectStays) {
 TEST_F(ObjectInFrameTest, SaysWhatIsWrong) {
   const auto said = [this] { return std::string(ObjectInFrame::open(path_).status().message()); };
   EXPECT_NE(said().find(path_.string()), std::string::npos);
-  EXPECT_TRUE(write_file_durably(path_, "not a matte").ok());
+  EXPECT_OK(write_file_durably(path_, "not a matte"));
   EXPECT_NE(said().find(path_.string() + ": it is damaged or no matte"), std::string::npos) << said();
 
   const Frame frame = waves(8, 8);
@@ -145,7 +145,7 @@ TEST_F(ObjectInFrameTest, SaysWhatIsWrong) {
 
 TEST_F(ObjectInFrameTest, RefusesRays) {
   RayMatte rays = RayMatte(8, 8, 1);
-  EXPECT_TRUE(write_file_durably(path_, encode_rays(rays).value()).ok());
+  EXPECT_OK(write_file_durably(path_, encode_rays(rays).value()));
   EXPECT_NE(ObjectInFrame::open(path_).status().message().find("it holds rays"), std::string::npos);
 }
 

@@ -16,6 +16,7 @@
 #include "tests/compositing/host_mattes.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -28,9 +29,9 @@ class Nuke : public ScratchTest {
 
   // What the script of a matte makes of pictures on both monitors: PSNR to the composite.
   double psnr_db(const Matte& matte, const RadianceImage& back, const RadianceImage& left) const {
-    EXPECT_TRUE(write_file_durably(path("vase.exr"), encode_matte(matte).value()).ok());
-    EXPECT_TRUE(write_radiance(path("back.exr"), back, Encoding::kLinear).ok());
-    EXPECT_TRUE(write_radiance(path("left.exr"), left, Encoding::kLinear).ok());
+    EXPECT_OK(write_file_durably(path("vase.exr"), encode_matte(matte).value()));
+    EXPECT_OK(write_radiance(path("back.exr"), back, Encoding::kLinear));
+    EXPECT_OK(write_radiance(path("left.exr"), left, Encoding::kLinear));
     const Outcome written = run_glasswing({"nuke", path("vase.exr"), "-o", path("vase.nk")});
     EXPECT_EQ(written.status, 0) << written.err;
     const Said said =
@@ -102,10 +103,10 @@ TEST_F(Nuke, ScriptsAreNoLargerThanTheMatteNeeds) {
 }
 
 TEST_F(Nuke, SaysWhatIsWrong) {
-  ASSERT_TRUE(write_file_durably(path("vase.exr"), encode_matte(pane()).value()).ok());
-  ASSERT_TRUE(write_file_durably(path("va[se].exr"), encode_matte(pane()).value()).ok());
-  ASSERT_TRUE(write_file_durably(path("text.exr"), "not a matte").ok());
-  ASSERT_TRUE(write_file_durably(path("rays.exr"), encode_rays(RayMatte(8, 8, 1)).value()).ok());
+  ASSERT_OK(write_file_durably(path("vase.exr"), encode_matte(pane()).value()));
+  ASSERT_OK(write_file_durably(path("va[se].exr"), encode_matte(pane()).value()));
+  ASSERT_OK(write_file_durably(path("text.exr"), "not a matte"));
+  ASSERT_OK(write_file_durably(path("rays.exr"), encode_rays(RayMatte(8, 8, 1)).value()));
   expect_one_line_error(run_glasswing({"nuke", path("vase.exr"), "-o", path("vase.gizmo")}),
                         "must end in .nk");
   expect_one_line_error(run_glasswing({"nuke", path("va[se].exr"), "-o", path("vase.nk")}),
