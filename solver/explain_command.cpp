@@ -11,7 +11,7 @@
 #include "core/base/status.h"
 #include "core/cli/help.h"
 #include "core/import/mapped_archive.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "solver/gaussian/stack_solver.h"
 #include "solver/method/brightness_drift.h"
 #include "solver/method/linear_stack.h"

@@ -1,6 +1,6 @@
 #include "solver/methods.h"
 
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "solver/alpha/alpha_method.h"
 #include "solver/fringe/fringe_method.h"
@@ -10,11 +10,22 @@
 
 namespace glasswing {
 
+namespace {
+
+using Create = absl::StatusOr<std::unique_ptr<Method>> (*)(const MethodOptions& options);
+
+// Of the table in core/method/methods.cpp, those that solve stills.
+constexpr std::pair<std::string_view, Create> kStills[] = {{"gaussian", GaussianMethod::create},
+                                                           {"fringe", FringeMethod::create},
+                                                           {"hierarchical", HierarchicalMethod::create},
+                                                           {"alpha", AlphaMethod::create}};
+
+}  // namespace
+
 absl::StatusOr<std::unique_ptr<Method>> make_method(const std::string& name, const MethodOptions& options) {
-  if (name == "gaussian") return GaussianMethod::create(options);
-  if (name == "hierarchical") return HierarchicalMethod::create(options);
-  if (name == "fringe") return FringeMethod::create(options);
-  if (name == "alpha") return AlphaMethod::create(options);
+  for (const auto& [method, create] : kStills) {
+    if (method == name) return create(options);
+  }
   return check_method(name);  // lists the methods
 }
 

@@ -14,7 +14,7 @@
 #include "core/cli/help.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "solver/methods.h"
 #include "solver/ramp/video_layout.h"
@@ -102,9 +102,9 @@ void add_solve_command(CLI::App& app, DaemonOptions& daemon) {
                                     return 0;
                                   });
   std::string options;
-  for (const std::string_view method : kMethods) {
-    options += fmt::format("Options of method {}:\n\n", method);
-    for (const MethodOption& option : options_of(method))
+  for (const SolvingMethod& method : solving_methods()) {
+    options += fmt::format("Options of method {}:\n\n", method.name);
+    for (const MethodOption& option : method.options)
       options += help_entry(std::string(option.name), description_of(option));
     options += "\n";
   }

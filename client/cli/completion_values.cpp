@@ -6,8 +6,7 @@
 #include "client/cli/client.h"
 #include "client/cli/rpc.h"
 #include "core/base/status.h"
-#include "core/pattern/method_options.h"
-#include "core/pattern/plan.h"
+#include "core/method/methods.h"
 #include "core/security/tls.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
@@ -44,9 +43,9 @@ Candidates settings(std::span<const std::string> words) {
     if (words[i].starts_with("--method=")) named = std::string_view(words[i]).substr(9);
   }
   Candidates settings;
-  for (const std::string_view method : kMethods) {
-    if (!options_of(named).empty() && method != named) continue;
-    for (const MethodOption& option : options_of(method)) {
+  for (const SolvingMethod& method : solving_methods()) {
+    if (!options_of(named).empty() && method.name != named) continue;
+    for (const MethodOption& option : method.options) {
       const std::string start = std::string(option.name) + "=";
       const bool known = std::ranges::any_of(settings, [&](const auto& s) { return s.first == start; });
       if (option.choices.empty() && !known) settings.emplace_back(start, description_of(option));

@@ -8,7 +8,7 @@
 
 #include "core/base/utf8.h"
 #include "core/cli/output.h"
-#include "core/pattern/plan.h"
+#include "core/method/methods.h"
 
 namespace glasswing {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 
 namespace glasswing {
 

@@ -16,7 +16,7 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/progress.h"
 #include "core/frame/image_file.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/live_service.grpc.pb.h"

@@ -10,7 +10,7 @@
 #include "core/base/status.h"
 #include "core/cli/help.h"
 #include "core/cli/output.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
@@ -44,11 +44,11 @@ std::string options_text(const SolveArguments& arguments) {
   std::string text;
   if (options_of(method).empty()) {
     text = "The methods' options, for --set; glasswing solve --help METHOD explains them:\n\n";
-    for (const std::string_view name : kMethods) {
+    for (const SolvingMethod& known : solving_methods()) {
       std::string names;
-      for (const MethodOption& option : options_of(name))
+      for (const MethodOption& option : known.options)
         names += fmt::format("{}{}", names.empty() ? "" : ", ", option.name);
-      text += help_entry(std::string(name), names);
+      text += help_entry(std::string(known.name), names);
     }
   } else {
     text = fmt::format("Options of method {}, for --set:\n\n", method);
@@ -70,7 +70,7 @@ void add_solve_command(CLI::App& app, Client& client) {
   auto arguments = std::make_shared<SolveArguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command.add_option("--method", arguments->method, "the method; default: the plan's")
-      ->check(CLI::IsMember(std::vector<std::string>(kMethods.begin(), kMethods.end())));
+      ->check(CLI::IsMember(method_names()));
   command.footer([arguments] { return options_text(*arguments); });
   command.add_option("--set", arguments->options, "an option of the method; may be repeated")
       ->type_name("NAME=VALUE")

@@ -15,6 +15,7 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/method/methods.h"
 #include "core/pattern/calibration_steps.h"
 #include "core/pattern/id_patch.h"
 #include "core/pattern/stimulus_kind.h"
@@ -229,8 +230,9 @@ absl::Status check_counts(const v1::Plan& plan) {
 
 absl::Status check(const v1::Plan& plan, const Location& location) {
   if (plan.method() != kCalibrationMethod && !check_method(plan.method()).ok()) {
-    return location.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()),
-                        fmt::format("\"{}\" or \"{}\"", fmt::join(kMethods, "\", \""), kCalibrationMethod));
+    return location.bad(
+        plan, "method", 0, fmt::format("\"{}\"", plan.method()),
+        fmt::format("\"{}\" or \"{}\"", fmt::join(method_names(), "\", \""), kCalibrationMethod));
   }
   std::set<std::string> names;
   for (int i = 0; i < plan.monitors_size(); ++i) {
@@ -457,12 +459,6 @@ absl::StatusOr<v1::Plan> read_plan(const std::filesystem::path& path) {
 
 absl::Status check_plan(const v1::Plan& plan) {
   return check(plan, Location("", nullptr, "plan."));
-}
-
-absl::Status check_method(std::string_view name) {
-  if (std::ranges::find(kMethods, name) != kMethods.end()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      fmt::format("method is \"{}\"; it must be one of: {}", name, fmt::join(kMethods, ", ")));
 }
 
 int hold_refreshes_of(const v1::Plan& plan) {

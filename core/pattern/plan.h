@@ -18,10 +18,6 @@ namespace glasswing {
 
 inline constexpr int kDefaultHoldRefreshes = 2;
 inline constexpr std::string_view kCalibrationMethod = "calibration";
-inline constexpr std::string_view kRampMethod = "ramp";
-// The solving methods.
-inline constexpr std::array<std::string_view, 5> kMethods{"gaussian", "hierarchical", "fringe", "alpha",
-                                                          "ramp"};
 inline constexpr int kDefaultRetries = 10;
 inline constexpr double kDefaultExposureMs = 4.0;
 inline constexpr double kDefaultTargetDb = 40.0;  // of adapting
@@ -50,9 +46,6 @@ struct Step {
 // which the plan selects. INVALID_ARGUMENT: check_plan() refuses the plan, a monitor is missing from the rig
 // or has another size, there are more than 20000 steps, or a video does not name one of several monitors.
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig);
-
-// INVALID_ARGUMENT lists kMethods.
-absl::Status check_method(std::string_view name);
 
 // The values, or their defaults.
 int hold_refreshes_of(const v1::Plan& plan);

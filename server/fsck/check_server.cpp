@@ -9,6 +9,7 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
+#include "core/method/methods.h"
 #include "glasswing/v1/calibration.pb.h"
 #include "server/fsck/server_records.h"
 #include "server/storage/image_name.h"
@@ -18,8 +19,6 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr char kRampMethod[] = "ramp";  // solved frame by frame
 
 class ServerCheck {
  public:

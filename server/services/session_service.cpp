@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "core/security/peer.h"
 #include "core/service/message_limits.h"
@@ -107,10 +107,10 @@ grpc::Status SessionServiceImpl::ListSessions(grpc::ServerContext*, const v1::Li
 
 grpc::Status SessionServiceImpl::ListMethods(grpc::ServerContext*, const v1::ListMethodsRequest*,
                                              v1::ListMethodsResponse* response) {
-  for (const std::string_view name : kMethods) {
+  for (const SolvingMethod& known : solving_methods()) {
     v1::SolveMethod& method = *response->add_methods();
-    method.set_name(std::string(name));
-    for (const MethodOption& option : options_of(name)) {
+    method.set_name(std::string(known.name));
+    for (const MethodOption& option : known.options) {
       v1::SolveOption& told = *method.add_options();
       told.set_name(std::string(option.name));
       told.set_usual(std::string(option.usual));

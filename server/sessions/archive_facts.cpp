@@ -4,7 +4,7 @@
 #include <string_view>
 #include <utility>
 
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/stimulus_kind.h"
 #include "core/pattern/video_frames.h"
@@ -19,16 +19,13 @@ std::string usual_method(const v1::CaptureManifest& manifest) {
            kind_of(stimulus) == StimulusKind::kPatch || stimulus.reference();
   });
   if (only_ramp && !video_frames(manifest).empty()) return std::string(kRampMethod);
-  const std::pair<StimulusKind, std::string_view> methods[] = {{StimulusKind::kStripe, "gaussian"},
-                                                               {StimulusKind::kSinusoid, "fringe"},
-                                                               {StimulusKind::kSquare, "hierarchical"},
-                                                               {StimulusKind::kSolid, "alpha"}};
-  for (const auto& [kind, method] : methods) {
-    const bool shown = std::ranges::any_of(
-        manifest.frames(), [&](const v1::Frame& frame) { return kind_of(frame.stimulus()) == kind; });
-    if (shown) return std::string(method);
+  for (const SolvingMethod& method : solving_methods()) {
+    const bool shown = std::ranges::any_of(manifest.frames(), [&](const v1::Frame& frame) {
+      return method.name != kRampMethod && frame.stimulus().kind() == method.stimulus;
+    });
+    if (shown) return std::string(method.name);
   }
-  return "gaussian";
+  return std::string(solving_methods().front().name);
 }
 
 void note_video(const v1::CaptureManifest& manifest, v1::Session& session) {

@@ -9,7 +9,7 @@
 #include "core/base/status.h"
 #include "core/frame/mosaic.h"
 #include "core/matte/packed_matte.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/video_frames.h"
 #include "glasswing/v1/tile_work.pb.h"

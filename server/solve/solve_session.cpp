@@ -9,7 +9,7 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 
 namespace glasswing {

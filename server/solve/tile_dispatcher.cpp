@@ -11,7 +11,7 @@
 #include "core/base/utf8.h"
 #include "core/base/version.h"
 #include "core/matte/matte_file.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/tile_work.pb.h"
 #include "server/archives/replicas.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/base/status.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "solver/background/surroundings.h"
 
 namespace glasswing {

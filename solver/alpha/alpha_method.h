@@ -11,7 +11,7 @@ namespace glasswing {
 
 class AlphaMethod final : public Method {
  public:
-  // `options`: core/pattern/method_options.h.
+  // `options`: core/method/methods.h.
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   absl::StatusOr<std::unique_ptr<PreparedMethod>> prepare(const v1::CaptureManifest& manifest) const override;

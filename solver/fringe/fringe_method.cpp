@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "core/base/status.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "solver/fringe/fringe_solver.h"
 
 namespace glasswing {

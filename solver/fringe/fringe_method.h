@@ -10,7 +10,7 @@ namespace glasswing {
 
 class FringeMethod final : public Method {
  public:
-  // `options`: core/pattern/method_options.h.
+  // `options`: core/method/methods.h.
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   // Without a noise model in the manifest, noise is estimated from how a pixel's samples differ from

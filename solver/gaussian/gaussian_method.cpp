@@ -8,7 +8,7 @@
 #include <set>
 
 #include "core/base/status.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "solver/gaussian/fewer_images.h"
 #include "solver/gaussian/stack_solver.h"
 #include "solver/mixture/mixture_method.h"

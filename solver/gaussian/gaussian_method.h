@@ -9,7 +9,7 @@ namespace glasswing {
 
 class GaussianMethod final : public Method {
  public:
-  // `options`: core/pattern/method_options.h.
+  // `options`: core/method/methods.h.
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   bool solves_mosaics() const override { return true; }

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/base/status.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "solver/hierarchical/box_solver.h"
 
 namespace glasswing {

@@ -10,7 +10,7 @@ namespace glasswing {
 
 class HierarchicalMethod final : public Method {
  public:
-  // `options`: core/pattern/method_options.h.
+  // `options`: core/method/methods.h.
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   // The matte's footprints are boxes. Where the manifest has no noise model, noise is estimated from each

@@ -1,7 +1,7 @@
 #include "solver/ramp/ramp_options.h"
 
 #include "core/base/status.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 
 namespace glasswing {
 namespace {

@@ -21,7 +21,7 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/base/version.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"

@@ -7,7 +7,7 @@
 
 #include "core/composite/compositor.h"
 #include "core/frame/image_file.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "solver/methods.h"
 #include "tests/results/rendered_scene.h"
 #include "tests/results/sheet.h"

@@ -10,7 +10,7 @@
 #include "core/base/checksum.h"
 #include "core/base/version.h"
 #include "core/matte/matte_file.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 

@@ -11,7 +11,7 @@
 #include "core/base/checksum.h"
 #include "core/base/version.h"
 #include "core/matte/matte_file.h"
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 #include "core/service/service.h"
 #include "server/services/work_service.h"
 #include "tests/support/status.h"

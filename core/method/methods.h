@@ -1,5 +1,5 @@
-// The names, versions and options of the ways to solve: what servers check requests against, solvers read
-// values from, and command line, console and docs show.
+// The table of the ways to solve: what servers check requests against, solvers read values from, and command
+// line, console and docs show. solver/methods.cpp makes them.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,10 +14,6 @@
 
 namespace glasswing {
 
-// What each method computes, and how mattes are written ("matte"). Raised whenever a change of the code makes
-// other numbers of the same frames: tiles of two versions must not meet in one matte.
-const std::map<std::string, int>& method_versions();
-
 // An option takes a number in [low, high], or one of `choices`.
 struct MethodOption {
   std::string_view name;
@@ -29,8 +25,26 @@ struct MethodOption {
   std::string_view only_with = std::string_view();  // refused without this setting: "backings=1"
 };
 
+struct SolvingMethod {
+  std::string_view name;
+  // Raised whenever a change of the code makes other numbers of the same frames: tiles of two versions must
+  // not meet in one matte.
+  int version = 1;
+  // An archive that names no method is solved by the first one whose stimuli (stimulus.proto: kind) it shows.
+  std::string_view stimulus;
+  std::vector<MethodOption> options;
+};
+
+inline constexpr std::string_view kRampMethod = "ramp";  // solves videos frame by frame
+
+std::span<const SolvingMethod> solving_methods();
+std::vector<std::string> method_names();
+// INVALID_ARGUMENT lists the names.
+absl::Status check_method(std::string_view name);
 // Empty: there is no such method.
 std::span<const MethodOption> options_of(std::string_view method);
+// Of all methods, and of how mattes are written ("matte").
+const std::map<std::string, int>& method_versions();
 
 // What the option takes: "a whole number, 1 to 8", "0 or 1", "adaptive, perona-malik or none".
 std::string range_of(const MethodOption& option);
@@ -42,7 +56,7 @@ std::string description_of(const MethodOption& option);
 class OptionValues {
  public:
   // INVALID_ARGUMENT names the option that the method does not have, whose value is none, or that needs
-  // another one, and what would be accepted. `method` is one of kMethods.
+  // another one, and what would be accepted. check_method(method) is OK.
   static absl::StatusOr<OptionValues> read(std::string_view method,
                                            const std::map<std::string, std::string>& given);
 

@@ -1,4 +1,4 @@
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -180,15 +180,6 @@ std::vector<MethodOption> ramp_options() {
   };
 }
 
-const std::map<std::string_view, std::vector<MethodOption>>& table() {
-  static const std::map<std::string_view, std::vector<MethodOption>> options = {
-      {"gaussian", gaussian_options()}, {"hierarchical", hierarchical_options()},
-      {"fringe", fringe_options()},     {"alpha", alpha_options()},
-      {"ramp", ramp_options()},
-  };
-  return options;
-}
-
 bool takes(const MethodOption& option, const std::string& value) {
   if (!option.choices.empty()) return std::ranges::count(option.choices, value) > 0;
   char* end = nullptr;
@@ -209,15 +200,43 @@ absl::StatusOr<const MethodOption*> find_option(std::string_view method, const s
 
 }  // namespace
 
-const std::map<std::string, int>& method_versions() {
-  static const std::map<std::string, int> versions = {{"alpha", 2},        {"fringe", 4}, {"gaussian", 3},
-                                                      {"hierarchical", 4}, {"ramp", 1},   {"matte", 2}};
-  return versions;
+std::span<const SolvingMethod> solving_methods() {
+  static const std::vector<SolvingMethod> methods = {
+      {.name = "gaussian", .version = 3, .stimulus = "gauss_stripe", .options = gaussian_options()},
+      {.name = "fringe", .version = 4, .stimulus = "sinusoid", .options = fringe_options()},
+      {.name = "hierarchical", .version = 4, .stimulus = "square", .options = hierarchical_options()},
+      {.name = "alpha", .version = 2, .stimulus = "solid", .options = alpha_options()},
+      {.name = kRampMethod, .version = 1, .stimulus = "ramp", .options = ramp_options()},
+  };
+  return methods;
+}
+
+std::vector<std::string> method_names() {
+  std::vector<std::string> names;
+  for (const SolvingMethod& method : solving_methods()) names.emplace_back(method.name);
+  return names;
+}
+
+absl::Status check_method(std::string_view name) {
+  const std::vector<std::string> names = method_names();
+  if (std::ranges::find(names, name) != names.end()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("method is \"{}\"; it must be one of: {}", name, fmt::join(names, ", ")));
 }
 
 std::span<const MethodOption> options_of(std::string_view method) {
-  const auto found = table().find(method);
-  return found == table().end() ? std::span<const MethodOption>() : found->second;
+  const std::span<const SolvingMethod> all = solving_methods();
+  const auto found = std::ranges::find(all, method, &SolvingMethod::name);
+  return found == all.end() ? std::span<const MethodOption>() : found->options;
+}
+
+const std::map<std::string, int>& method_versions() {
+  static const std::map<std::string, int> versions = [] {
+    std::map<std::string, int> all = {{"matte", 2}};
+    for (const SolvingMethod& method : solving_methods()) all.emplace(method.name, method.version);
+    return all;
+  }();
+  return versions;
 }
 
 std::string range_of(const MethodOption& option) {

@@ -1,5 +1,5 @@
 // The one table of options: solvers take what it says, and the docs say what it says.
-#include "core/pattern/method_options.h"
+#include "core/method/methods.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -44,7 +44,7 @@ std::string text_of(double number) {
 }
 
 TEST(MethodOptions, EveryMethodTakesWhatItsTableSaysAndNothingBeyond) {
-  for (const std::string_view method : kMethods) {
+  for (const std::string& method : method_names()) {
     ASSERT_FALSE(options_of(method).empty()) << method;
     EXPECT_OK(made(method, {})) << method;
     for (const MethodOption& option : options_of(method)) {
@@ -96,7 +96,7 @@ TEST(MethodOptions, ValuesAreThoseGivenElseTheDefaults) {
 TEST(MethodOptions, TheDocsListThem) {
   const std::string docs =
       read_file(std::string(std::getenv("GLASSWING_DOCS")) + "/method-options.md").value();
-  for (const std::string_view method : kMethods) {
+  for (const std::string& method : method_names()) {
     std::string rows =
         fmt::format("## {}\n\n| option | takes | default | |\n| --- | --- | --- | --- |\n", method);
     for (const MethodOption& option : options_of(method)) {
