@@ -1,22 +1,19 @@
-#include "compositing/composite/composite.h"
-
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cmath>
-#include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "compositing/composite/arguments.h"
+#include "compositing/composite/backdrop.h"
 #include "compositing/composite/commands.h"
 #include "compositing/composite/composite_rays.h"
-#include "compositing/composite/composite_video.h"
+#include "compositing/composite/object.h"
+#include "compositing/composite/sequence.h"
 #include "compositing/picture/picture.h"
 #include "compositing/picture/video_file.h"
 #include "compositing/view/matte_notes.h"
 #include "core/base/file.h"
-#include "core/base/scanner.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/cli/output_file.h"
@@ -123,10 +120,10 @@ absl::Status composite_still(const CommandLine& command_line, const CompositeArg
                         ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kOne));
     metadata = object.metadata();
     print_warnings(metadata);
-    GW_ASSIGN_OR_RETURN(Backgrounds backgrounds, Backgrounds::open(arguments.backgrounds, object.metadata(),
-                                                                   colours, arguments.encoding()));
-    colour = backgrounds.colour_of_composite();
-    GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
+    GW_ASSIGN_OR_RETURN(Backdrop backdrop, Backdrop::open(arguments.backgrounds, object.metadata(), colours,
+                                                          arguments.encoding()));
+    colour = backdrop.colour_of_composite();
+    GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backdrop.next());
     picture = object.composite(*behind, report);
     pixels = object.pixels();
     if (picture.ok() && !arguments.error.empty()) {
@@ -145,6 +142,20 @@ absl::Status composite_still(const CommandLine& command_line, const CompositeArg
   return absl::OkStatus();
 }
 
+absl::Status composite_frames(const CommandLine& command_line, const CompositeArguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const int count, composite_sequence(arguments));
+  if (command_line.json) {
+    const nlohmann::ordered_json written = {
+        {"output", arguments.output}, {"frames", count}, {"filled", arguments.fill}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format(
+        "{}: {} frames{}\n", arguments.output, count,
+        arguments.fill ? ", pixels that are not solved filled from their neighbours" : "");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status composited(const CommandLine& command_line, const CompositeArguments& arguments) {
   if (holds_rays(arguments.matte)) {
     if (is_video(arguments) && arguments.frame_count > 0)
@@ -153,19 +164,8 @@ absl::Status composited(const CommandLine& command_line, const CompositeArgument
     return composite_rays_still(command_line, arguments);
   }
   GW_RETURN_IF_ERROR(check_matte_options(arguments));
-  return is_video(arguments) ? composite_video(command_line, arguments)
+  return is_video(arguments) ? composite_frames(command_line, arguments)
                              : composite_still(command_line, arguments);
-}
-
-// "DX,DY".
-absl::Status read_shift(const BackgroundArgument& argument, std::string_view option, double& dx_px,
-                        double& dy_px) {
-  constexpr double kFarthest_px = 1e6;
-  const std::string& text = argument.file;
-  const bool parsed = Scanner(text).number(dx_px).then(",").number(dy_px).done();
-  if (parsed && std::abs(dx_px) <= kFarthest_px && std::abs(dy_px) <= kFarthest_px) return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format(
-      "{} is \"{}\"; it must be DX,DY: px of the monitor, right and down, as 12.5,-3", option, text));
 }
 
 void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
@@ -253,133 +253,6 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
 }
 
 }  // namespace
-
-absl::StatusOr<BackgroundArgument> parse_background(const std::string& argument,
-                                                    const v1::MatteMetadata& metadata,
-                                                    std::string_view option) {
-  const size_t equals = argument.find('=');
-  if (equals == std::string::npos) return BackgroundArgument{0, argument};
-  const std::string texture = argument.substr(0, equals);
-  std::vector<std::string> names;
-  for (int i = 0; i < metadata.monitors_size(); ++i) {
-    if (metadata.monitors(i).name() == texture) return BackgroundArgument{i, argument.substr(equals + 1)};
-    names.push_back(metadata.monitors(i).name());
-  }
-  std::error_code ignored;
-  if (std::filesystem::exists(argument, ignored)) return BackgroundArgument{0, argument};
-  return absl::InvalidArgumentError(fmt::format("{} names the texture \"{}\"; this matte has: {}", option,
-                                                texture, fmt::join(names, ", ")));
-}
-
-absl::StatusOr<Backgrounds> Backgrounds::open(const BackgroundArguments& arguments,
-                                              const v1::MatteMetadata& metadata,
-                                              const PictureColours& colours, Encoding encoding) {
-  if (metadata.monitors().empty()) return absl::DataLossError("the matte's header names no monitors");
-  const auto read = [colours, encoding](const std::filesystem::path& file) {
-    return colours.read(file, encoding);
-  };
-  Backgrounds backgrounds;
-  backgrounds.calibrated_ = std::ranges::any_of(
-      metadata.crosstalk(), [](const v1::Crosstalk& seen) { return !seen.share().empty(); });
-  for (const v1::Monitor& monitor : metadata.monitors()) {
-    backgrounds.screens_.emplace_back();
-    backgrounds.screens_.back().width_px = monitor.width_px();
-    backgrounds.screens_.back().height_px = monitor.height_px();
-  }
-  for (const std::string& argument : arguments.pictures) {
-    GW_ASSIGN_OR_RETURN(const BackgroundArgument background, parse_background(argument, metadata));
-    Screen& screen = backgrounds.screens_[static_cast<size_t>(background.texture)];
-    if (screen.picture) {
-      return absl::InvalidArgumentError(
-          fmt::format("--background names the texture \"{}\" twice; each takes one picture",
-                      metadata.monitors(background.texture).name()));
-    }
-    if (colours.reads() && is_video_file(background.file)) {
-      return absl::InvalidArgumentError(
-          fmt::format("--background {} is a video, which is sRGB; --ocio and --ocio-in are of pictures",
-                      background.file));
-    }
-    GW_ASSIGN_OR_RETURN(screen.picture, MovingPicture::open(background.file, read));
-    tell_layer(screen.picture->first());
-    backgrounds.are_rec709_ =
-        backgrounds.are_rec709_ && (colours.reads() || screen.picture->colour(encoding) == linear_rec709());
-  }
-  const auto each = [&](const std::vector<std::string>& all, std::string_view option,
-                        const auto& take) -> absl::Status {
-    for (const std::string& argument : all) {
-      GW_ASSIGN_OR_RETURN(const BackgroundArgument named, parse_background(argument, metadata, option));
-      Screen& screen = backgrounds.screens_[static_cast<size_t>(named.texture)];
-      if (!screen.picture) {
-        return absl::InvalidArgumentError(
-            fmt::format("{} names the texture \"{}\", which has no --background", option,
-                        metadata.monitors(named.texture).name()));
-      }
-      GW_RETURN_IF_ERROR(take(named, screen));
-    }
-    return absl::OkStatus();
-  };
-  GW_RETURN_IF_ERROR(each(arguments.matches, "--match",
-                          [&](const BackgroundArgument& match, Screen& screen) -> absl::Status {
-                            GW_ASSIGN_OR_RETURN(screen.photograph, read(match.file));
-                            return absl::OkStatus();
-                          }));
-  GW_RETURN_IF_ERROR(each(arguments.shifts, "--shift", [](const BackgroundArgument& shift, Screen& screen) {
-    return read_shift(shift, "--shift", screen.dx_px, screen.dy_px);
-  }));
-  GW_RETURN_IF_ERROR(each(arguments.pans, "--pan", [](const BackgroundArgument& pan, Screen& screen) {
-    return read_shift(pan, "--pan", screen.pan_x_px, screen.pan_y_px);
-  }));
-  backgrounds.wraps_ = arguments.wraps;
-  backgrounds.now_.resize(backgrounds.screens_.size());
-  return backgrounds;
-}
-
-absl::StatusOr<const std::vector<RadianceImage>*> Backgrounds::next() {
-  for (size_t t = 0; t < screens_.size(); ++t) {
-    Screen& screen = screens_[t];
-    if (!screen.picture) continue;
-    const bool moves = screen.pan_x_px != 0.0 || screen.pan_y_px != 0.0;
-    const bool is_new = !screen.picture->is_still() || screen.placed.empty();
-    if (!is_new && !moves) continue;
-    if (is_new) {
-      GW_ASSIGN_OR_RETURN(const RadianceImage picture, screen.picture->next());
-      screen.placed = resized(picture, screen.width_px, screen.height_px);
-      // Learnt from a video's first picture only: matching each one would flicker.
-      if (!screen.photograph.empty() && !screen.match) {
-        GW_ASSIGN_OR_RETURN(screen.match, HistogramMatch::learn(screen.placed, screen.photograph));
-      }
-      if (screen.match) screen.match->apply(screen.placed);
-    }
-    now_[t] = shifted(screen.placed, screen.dx_px, screen.dy_px, wraps_);
-    screen.dx_px += screen.pan_x_px;
-    screen.dy_px += screen.pan_y_px;
-  }
-  return &now_;
-}
-
-bool Backgrounds::has_video() const {
-  return std::ranges::any_of(
-      screens_, [](const Screen& screen) { return screen.picture && !screen.picture->is_still(); });
-}
-
-bool Backgrounds::is_over() const {
-  return has_video() && std::ranges::all_of(screens_, [](const Screen& screen) {
-           return !screen.picture || screen.picture->is_still() || screen.picture->has_begun_again();
-         });
-}
-
-PictureColour Backgrounds::colour_of_composite() const {
-  return calibrated_ && are_rec709_ ? linear_rec709() : PictureColour();
-}
-
-int Backgrounds::announced_frames() const {
-  int max_frames = 0;
-  for (const Screen& screen : screens_) {
-    if (screen.picture && !screen.picture->is_still())
-      max_frames = std::max(max_frames, screen.picture->announced_frames());
-  }
-  return max_frames;
-}
 
 void add_composite_command(CLI::App& app, CommandLine& command_line) {
   CLI::App& command = *app.add_subcommand(

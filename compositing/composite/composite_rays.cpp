@@ -6,7 +6,7 @@
 #include <fstream>
 #include <numbers>
 
-#include "compositing/picture/moving_picture.h"
+#include "compositing/composite/backdrop.h"
 #include "compositing/picture/picture.h"
 #include "core/base/status.h"
 #include "core/rays/ray_file.h"

@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "compositing/composite/composite_video.h"
+#include "compositing/composite/object.h"
 #include "core/frame/image.h"
 
 namespace glasswing {

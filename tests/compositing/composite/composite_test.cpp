@@ -1,4 +1,4 @@
-#include "compositing/composite/composite.h"
+#include "compositing/composite/backdrop.h"
 
 #include <fmt/format.h>
 #include <half.h>

@@ -1,4 +1,4 @@
-#include "compositing/composite/composite_video.h"
+#include "compositing/composite/sequence.h"
 
 #include <fmt/format.h>
 #include <webp/demux.h>

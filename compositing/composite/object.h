@@ -1,8 +1,7 @@
-// Composites of many frames: of a directory with a matte for each frame, or of one matte over moving
-// backgrounds.
+// The object of a matte, in front of pictures.
 #pragma once
 
-#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -12,44 +11,17 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "compositing/composite/composite.h"
+#include "compositing/composite/arguments.h"
 #include "core/base/mapped_file.h"
-#include "core/cli/command_line.h"
 #include "core/composite/fast_compositor.h"
 #include "core/composite/fill_unsolved.h"
-#include "core/frame/image_file.h"
+#include "core/frame/image.h"
 #include "core/matte/matte.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {
-
-struct CompositeArguments {
-  std::string matte;  // a file, or a directory
-  BackgroundArguments backgrounds;
-  ColourArguments colours;
-  std::string output;
-  std::string format = "exr";
-  int bits = 0;         // as for write_radiance()
-  int frame_count = 0;  // for one matte; 0: as many as its backgrounds have
-  double frame_rate_hz = 30.0;
-  float foreground_gain = 1.0f;
-  std::string crop;
-  std::string error;  // a picture of the composite's standard error; empty: none
-  bool linear = false, exact = false;
-  bool fill = false;    // pixels that are not solved, from their neighbours
-  bool object = false;  // the object alone, with its coverage as alpha
-  // Of files of rays (composite_rays.h).
-  std::vector<std::string> planes;
-  std::string environment;
-  double environment_turn_deg = 0.0;
-  float environment_gain = 1.0f;
-  bool lossless = false;
-
-  Encoding encoding() const { return linear ? Encoding::kLinear : Encoding::kDisplay; }
-};
 
 // A composite, and the object's coverage of each pixel where the object alone is asked for; else empty.
 struct ObjectPicture {
@@ -103,11 +75,5 @@ class ObjectInFront {
   std::optional<Matte> exact_;
   std::optional<FastCompositor> many_;
 };
-
-// True if the arguments ask for several pictures.
-bool is_video(const CompositeArguments& arguments);
-
-// Errors name the matte at fault; pictures already written are kept.
-absl::Status composite_video(const CommandLine& command_line, const CompositeArguments& arguments);
 
 }  // namespace glasswing

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "compositing/colour/picture_colours.h"
+#include "compositing/composite/arguments.h"
 #include "compositing/picture/moving_picture.h"
 #include "core/composite/histogram_match.h"
 #include "core/frame/image.h"
@@ -28,22 +28,14 @@ absl::StatusOr<BackgroundArgument> parse_background(const std::string& argument,
                                                     const v1::MatteMetadata& metadata,
                                                     std::string_view option = "--background");
 
-// The command line's options about backgrounds; each entry is "[TEXTURE=]VALUE".
-struct BackgroundArguments {
-  std::vector<std::string> pictures, matches;
-  // DX,DY, monitor px right and down: of the first picture, and from each picture to the next.
-  std::vector<std::string> shifts, pans;
-  bool wraps = false;  // a shifted picture begins anew beyond its edges
-};
-
 // The pictures behind the object, frame by frame.
-class Backgrounds {
+class Backdrop {
  public:
   // INVALID_ARGUMENT: a texture is named twice, --match, --shift or --pan names one without a background, or
   // a background is a video, which is sRGB, and `colours` is to convert it.
-  static absl::StatusOr<Backgrounds> open(const BackgroundArguments& arguments,
-                                          const v1::MatteMetadata& metadata, const PictureColours& colours,
-                                          Encoding encoding);
+  static absl::StatusOr<Backdrop> open(const BackgroundArguments& arguments,
+                                       const v1::MatteMetadata& metadata, const PictureColours& colours,
+                                       Encoding encoding);
 
   // One picture for each texture, scaled to its monitor; empty where no argument names it. Valid until the
   // next call.
@@ -68,7 +60,7 @@ class Backgrounds {
     double pan_x_px = 0.0, pan_y_px = 0.0;  // change of the shift from frame to frame
     RadianceImage placed;                   // the picture before it is shifted
   };
-  Backgrounds() = default;
+  Backdrop() = default;
 
   bool calibrated_ = false, are_rec709_ = true, wraps_ = false;
   std::vector<Screen> screens_;
