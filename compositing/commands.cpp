@@ -1,7 +1,6 @@
 #include "compositing/commands.h"
 
 #include "compositing/composite/commands.h"
-#include "compositing/deliver/commands.h"
 #include "compositing/edit/commands.h"
 #include "compositing/hosts/nuke/commands.h"
 #include "compositing/picture/commands.h"
@@ -45,8 +44,7 @@ Disables colours, unless \-\-color is always.
 
 void add_matte_commands(CLI::App& app, CommandLine& command_line, ReadMatte read) {
   add_composite_command(app, command_line);
-  CLI::App& matte = add_matte_command(app, command_line);
-  add_matte_deliver_command(matte, command_line);
+  add_matte_command(app, command_line);
   add_rays_command(app, command_line, std::move(read));
   add_stmap_command(app, command_line);
   add_nuke_command(app, command_line);

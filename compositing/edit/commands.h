@@ -7,8 +7,8 @@
 
 namespace glasswing {
 
-// `glasswing matte` with the verbs below; returns it for those of other rooms.
-CLI::App& add_matte_command(CLI::App& app, CommandLine& command_line);
+// `glasswing matte` with the verbs below.
+void add_matte_command(CLI::App& app, CommandLine& command_line);
 
 // Each declares its options and sets CommandLine::run.
 void add_matte_crop_command(CLI::App& matte, CommandLine& command_line);
@@ -17,5 +17,6 @@ void add_matte_flip_command(CLI::App& matte, CommandLine& command_line);
 void add_matte_grade_command(CLI::App& matte, CommandLine& command_line);
 void add_matte_merge_command(CLI::App& matte, CommandLine& command_line);
 void add_matte_fill_command(CLI::App& matte, CommandLine& command_line);
+void add_matte_deliver_command(CLI::App& matte, CommandLine& command_line);
 
 }  // namespace glasswing

@@ -4,8 +4,8 @@
 
 #include "compositing/edit/commands.h"
 #include "compositing/edit/edited_matte.h"
-#include "compositing/edit/fill.h"
 #include "core/base/status.h"
+#include "core/footprint/fill.h"
 
 namespace glasswing {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compositing/edit/mode_reduction.h"
+#include "core/footprint/mode_reduction.h"
 
 namespace glasswing {
 namespace {

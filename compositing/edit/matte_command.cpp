@@ -2,7 +2,7 @@
 
 namespace glasswing {
 
-CLI::App& add_matte_command(CLI::App& app, CommandLine& command_line) {
+void add_matte_command(CLI::App& app, CommandLine& command_line) {
   CLI::App& matte = *app.add_subcommand(
       "matte", "Edit mattes: crop, resize, flip, grade, merge or fill them; deliver them to other programs.");
   matte.require_subcommand(1);
@@ -19,7 +19,7 @@ CLI::App& add_matte_command(CLI::App& app, CommandLine& command_line) {
   add_matte_grade_command(matte, command_line);
   add_matte_merge_command(matte, command_line);
   add_matte_fill_command(matte, command_line);
-  return matte;
+  add_matte_deliver_command(matte, command_line);
 }
 
 }  // namespace glasswing

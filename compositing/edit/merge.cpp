@@ -8,8 +8,8 @@
 #include <limits>
 #include <vector>
 
-#include "compositing/edit/mode_reduction.h"
 #include "core/base/status.h"
+#include "core/footprint/mode_reduction.h"
 
 namespace glasswing {
 namespace {

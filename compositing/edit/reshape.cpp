@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "compositing/edit/mode_reduction.h"
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
+#include "core/footprint/mode_reduction.h"
 #include "core/frame/archive.h"
 #include "core/matte/matte_file.h"
 

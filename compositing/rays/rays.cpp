@@ -154,6 +154,7 @@ void add_rays_command(CLI::App& app, CommandLine& command_line, ReadMatte read) 
       "  glasswing rays a.exr b.exr --geometry rig.txtpb --poses near,far -o rays.exr\n"
       "  glasswing rays near.exr --geometry rig.txtpb --object-depth 450 -o rays.exr");
   auto arguments = std::make_shared<RaysArguments>();
+  arguments->read = std::move(read);
   command.add_option("mattes", arguments->mattes, "one matte or two: files (.exr), or solved sessions")
       ->required()
       ->type_name("MATTE");

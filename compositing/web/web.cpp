@@ -11,8 +11,6 @@
 #include "compositing/picture/picture.h"
 #include "compositing/view/sampled_matte.h"
 #include "compositing/web/commands.h"
-#include "compositing/web/web_description.h"
-#include "compositing/web/web_matte.h"
 #include "core/base/file.h"
 #include "core/base/mapped_file.h"
 #include "core/base/status.h"
@@ -21,7 +19,9 @@
 #include "core/frame/radiance_hdr.h"
 #include "core/matte/matte_region.h"
 #include "core/rays/ray_file.h"
-#include "core/rays/web_rays.h"
+#include "core/web/web_description.h"
+#include "core/web/web_matte.h"
+#include "core/web/web_rays.h"
 
 namespace glasswing {
 namespace {

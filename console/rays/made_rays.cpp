@@ -6,15 +6,15 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "compositing/web/web_description.h"
-#include "compositing/web/web_matte.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/geometry/rig_geometry.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/match_rays.h"
 #include "core/rays/ray_file.h"
-#include "core/rays/web_rays.h"
+#include "core/web/web_description.h"
+#include "core/web/web_matte.h"
+#include "core/web/web_rays.h"
 
 namespace glasswing {
 namespace {

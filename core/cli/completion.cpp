@@ -148,7 +148,7 @@ void print(const Candidates& candidates) {
 
 std::string completion_script(std::string_view shell, std::string_view program) {
   const std::string_view script = shell == "bash" ? kBash : shell == "zsh" ? kZsh : kFish;
-  return absl::StrReplaceAll(script, {{"glasswing", program}});
+  return absl::StrReplaceAll(std::string(script), {{"glasswing", std::string(program)}});
 }
 
 Candidates candidates_for(const CLI::App& program, const std::vector<std::string>& words,

@@ -12,7 +12,6 @@
 #include "core/base/status.h"
 #include "core/base/version.h"
 #include "core/cli/help.h"
-#include "core/service/service.h"
 
 namespace glasswing {
 namespace {

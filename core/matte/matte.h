@@ -49,7 +49,7 @@ enum PixelFlag : std::uint8_t {
   kFlagSaturated = 2,     // frames were clipped at the light it saw
   kFlagPoorFit = 4,       // the residual exceeds the noise
   kFlagNoData = 8,        // not solved
-  kFlagFilled = 16,       // made of its neighbours (compositing/edit/fill.h)
+  kFlagFilled = 16,       // made of its neighbours (core/footprint/fill.h)
   kFlagDisturbed = 32,    // something moved while it was photographed, which is not corrected
 };
 

@@ -11,8 +11,8 @@
 
 #include "core/base/file.h"
 #include "core/matte/matte_file.h"
-#include "tests/compositing/edit/object.h"
 #include "tests/compositing/run_glasswing.h"
+#include "tests/core/footprint/matte_object.h"
 #include "tests/core/matte/other_program.h"
 #include "tests/support/status.h"
 

@@ -16,7 +16,7 @@
 #include "core/composite/compositor.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/packed_matte.h"
-#include "tests/compositing/edit/object.h"
+#include "tests/core/footprint/matte_object.h"
 #include "tests/core/matte/other_program.h"
 #include "tests/support/status.h"
 

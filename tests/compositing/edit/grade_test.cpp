@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/compositing/edit/object.h"
+#include "tests/core/footprint/matte_object.h"
 
 namespace glasswing {
 namespace {

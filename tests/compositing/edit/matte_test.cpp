@@ -4,8 +4,8 @@
 #include "core/base/file.h"
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
-#include "tests/compositing/edit/object.h"
 #include "tests/compositing/run_glasswing.h"
+#include "tests/core/footprint/matte_object.h"
 #include "tests/support/status.h"
 
 namespace glasswing {

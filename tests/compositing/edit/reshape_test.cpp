@@ -6,7 +6,7 @@
 
 #include "core/frame/mosaic.h"
 #include "core/matte/matte_file.h"
-#include "tests/compositing/edit/object.h"
+#include "tests/core/footprint/matte_object.h"
 #include "tests/support/status.h"
 
 namespace glasswing {

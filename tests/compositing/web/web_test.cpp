@@ -6,7 +6,7 @@
 #include "core/matte/matte_file.h"
 #include "core/rays/ray_file.h"
 #include "tests/compositing/run_glasswing.h"
-#include "tests/compositing/web/made_for_web.h"
+#include "tests/core/web/made_for_web.h"
 #include "tests/support/status.h"
 
 namespace glasswing {

@@ -1,4 +1,4 @@
-#include "core/rays/web_rays.h"
+#include "core/web/web_rays.h"
 
 #include <cmath>
 #include <numbers>

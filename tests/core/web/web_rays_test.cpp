@@ -1,10 +1,10 @@
-#include "core/rays/web_rays.h"
+#include "core/web/web_rays.h"
 
 #include <gtest/gtest.h>
 
 #include <map>
 
-#include "tests/compositing/web/made_for_web.h"
+#include "tests/core/web/made_for_web.h"
 
 namespace glasswing {
 namespace {

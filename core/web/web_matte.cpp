@@ -1,4 +1,4 @@
-#include "compositing/web/web_matte.h"
+#include "core/web/web_matte.h"
 
 #include <zlib.h>
 
@@ -8,7 +8,7 @@
 #include <numbers>
 #include <utility>
 
-#include "compositing/edit/fill.h"
+#include "core/footprint/fill.h"
 #include "core/frame/image_file.h"
 #include "core/matte/covariance_axes.h"
 

@@ -1,4 +1,4 @@
-#include "compositing/web/web_matte.h"
+#include "core/web/web_matte.h"
 
 #include <gtest/gtest.h>
 #include <zlib.h>
@@ -6,9 +6,9 @@
 #include <cmath>
 #include <map>
 
-#include "compositing/edit/fill.h"
+#include "core/footprint/fill.h"
 #include "core/rays/cube.h"
-#include "tests/compositing/web/made_for_web.h"
+#include "tests/core/web/made_for_web.h"
 
 namespace glasswing {
 namespace {

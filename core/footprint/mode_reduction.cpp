@@ -1,4 +1,4 @@
-#include "compositing/edit/mode_reduction.h"
+#include "core/footprint/mode_reduction.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "compositing/edit/mode_reduction.h"
+#include "core/footprint/mode_reduction.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <random>
 
 #include "core/composite/compositor.h"
-#include "tests/compositing/edit/object.h"
+#include "tests/core/footprint/matte_object.h"
 
 namespace glasswing {
 namespace {

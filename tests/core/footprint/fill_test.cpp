@@ -1,9 +1,9 @@
-#include "compositing/edit/fill.h"
+#include "core/footprint/fill.h"
 
 #include <gtest/gtest.h>
 
 #include "core/composite/fill_unsolved.h"
-#include "tests/compositing/edit/object.h"
+#include "tests/core/footprint/matte_object.h"
 
 namespace glasswing {
 namespace {

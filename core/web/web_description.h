@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "compositing/web/web_matte.h"
+#include "core/web/web_matte.h"
 #include "glasswing/v1/matte.pb.h"
 
 namespace glasswing {

@@ -1,10 +1,10 @@
-#include "compositing/edit/fill.h"
+#include "core/footprint/fill.h"
 
 #include <algorithm>
 #include <utility>
 #include <vector>
 
-#include "compositing/edit/mode_reduction.h"
+#include "core/footprint/mode_reduction.h"
 #include "core/matte/rim_fill.h"
 
 namespace glasswing {

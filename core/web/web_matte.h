@@ -11,7 +11,7 @@
 //
 // Channels whose footprints differ by less than an eighth of a width or a px, or by their errors, share one.
 // Each kind of number is a plane of bytes, as differences to the footprint before in the same place of a
-// pixel's list, deflated. Pixels that are not solved are filled (compositing/edit/fill.h).
+// pixel's list, deflated. Pixels that are not solved are filled (core/footprint/fill.h).
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -1,4 +1,4 @@
-#include "compositing/web/web_description.h"
+#include "core/web/web_description.h"
 
 #include <vector>
 

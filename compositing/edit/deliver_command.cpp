@@ -3,8 +3,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "compositing/deliver/commands.h"
 #include "compositing/deliver/delivery_file.h"
+#include "compositing/edit/commands.h"
 #include "compositing/edit/edited_matte.h"
 #include "compositing/picture/picture.h"
 #include "core/base/mapped_file.h"
