@@ -16,8 +16,8 @@ using Create = absl::StatusOr<std::unique_ptr<Method>> (*)(const MethodOptions& 
 
 // Of the table in core/method/methods.cpp, those that solve stills.
 constexpr std::pair<std::string_view, Create> kStills[] = {{"gaussian", GaussianMethod::create},
-                                                           {"fringe", FringeMethod::create},
                                                            {"hierarchical", HierarchicalMethod::create},
+                                                           {"fringe", FringeMethod::create},
                                                            {"alpha", AlphaMethod::create}};
 
 }  // namespace

@@ -202,11 +202,19 @@ absl::StatusOr<const MethodOption*> find_option(std::string_view method, const s
 
 std::span<const SolvingMethod> solving_methods() {
   static const std::vector<SolvingMethod> methods = {
-      {.name = "gaussian", .version = 3, .stimulus = "gauss_stripe", .options = gaussian_options()},
-      {.name = "fringe", .version = 4, .stimulus = "sinusoid", .options = fringe_options()},
-      {.name = "hierarchical", .version = 4, .stimulus = "square", .options = hierarchical_options()},
-      {.name = "alpha", .version = 2, .stimulus = "solid", .options = alpha_options()},
-      {.name = kRampMethod, .version = 1, .stimulus = "ramp", .options = ramp_options()},
+      {.name = "gaussian",
+       .version = 3,
+       .stimulus = "gauss_stripe",
+       .rank = 1,
+       .options = gaussian_options()},
+      {.name = "hierarchical",
+       .version = 4,
+       .stimulus = "square",
+       .rank = 3,
+       .options = hierarchical_options()},
+      {.name = "fringe", .version = 4, .stimulus = "sinusoid", .rank = 2, .options = fringe_options()},
+      {.name = "alpha", .version = 2, .stimulus = "solid", .rank = 4, .options = alpha_options()},
+      {.name = kRampMethod, .version = 1, .stimulus = "ramp", .rank = 5, .options = ramp_options()},
   };
   return methods;
 }

@@ -30,8 +30,10 @@ struct SolvingMethod {
   // Raised whenever a change of the code makes other numbers of the same frames: tiles of two versions must
   // not meet in one matte.
   int version = 1;
-  // An archive that names no method is solved by the first one whose stimuli (stimulus.proto: kind) it shows.
+  // An archive that names no method is solved by the one of those whose stimuli (stimulus.proto: kind) it
+  // shows that has the lowest rank.
   std::string_view stimulus;
+  int rank = 0;
   std::vector<MethodOption> options;
 };
 

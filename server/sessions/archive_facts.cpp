@@ -19,13 +19,15 @@ std::string usual_method(const v1::CaptureManifest& manifest) {
            kind_of(stimulus) == StimulusKind::kPatch || stimulus.reference();
   });
   if (only_ramp && !video_frames(manifest).empty()) return std::string(kRampMethod);
+  const SolvingMethod* usual = nullptr;
   for (const SolvingMethod& method : solving_methods()) {
-    const bool shown = std::ranges::any_of(manifest.frames(), [&](const v1::Frame& frame) {
-      return method.name != kRampMethod && frame.stimulus().kind() == method.stimulus;
-    });
-    if (shown) return std::string(method.name);
+    const bool shown =
+        method.name != kRampMethod && std::ranges::any_of(manifest.frames(), [&](const v1::Frame& frame) {
+          return frame.stimulus().kind() == method.stimulus;
+        });
+    if (shown && (usual == nullptr || method.rank < usual->rank)) usual = &method;
   }
-  return std::string(solving_methods().front().name);
+  return std::string((usual == nullptr ? solving_methods().front() : *usual).name);
 }
 
 void note_video(const v1::CaptureManifest& manifest, v1::Session& session) {
