@@ -8,6 +8,7 @@
 #include "client/pki/commands.h"
 #include "client/rig/commands.h"
 #include "client/sessions/commands.h"
+#include "client/solve/commands.h"
 
 namespace glasswing {
 

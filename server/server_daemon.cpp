@@ -11,6 +11,7 @@
 #include "server/metrics/server_metrics.h"
 #include "server/rig/clock_watch.h"
 #include "server/services/fleet_service.h"
+#include "server/services/matte_service.h"
 #include "server/services/rig_service.h"
 #include "server/services/server.h"
 #include "server/services/session_service.h"
@@ -27,6 +28,7 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   NodeServiceImpl nodes(*server);
   WorkServiceImpl work(*server);
   RigServiceImpl rig(*server);
+  MatteServiceImpl mattes(*server);
   FleetServiceImpl fleet([&] { return server->fleet(); });
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens,
                       AccessTokens::open(options.store.data, server->problems()));
@@ -39,7 +41,7 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   });
   const AskedMetrics disk([&] { return disk_metrics(options.store.data); });
   std::optional<ClockWatch> clocks;
-  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &console},
+  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &console},
                         .principal_of =
                             [&](const std::string& login) {
                               return tokens->principal_of(login, AccessTokens::current_time());

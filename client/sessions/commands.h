@@ -24,7 +24,6 @@ void add_plan_estimate_command(CLI::App& plan, Client& client);
 void add_capture_command(CLI::App& app, Client& client);
 void add_replicate_command(CLI::App& app, Client& client);
 void add_fsck_command(CLI::App& app, Client& client);
-void add_solve_command(CLI::App& app, Client& client);
 void add_fetch_command(CLI::App& app, Client& client);
 
 }  // namespace glasswing

@@ -215,6 +215,11 @@ const std::map<std::string, int>& method_versions() {
   return versions;
 }
 
+std::string computes(const std::string& method) {
+  const std::map<std::string, int>& versions = method_versions();
+  return fmt::format("{}/{} matte/{}", method, versions.at(method), versions.at("matte"));
+}
+
 std::span<const MethodOption> options_of(std::string_view method) {
   const auto found = table().find(method);
   return found == table().end() ? std::span<const MethodOption>() : found->second;

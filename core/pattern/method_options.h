@@ -18,6 +18,10 @@ namespace glasswing {
 // other numbers of the same frames: tiles of two versions must not meet in one matte.
 const std::map<std::string, int>& method_versions();
 
+// The versions of a method and of the matte's file, which all tiles and parts of one matte share:
+// "gaussian/1 matte/1".
+std::string computes(const std::string& method);
+
 // An option takes a number in [low, high], or one of `choices`.
 struct MethodOption {
   std::string_view name;
