@@ -29,6 +29,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_sessions_command(app, client);
   add_show_command(app, client);
   add_watch_command(app, client);
+  add_wait_command(app, client);
   add_steps_command(app, client);
   add_control_commands(app, client);
   add_retry_command(app, client);

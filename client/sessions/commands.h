@@ -11,6 +11,7 @@ namespace glasswing {
 void add_sessions_command(CLI::App& app, Client& client);
 void add_show_command(CLI::App& app, Client& client);
 void add_watch_command(CLI::App& app, Client& client);
+void add_wait_command(CLI::App& app, Client& client);
 void add_steps_command(CLI::App& app, Client& client);
 void add_control_commands(CLI::App& app, Client& client);  // pause, resume, cancel
 void add_retake_command(CLI::App& app, Client& client);

@@ -157,8 +157,8 @@ absl::StatusOr<Queue> queue_of(const std::string& job) {
     if (end.error.find(kNoSuchJob) != std::string::npos) return queue;
     return absl::UnavailableError(end.error);
   }
-  for (const std::string_view state : absl::StrSplit(end.output, '\n', absl::SkipWhitespace()))
-    ++(absl::StripAsciiWhitespace(state) == "RUNNING" ? queue.running : queue.waiting);
+  const std::vector<std::string> states = absl::StrSplit(end.output, '\n', absl::SkipWhitespace());
+  for (const std::string& state : states) ++(state.starts_with("RUNNING") ? queue.running : queue.waiting);
   return queue;
 }
 

@@ -305,9 +305,9 @@ absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& a
     stack.rows.resize(static_cast<size_t>(manifest.frames_size()));
     const auto owner = std::make_shared<std::vector<FrameSamples>>();
     for (const int frame : prepared.frames_needed()) {
-      GW_ASSIGN_OR_RETURN(FrameSamples rows, archive.read(frame, first_row, row_count));
-      stack.rows[static_cast<size_t>(frame)] = rows.samples;
-      owner->push_back(std::move(rows));
+      GW_ASSIGN_OR_RETURN(FrameSamples own, archive.read(frame, first_row, row_count));
+      stack.rows[static_cast<size_t>(frame)] = own.samples;
+      owner->push_back(std::move(own));
     }
     stack.owner = owner;
     return stack;
