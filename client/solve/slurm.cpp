@@ -140,7 +140,8 @@ absl::StatusOr<std::string> submit(const SlurmSolve& solve, const Desk& desk, co
     return absl::FailedPreconditionError(
         fmt::format("sbatch failed with exit status {}: {}", end.status, end.error));
   GW_RETURN_IF_ERROR(write_file_durably(desk.job(), job));
-  std::cerr << fmt::format("submitted {} of {} parts as job {}\n", desk.missing().size(), solve.parts, job);
+  std::cerr << fmt::format("solving: submitted {} of {} parts as job {}\n", desk.missing().size(),
+                           solve.parts, job);
   return job;
 }
 

@@ -285,7 +285,7 @@ absl::StatusOr<ReceivedMatte> SolveRunner::begin_put(const v1::PutMatteRequest& 
                     "again and solve that",
                     header.archive(), session.name(), own));
   }
-  GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(session.name()));
+  GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.arriving(session.name()));
   return ReceivedMatte(directory, session.pixel_count() * kMaxPixelBytes + kMaxHeaderBytes);
 }
 
@@ -314,11 +314,17 @@ absl::StatusOr<v1::Session> SolveRunner::put(const v1::PutMatteRequest& header, 
   count_tiles(
       {.object_pixels = pixels.object, .flagged_pixels = pixels.flagged, .unsolved_pixels = pixels.unsolved},
       session);
-  GW_RETURN_IF_ERROR(stores_.mattes.drop_next(session.name()));
   GW_RETURN_IF_ERROR(edit.change(session));
-  const fs::path next = stores_.mattes.next(session.name());
-  GW_RETURN_IF_ERROR(matte.place(next));
-  GW_RETURN_IF_ERROR(flush_directory(next.parent_path()));
+  const absl::Status placed = [&]() -> absl::Status {
+    const fs::path next = stores_.mattes.next(session.name());
+    GW_RETURN_IF_ERROR(stores_.mattes.drop_next(session.name()));
+    GW_RETURN_IF_ERROR(matte.place(next));
+    return flush_directory(next.parent_path());
+  }();
+  if (!placed.ok()) {
+    (void)cancel(edit, session, std::string(placed.message()));
+    return placed;
+  }
   fault_point("matte put");
   session.set_state(v1::SESSION_STATE_DONE);
   session.set_matte_ready(true);
