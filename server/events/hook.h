@@ -19,8 +19,8 @@
 namespace glasswing {
 
 struct HookOptions {
-  std::string command;                      // words divided by spaces, which no shell sees; empty: none
-  std::string events;                       // of kEvents, divided by commas; empty: all
+  std::string command = {};                 // words divided by spaces, which no shell sees; empty: none
+  std::string events = {};                  // of kEvents, divided by commas; empty: all
   std::chrono::milliseconds limit{30'000};  // of a run
 };
 

@@ -20,9 +20,9 @@ touch "$work/told"
 refused_start() { { "$bin/glasswing-server" --data "$work/none" --listen "127.0.0.1:$((port + 4))" --hook-events tea 2>&1 || true; } | grep -q '"tea"; there are session-done'; }
 refused_start || fail "an event that there is not is accepted"
 start_server
-"$bin/glasswing-display" --listen "127.0.0.1:$((port + 1))" --server "$server" --name display-1 --backend sim --monitor back=128x104 >"$work/display.log" 2>&1 &
-"$bin/glasswing-camera" --listen "127.0.0.1:$((port + 2))" --server "$server" --name camera-1 --data "$work/camera" \
-  --true-knock 1.5 --true-knock-at 6 >"$work/camera.log" 2>&1 &
+"$bin/glasswing-display" --listen "127.0.0.1:$((port + 1))" --server "$server" --name display-1 --backend sim --monitor back=128x104@60 --patch-rows 8 >"$work/display.log" 2>&1 &
+"$bin/glasswing-camera" --listen "127.0.0.1:$((port + 2))" --server "$server" --name camera-1 --data "$work/camera" --size 128x104 --tap "127.0.0.1:$((port + 1))" \
+  --true-knock 0.6 --true-knock-at 9 >"$work/camera.log" 2>&1 &
 "$bin/glasswing-solver" --server "$server" --name solver-1 --threads 1 >"$work/solver.log" 2>&1 &
 until_true 20 up 3 || fail "not all nodes are up: $(glasswing nodes)"
 
