@@ -40,14 +40,13 @@ absl::Status join(const Client& client, const JoinArguments& arguments) {
 void add_matte_join_command(CLI::App& matte, Client& client) {
   CLI::App& command = *matte.add_subcommand("join", "Join parts of rows that were solved apart to a matte.");
   command.footer(
-      "glasswing-solver solve --rows K/N writes part K of N, on any machine that reads the archive. The "
+      "glasswing-solver solve ARCHIVE --rows K/N -o part-K.exr writes part K of N, on any machine that reads "
+      "the archive. The "
       "joined "
       "file is the one of a single process, byte for byte. The parts come in any order; rows that are "
       "missing "
       "or doubled are refused by name, as are parts of another archive, method, option or version.\n\n"
-      "Examples:\n"
-      "  glasswing-solver solve archives/vase --rows 1/2 -o part-1.exr\n"
-      "  glasswing-solver solve archives/vase --rows 2/2 -o part-2.exr\n"
+      "Example:\n"
       "  glasswing matte join part-*.exr -o vase.exr");
   auto arguments = std::make_shared<JoinArguments>();
   command.add_option("parts", arguments->parts, "all parts of the matte (.exr)")
