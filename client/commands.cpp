@@ -10,6 +10,7 @@
 #include "client/sessions/matte_input.h"
 #include "compositing/commands.h"
 #include "core/cli/completion.h"
+#include "client/solve/commands.h"
 
 namespace glasswing {
 
@@ -30,6 +31,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_sessions_command(app, client);
   add_show_command(app, client);
   add_watch_command(app, client);
+  add_wait_command(app, client);
   add_steps_command(app, client);
   add_control_commands(app, client);
   add_retry_command(app, client);

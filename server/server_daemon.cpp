@@ -8,9 +8,11 @@
 #include "core/base/status.h"
 #include "core/telemetry/process_metrics.h"
 #include "server/console/console_service.h"
+#include "server/events/event_watch.h"
 #include "server/metrics/server_metrics.h"
 #include "server/rig/clock_watch.h"
 #include "server/services/fleet_service.h"
+#include "server/services/matte_service.h"
 #include "server/services/rig_service.h"
 #include "server/services/server.h"
 #include "server/services/session_service.h"
@@ -21,12 +23,14 @@ namespace glasswing {
 absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions options) {
   options.store.address = daemon.listen.advertised.empty() ? daemon.listen.address : daemon.listen.advertised;
   options.store.lease = std::chrono::milliseconds(std::llround(1000.0 * options.lease_seconds));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Hook> hook, Hook::create(options.hook));
   GW_ASSIGN_OR_RETURN(const DirectoryLock lock, DirectoryLock::take(options.store.data));
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server, Server::open(options.store));
   SessionServiceImpl sessions(*server);
   NodeServiceImpl nodes(*server);
   WorkServiceImpl work(*server);
   RigServiceImpl rig(*server);
+  MatteServiceImpl mattes(*server);
   FleetServiceImpl fleet([&] { return server->fleet(); });
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens,
                       AccessTokens::open(options.store.data, server->problems()));
@@ -39,7 +43,8 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   });
   const AskedMetrics disk([&] { return disk_metrics(options.store.data); });
   std::optional<ClockWatch> clocks;
-  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &console},
+  const EventWatch events(server->sessions(), options.store.data, *hook);
+  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &console},
                         .principal_of =
                             [&](const std::string& login) {
                               return tokens->principal_of(login, AccessTokens::current_time());

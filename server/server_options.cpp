@@ -1,6 +1,8 @@
 #include "server/server_options.h"
 
 #include "core/daemon/daemon_options.h"
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 namespace glasswing {
 
@@ -21,6 +23,11 @@ void add_server_options(CLI::App& app, DaemonOptions& daemon, ServerProgramOptio
                  "is handed out")
       ->check(CLI::Range(0.01, 2.0))
       ->capture_default_str();
+  app.add_option("--hook", server.hook.command,
+                 "program and arguments, divided by spaces, to run on events, with one line of JSON on its "
+                 "standard input; no shell reads them");
+  app.add_option("--hook-events", server.hook.events,
+                 fmt::format("events to run it on, of {}; all if left out", fmt::join(kEvents, ",")));
   add_tls_options(app, daemon.tls);
 }
 

@@ -1,12 +1,16 @@
 #include "solver/solve_command.h"
 
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_split.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/base/file.h"
@@ -15,33 +19,68 @@
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
 #include "core/method/methods.h"
+#include "core/matte/row_part.h"
 #include "core/pattern/plan.h"
 #include "solver/methods.h"
 #include "solver/ramp/video_layout.h"
 #include "solver/worker/parallel_solve.h"
+#include "solver/worker/vector_target.h"
 #include "solver/worker/video_solve.h"
 
 namespace glasswing {
 namespace {
 
 struct Solve {
-  std::string archive, matte, method = "gaussian";
+  std::string archive, matte, rows, method = "gaussian";
   std::vector<std::string> settings;
   int threads = 0;
   bool as_recorded = false;
 };
 
+// Part `number` of `of` equal ones.
+struct Share {
+  int number = 1, of = 1;
+};
+
+absl::StatusOr<std::optional<Share>> share_of(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  const std::pair<std::string, std::string> words = absl::StrSplit(text, absl::MaxSplits('/', 1));
+  Share share;
+  if (absl::SimpleAtoi(words.first, &share.number) && absl::SimpleAtoi(words.second, &share.of) &&
+      share.number >= 1 && share.number <= share.of)
+    return share;
+  return absl::InvalidArgumentError(
+      fmt::format("--rows is \"{}\"; it must be K/N, part K of N, such as 3/8 with K from 1 to N", text));
+}
+
+// The part's share of `count` rows, or frames.
+absl::StatusOr<RowRange> range_of(const Share& share, int count, std::string_view what) {
+  if (share.of > count) {
+    return absl::InvalidArgumentError(
+        fmt::format("--rows is {}/{}; the archive has {} {}, so that N must be 1 to {}", share.number,
+                    share.of, count, what, count));
+  }
+  const auto begin_of = [&](int number) {
+    return static_cast<int>(std::int64_t{count} * (number - 1) / share.of);
+  };
+  const int first = begin_of(share.number);
+  return RowRange{.first = first, .count = begin_of(share.number + 1) - first};
+}
+
 // Writes a matte per frame: 0000.exr and so on. Goes on past frames that cannot be solved, and returns the
 // first of their errors.
-absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& archive, const Solve& solve) {
+absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& archive, const Solve& solve,
+                              const Share& share) {
   const v1::CaptureManifest& manifest = archive.manifest();
   GW_ASSIGN_OR_RETURN(const VideoLayout layout, lay_out_video(manifest));
-  const int count = static_cast<int>(layout.frames.size());
+  GW_ASSIGN_OR_RETURN(const RowRange frames,
+                      range_of(share, static_cast<int>(layout.frames.size()), "frames"));
   const ReadFrame read = [&](int frame) -> absl::StatusOr<std::vector<std::uint16_t>> {
     GW_ASSIGN_OR_RETURN(const FrameSamples whole, archive.read(frame, 0, manifest.camera().height_px()));
     return std::vector<std::uint16_t>(whole.samples.begin(), whole.samples.end());
   };
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> source, read_ahead(manifest, 0, count, read));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> source,
+                      read_ahead(manifest, frames.first, frames.count, read));
   std::error_code failed;
   std::filesystem::create_directories(solve.matte, failed);
   if (failed)
@@ -49,16 +88,17 @@ absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& ar
         fmt::format("{}: it must be a directory: {}", solve.matte, failed.message()));
   const bool watched = ::isatty(STDERR_FILENO) != 0;
   absl::Status refused;  // the first of them
-  const absl::Status status =
-      solve_video(method, *source, 0, count, solve.threads, {},
-                  [&](int frame, const absl::StatusOr<Matte>& matte) -> absl::Status {
-                    refused.Update(matte.status());
-                    if (!matte.ok()) return absl::OkStatus();
-                    GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(*matte));
-                    if (watched) std::cerr << fmt::format("\rsolved {} of {} frames", frame + 1, count);
-                    return write_file_durably(
-                        std::filesystem::path(solve.matte) / fmt::format("{:04}.exr", frame), bytes);
-                  });
+  const absl::Status status = solve_video(
+      method, *source, frames.first, frames.count, solve.threads, {},
+      [&](int frame, const absl::StatusOr<Matte>& matte) -> absl::Status {
+        refused.Update(matte.status());
+        if (!matte.ok()) return absl::OkStatus();
+        GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(*matte));
+        if (watched)
+          std::cerr << fmt::format("\rsolved {} of {} frames", frame - frames.first + 1, frames.count);
+        return write_file_durably(std::filesystem::path(solve.matte) / fmt::format("{:04}.exr", frame),
+                                  bytes);
+      });
   if (watched) std::cerr << "\n";
   GW_RETURN_IF_ERROR(status);
   return refused;
@@ -70,24 +110,36 @@ absl::Status solve(const Solve& solve) {
     GW_ASSIGN_OR_RETURN(const auto option, parse_setting(setting));
     options[option.first] = option.second;
   }
+  GW_ASSIGN_OR_RETURN(const std::optional<Share> share, share_of(solve.rows));
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> video, make_video_method(solve.method, options));
   if (video != nullptr) {
     GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
-    return solve_each_frame(*video, *archive, solve);
+    return solve_each_frame(*video, *archive, solve, share.value_or(Share()));
   }
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(solve.method, options));
   GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
+  std::optional<RowRange> rows;
+  if (share) {
+    GW_ASSIGN_OR_RETURN(rows, range_of(*share, archive->manifest().camera().height_px(), "rows"));
+  }
   const bool watched = ::isatty(STDERR_FILENO) != 0;
   const auto progress = [&](double part) {
     if (watched) std::cerr << fmt::format("\rsolved {:3.0f} %", 100.0 * part);
   };
-  GW_ASSIGN_OR_RETURN(const Matte matte,
-                      solve_archive(*method, *archive, solve.threads, progress, !solve.as_recorded));
+  GW_ASSIGN_OR_RETURN(Matte matte,
+                      solve_archive(*method, *archive, solve.threads, progress, !solve.as_recorded, rows));
   if (watched) std::cerr << "\n";
   for (const std::string& warning : matte.metadata.warnings())
     std::cerr << fmt::format("warning: {}\n", warning);
   if (const std::string flagged = flagged_text(count_pixels(matte)); !flagged.empty())
     std::cerr << flagged << "\n";
+  if (rows) {
+    mark_part({.archive = archive_digest(archive->manifest()),
+               .computes = computes(solve.method),
+               .vectors = vector_target(),
+               .as_recorded = solve.as_recorded},
+              matte.metadata);
+  }
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
   return write_file_durably(solve.matte, bytes);
 }
@@ -108,12 +160,21 @@ void add_solve_command(CLI::App& app, DaemonOptions& daemon) {
       options += help_entry(std::string(option.name), description_of(option));
     options += "\n";
   }
-  command.footer(options);
+  command.footer(options +
+                 "Examples:\n"
+                 "  glasswing-solver solve archives/vase vase.exr --set modes=2\n"
+                 "  glasswing-solver solve archives/vase --rows 3/8 -o part-3.exr");
   command.add_option("archive", arguments->archive, "folder with manifest.json")->required();
   command
-      .add_option("matte", arguments->matte,
+      .add_option("-o,--output,matte", arguments->matte,
                   "EXR file to write; a directory for a file a frame of a video (method ramp)")
       ->required();
+  command
+      .add_option(
+          "--rows", arguments->rows,
+          "solve part K of N equal ranges of rows, such as 3/8; glasswing matte join makes the matte of "
+          "all N. Of a video: of its frames, whose mattes lie side by side in the directory")
+      ->type_name("K/N");
   command.add_option("--method", arguments->method, "how (docs/methods.md)")->capture_default_str();
   command.add_option("--set", arguments->settings, "NAME=VALUE, an option of the method");
   command.add_flag("--as-recorded", arguments->as_recorded,

@@ -1,3 +1,5 @@
+#include "client/exchange/export.h"
+
 #include <fmt/format.h>
 
 #include <iostream>
@@ -103,34 +105,42 @@ bool is_being_captured(v1::SessionState state) {
          state == v1::SESSION_STATE_PAUSED;
 }
 
-absl::Status export_archive(const Client& client, const std::string& name, const std::string& directory) {
-  const Peer<v1::SessionService> server(client.server_title(), client.server);
-  v1::GetSessionRequest get;
-  get.set_name(name);
-  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
-                      call(server, &v1::SessionService::Stub::GetSession, get));
-  const v1::Session& session = found.session();
+}  // namespace
+
+absl::StatusOr<v1::CaptureManifest> export_archive(const v1::Session& session, const std::string& directory) {
   if (is_being_captured(session.state())) {
-    return absl::FailedPreconditionError(fmt::format(
-        "session {} is {}; it must be captured before it is exported", name, state_name(session.state())));
+    return absl::FailedPreconditionError(
+        fmt::format("session {} is {}; it must be captured before it is exported", session.name(),
+                    state_name(session.state())));
   }
   const Peer<v1::ArchiveService> archive("camera node at " + session.archive_address(),
                                          session.archive_address());
   v1::GetManifestRequest request;
-  request.set_session(name);
-  GW_ASSIGN_OR_RETURN(const v1::GetManifestResponse answer,
+  request.set_session(session.name());
+  GW_ASSIGN_OR_RETURN(v1::GetManifestResponse answer,
                       call(archive, &v1::ArchiveService::Stub::GetManifest, request, kLongCallTimeout));
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<PartialDirectory> partial, PartialDirectory::create(directory));
   GW_RETURN_IF_ERROR(DiskRoom(partial->path()).check(session.archive_bytes()));
   GW_RETURN_IF_ERROR(write_frames(archive, answer.manifest(), partial->path()));
   GW_RETURN_IF_ERROR(partial->keep(answer.manifest()));
+  return std::move(*answer.mutable_manifest());
+}
+
+namespace {
+
+absl::Status export_session(const Client& client, const std::string& name, const std::string& directory) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  v1::GetSessionRequest get;
+  get.set_name(name);
+  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
+                      call(server, &v1::SessionService::Stub::GetSession, get));
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, export_archive(found.session(), directory));
   if (client.json) {
     const nlohmann::ordered_json exported = {
-        {"session", name}, {"directory", directory}, {"frames", answer.manifest().frames_size()}};
+        {"session", name}, {"directory", directory}, {"frames", manifest.frames_size()}};
     std::cout << exported.dump(1) << "\n";
   } else {
-    std::cout << fmt::format("{}: {} frames of session {}\n", directory, answer.manifest().frames_size(),
-                             name);
+    std::cout << fmt::format("{}: {} frames of session {}\n", directory, manifest.frames_size(), name);
   }
   return absl::OkStatus();
 }
@@ -150,7 +160,7 @@ void add_export_command(CLI::App& app, Client& client) {
   command.add_option("directory", arguments->directory, "the directory to write, new or empty")->required();
   command.callback([&client, arguments] {
     client.run = [&client, arguments] {
-      return export_archive(client, arguments->session, arguments->directory);
+      return export_session(client, arguments->session, arguments->directory);
     };
   });
 }

@@ -11,6 +11,7 @@ namespace glasswing {
 void add_sessions_command(CLI::App& app, Client& client);
 void add_show_command(CLI::App& app, Client& client);
 void add_watch_command(CLI::App& app, Client& client);
+void add_wait_command(CLI::App& app, Client& client);
 void add_steps_command(CLI::App& app, Client& client);
 void add_control_commands(CLI::App& app, Client& client);  // pause, resume, cancel
 void add_retake_command(CLI::App& app, Client& client);
@@ -24,7 +25,6 @@ void add_plan_estimate_command(CLI::App& plan, Client& client);
 void add_capture_command(CLI::App& app, Client& client);
 void add_replicate_command(CLI::App& app, Client& client);
 void add_fsck_command(CLI::App& app, Client& client);
-void add_solve_command(CLI::App& app, Client& client);
 void add_fetch_command(CLI::App& app, Client& client);
 
 }  // namespace glasswing

@@ -16,6 +16,7 @@ void add_matte_resize_command(CLI::App& matte, CommandLine& command_line);
 void add_matte_flip_command(CLI::App& matte, CommandLine& command_line);
 void add_matte_grade_command(CLI::App& matte, CommandLine& command_line);
 void add_matte_merge_command(CLI::App& matte, CommandLine& command_line);
+void add_matte_join_command(CLI::App& matte, CommandLine& command_line);
 void add_matte_fill_command(CLI::App& matte, CommandLine& command_line);
 void add_matte_deliver_command(CLI::App& matte, CommandLine& command_line);
 

@@ -4,7 +4,8 @@ namespace glasswing {
 
 void add_matte_command(CLI::App& app, CommandLine& command_line) {
   CLI::App& matte = *app.add_subcommand(
-      "matte", "Edit mattes: crop, resize, flip, grade, merge or fill them; deliver them to other programs.");
+      "matte",
+      "Edit mattes: crop, resize, flip, grade, merge, join or fill them; deliver them to other programs.");
   matte.require_subcommand(1);
   matte.footer(
       "A composite of the edited matte is the edited composite of the matte. The file says what was done to "
@@ -18,6 +19,7 @@ void add_matte_command(CLI::App& app, CommandLine& command_line) {
   add_matte_flip_command(matte, command_line);
   add_matte_grade_command(matte, command_line);
   add_matte_merge_command(matte, command_line);
+  add_matte_join_command(matte, command_line);
   add_matte_fill_command(matte, command_line);
   add_matte_deliver_command(matte, command_line);
 }

@@ -232,6 +232,11 @@ absl::Status check_method(std::string_view name) {
       fmt::format("method is \"{}\"; it must be one of: {}", name, fmt::join(names, ", ")));
 }
 
+std::string computes(const std::string& method) {
+  const std::map<std::string, int>& versions = method_versions();
+  return fmt::format("{}/{} matte/{}", method, versions.at(method), versions.at("matte"));
+}
+
 std::span<const MethodOption> options_of(std::string_view method) {
   const std::span<const SolvingMethod> all = solving_methods();
   const auto found = std::ranges::find(all, method, &SolvingMethod::name);

@@ -47,6 +47,9 @@ absl::Status check_method(std::string_view name);
 std::span<const MethodOption> options_of(std::string_view method);
 // Of all methods, and of how mattes are written ("matte").
 const std::map<std::string, int>& method_versions();
+// The versions of a method and of the matte's file, which all tiles and parts of one matte share:
+// "gaussian/1 matte/1".
+std::string computes(const std::string& method);
 
 // What the option takes: "a whole number, 1 to 8", "0 or 1", "adaptive, perona-malik or none".
 std::string range_of(const MethodOption& option);

@@ -61,6 +61,7 @@ constexpr MethodAccess kTable[] = {
     {"FleetService/GetFleet", kPeople},
     {"LiveService/RunLive", kOperator, kAudited},
     {"LogService/ListWarnings", kLookers},
+    {"MatteService/PutMatte", kOperator, kAudited},
     {"NodeService/Register", kNodes},
     {"NodeService/ListNodes", kPeople},
     {"NodeService/GetClockHistory", kPeople},

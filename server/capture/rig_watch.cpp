@@ -9,6 +9,7 @@
 
 #include "core/pattern/stimulus_kind.h"
 #include "server/capture/patch_learning.h"
+#include "server/sessions/session_state.h"
 
 namespace glasswing {
 namespace {
@@ -214,16 +215,14 @@ void RigWatch::tell_place(const Change& change, const std::string& session, v1::
     return;
   }
   if (change.over) {
-    told.set_what(fmt::format(
-        "between steps {} everything lay {}: the camera, the monitor or the table was touched, and came back",
-        steps_text(change.good, *change.over), shift));
+    told.set_what(fmt::format("between steps {} everything lay {}: {}, and came back",
+                              steps_text(change.good, *change.over), shift, kTouched));
     lose(change.good, *change.over, false, told);
     told.set_advice("capture these steps again: glasswing retake " + session);
     return;
   }
-  told.set_what(
-      fmt::format("between steps {} everything moved {}: the camera, the monitor or the table was touched",
-                  steps_text(change.good, change.bad), shift));
+  told.set_what(fmt::format("between steps {} everything moved {}: {}", steps_text(change.good, change.bad),
+                            shift, kTouched));
   const bool all = by_hand_ && change.object;
   lose(0, change.bad, true, told);
   if (all) {

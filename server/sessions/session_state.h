@@ -26,6 +26,8 @@ inline constexpr std::string_view kWaitsForNode = "waiting", kWaitsForRoom = "wa
                                   kWaitsForStore = "waiting for the job store";
 // How the reason of a capture begins that shows pictures and proves nothing any more; then why.
 inline constexpr std::string_view kStalled = "stalled";
+// In RigChange.what of a rig that somebody knocked against.
+inline constexpr std::string_view kTouched = "the camera, the monitor or the table was touched";
 // The reason of a capture that is being stopped.
 inline constexpr std::string_view kPausing = "being paused", kCancelling = "being cancelled";
 

@@ -34,6 +34,7 @@ absl::Status SessionStore::Edit::insert(const v1::Session& session, const std::s
 absl::Status SessionStore::Edit::change(const v1::Session& session) {
   GW_RETURN_IF_ERROR(store_.catalogue_->update(session));
   store_.live_.erase(session.name());
+  if (store_.observer_) store_.observer_(session);
   announce();
   return absl::OkStatus();
 }
@@ -44,6 +45,7 @@ void SessionStore::Edit::show(const v1::Session& session) {
   live = session;
   live.clear_waiting();
   if (!session.reason().empty()) live.mutable_waiting()->set_since(since);
+  if (store_.observer_) store_.observer_(session);
   announce();
 }
 
@@ -156,6 +158,11 @@ absl::StatusOr<v1::Session> SessionStore::annotate(const v1::AnnotateSessionRequ
   GW_RETURN_IF_ERROR(catalogue_->annotate(request).status());
   edit.announce();
   return edit.find(request.name());
+}
+
+void SessionStore::observe(std::function<void(const v1::Session&)> observer) {
+  const std::lock_guard lock(mutex_);
+  observer_ = std::move(observer);
 }
 
 std::int64_t SessionStore::wait_change(std::int64_t seen, std::chrono::milliseconds timeout) {

@@ -17,6 +17,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -98,6 +99,10 @@ class SessionStore {
     return catalogue_->drop_replica(name, node);
   }
 
+  // Calls `observer` with every change, durable or shown, under the Edit: it must be quick, and call nothing
+  // of the store. One at a time; null: none.
+  void observe(std::function<void(const v1::Session&)> observer);
+
   // Waits until any session changes after change number `seen` (0: none yet), at most `timeout`; returns the
   // number of the last change.
   std::int64_t wait_change(std::int64_t seen, std::chrono::milliseconds timeout);
@@ -109,6 +114,7 @@ class SessionStore {
   std::mutex mutex_;  // guards all below; held by an Edit
   std::condition_variable changed_;
   std::int64_t change_count_ = 0;
+  std::function<void(const v1::Session&)> observer_;
   std::map<std::string, v1::Session> live_;
   std::set<std::string> deleting_;
   std::multiset<std::string> replicating_;

@@ -22,7 +22,8 @@ std::string temporary_name() {
 
 }  // namespace
 
-ReceivedMatte::ReceivedMatte(const fs::path& directory) : path_(directory / temporary_name()) {
+ReceivedMatte::ReceivedMatte(const fs::path& directory, std::int64_t max_bytes)
+    : path_(directory / temporary_name()), max_bytes_(max_bytes) {
   written_.start();
 }
 
@@ -35,8 +36,8 @@ absl::Status ReceivedMatte::add(std::string_view chunk) {
   GW_RETURN_IF_ERROR(status_);
   size_bytes_ += static_cast<std::int64_t>(chunk.size());
   const auto write = [&]() -> absl::Status {
-    if (size_bytes_ > kMax_bytes)
-      return absl::InvalidArgumentError(fmt::format("the matte is larger than {} bytes", kMax_bytes));
+    if (size_bytes_ > max_bytes_)
+      return absl::InvalidArgumentError(fmt::format("the matte is larger than {} bytes", max_bytes_));
     if (writer_ == nullptr) {
       GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(path_));
       writer_ = std::make_unique<FileWriter>(std::move(writer));
@@ -54,11 +55,14 @@ absl::Status ReceivedMatte::check(const std::string& announced) const {
       fmt::format("the matte's checksum is {}, announced was {}", checksum(), announced));
 }
 
-absl::StatusOr<MatteOutline> ReceivedMatte::verify() const {
+absl::StatusOr<MatteOutline> ReceivedMatte::verify(PixelCount* counted) const {
   GW_ASSIGN_OR_RETURN(const PositionedFile file, PositionedFile::open(path_));
   GW_ASSIGN_OR_RETURN(const PackedMatteReader reader, PackedMatteReader::open(file));
   const MatteOutline& outline = reader.outline();
-  GW_RETURN_IF_ERROR(reader.for_rows(0, outline.height_px, [](const Matte&) { return absl::OkStatus(); }));
+  GW_RETURN_IF_ERROR(reader.for_rows(0, outline.height_px, [&](const Matte& rows) {
+    if (counted != nullptr) *counted += count_pixels(rows);
+    return absl::OkStatus();
+  }));
   return outline;
 }
 

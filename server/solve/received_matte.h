@@ -21,11 +21,11 @@ class ReceivedMatte {
   static constexpr std::int64_t kMax_bytes = 256 << 20;
 
   // In a temporary file in `directory`, which exists.
-  explicit ReceivedMatte(const std::filesystem::path& directory);
+  explicit ReceivedMatte(const std::filesystem::path& directory, std::int64_t max_bytes = kMax_bytes);
   ~ReceivedMatte();  // removes the file unless it has been placed
   ReceivedMatte(ReceivedMatte&&) = default;
 
-  // After an error nothing more is written. INVALID_ARGUMENT: more than kMax_bytes. RESOURCE_EXHAUSTED: the
+  // After an error nothing more is written. INVALID_ARGUMENT: more than `max_bytes`. RESOURCE_EXHAUSTED: the
   // disk is full.
   absl::Status add(std::string_view chunk);
   std::string checksum() const { return written_.text(); }
@@ -33,7 +33,7 @@ class ReceivedMatte {
   absl::Status check(const std::string& announced) const;
   // Reads every row as whoever reads the matte will: its checksum, and values that can be. DATA_LOSS: it is
   // no matte, or is damaged. Other errors are the disk's.
-  absl::StatusOr<MatteOutline> verify() const;
+  absl::StatusOr<MatteOutline> verify(PixelCount* counted = nullptr) const;
   absl::Status flush();
   // Gives it its final name, replacing a file of that name; durable after flush() before and
   // flush_directory().
@@ -41,6 +41,7 @@ class ReceivedMatte {
 
  private:
   std::filesystem::path path_;
+  std::int64_t max_bytes_;
   std::unique_ptr<FileWriter> writer_;  // null: nothing was written, or it is placed
   RunningChecksum written_;
   std::int64_t size_bytes_ = 0;

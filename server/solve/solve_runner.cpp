@@ -6,10 +6,12 @@
 #include <algorithm>
 
 #include "core/base/fault_point.h"
+#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/mosaic.h"
 #include "core/matte/packed_matte.h"
 #include "core/method/methods.h"
+#include "core/matte/row_part.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/video_frames.h"
 #include "glasswing/v1/tile_work.pb.h"
@@ -65,6 +67,33 @@ absl::StatusOr<std::vector<TileRange>> first_tiles(const v1::Session& session,
   return absl::FailedPreconditionError(
       fmt::format("session \"{}\" has no frame of the ramp with the object, which method \"{}\" needs",
                   session.name(), session.method()));
+}
+
+// What a pixel of a matte's file has at most, packed or not, and its headers.
+constexpr std::int64_t kMaxPixelBytes = 1024, kMaxHeaderBytes = 64 << 20;
+
+// INVALID_ARGUMENT: the file is not the whole matte that the session's solvers would make.
+// FAILED_PRECONDITION: it was computed by another version.
+absl::Status check_put(const v1::PutMatteRequest& header, const MatteOutline& outline,
+                       const v1::Session& session) {
+  const v1::MatteMetadata& made = outline.metadata;
+  GW_RETURN_IF_ERROR(check_method(made.method()));
+  if (made.method() == kRampMethod)
+    return absl::InvalidArgumentError("a matte of method \"ramp\" is one of a video; it must be a still's");
+  GW_RETURN_IF_ERROR(
+      OptionValues::read(made.method(), {made.options().begin(), made.options().end()}).status());
+  if (made.session() != session.name() || made.edits_size() > 0 || made.has_draft() ||
+      made.sampling_px() > 1) {
+    return absl::InvalidArgumentError(fmt::format(
+        "the matte is of session \"{}\"{}; it must be the solved one of session \"{}\", as it was written",
+        made.session(), made.session() == session.name() ? ", but was edited or is a draft" : "",
+        session.name()));
+  }
+  GW_RETURN_IF_ERROR(check_rows(outline, {.first = 0, .count = made.height_px()}, session));
+  if (header.computes() == computes(made.method())) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("the matte was computed by {}; this server expects {}: install the same version everywhere",
+                  header.computes(), computes(made.method())));
 }
 
 // False also of a damaged file, which whoever reads it says.
@@ -243,6 +272,68 @@ absl::StatusOr<v1::Session> SolveRunner::begin(SessionStore::Edit& edit, v1::Ses
   // Last: had the server ended before this, the session would still have its old job.
   if (job_before != 0) GW_RETURN_IF_ERROR(stores_.jobs.remove(job_before));
   spdlog::info("solving session={} method={} job={}", session.name(), session.method(), job);
+  return session;
+}
+
+absl::StatusOr<ReceivedMatte> SolveRunner::begin_put(const v1::PutMatteRequest& header) {
+  GW_ASSIGN_OR_RETURN(const v1::Session session, stores_.sessions.find(header.name()));
+  GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_SOLVE));
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, nodes_));
+  if (const std::string own = archive_digest(manifest); own != header.archive()) {
+    return absl::FailedPreconditionError(
+        fmt::format("the matte was solved from the archive {}; session \"{}\" has the archive {}: export it "
+                    "again and solve that",
+                    header.archive(), session.name(), own));
+  }
+  GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.arriving(session.name()));
+  return ReceivedMatte(directory, session.pixel_count() * kMaxPixelBytes + kMaxHeaderBytes);
+}
+
+absl::StatusOr<v1::Session> SolveRunner::put(const v1::PutMatteRequest& header, ReceivedMatte matte) {
+  GW_RETURN_IF_ERROR(matte.check(header.checksum()));
+  PixelCount pixels;
+  GW_ASSIGN_OR_RETURN(const MatteOutline outline, matte.verify(&pixels));
+  GW_RETURN_IF_ERROR(matte.flush());
+  SessionStore::Edit edit = stores_.sessions.edit();
+  GW_ASSIGN_OR_RETURN(v1::Session session, edit.find(header.name()));
+  GW_RETURN_IF_ERROR(edit.check_stays(session.name()));
+  GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_SOLVE));
+  GW_RETURN_IF_ERROR(check_put(header, outline, session));
+  const std::int64_t job_before = session.job();
+  if (session.state() == v1::SESSION_STATE_DONE) GW_RETURN_IF_ERROR(edit.keep_finished(session));
+  // A solve without a job: a server that ends before the next change cancels it when it starts again.
+  session.set_state(v1::SESSION_STATE_SOLVING);
+  session.clear_job();
+  session.clear_reason();
+  session.clear_solve_follows();
+  session.set_method(outline.metadata.method());
+  *session.mutable_options() = outline.metadata.options();
+  session.set_solve_seconds(header.seconds());
+  session.clear_solved_frames();
+  clear_failures(session);
+  count_tiles(
+      {.object_pixels = pixels.object, .flagged_pixels = pixels.flagged, .unsolved_pixels = pixels.unsolved},
+      session);
+  GW_RETURN_IF_ERROR(edit.change(session));
+  const absl::Status placed = [&]() -> absl::Status {
+    const fs::path next = stores_.mattes.next(session.name());
+    GW_RETURN_IF_ERROR(stores_.mattes.drop_next(session.name()));
+    GW_RETURN_IF_ERROR(matte.place(next));
+    return flush_directory(next.parent_path());
+  }();
+  if (!placed.ok()) {
+    (void)cancel(edit, session, std::string(placed.message()));
+    return placed;
+  }
+  fault_point("matte put");
+  session.set_state(v1::SESSION_STATE_DONE);
+  session.set_matte_ready(true);
+  GW_RETURN_IF_ERROR(edit.change(session));
+  GW_RETURN_IF_ERROR(edit.drop_finished(session.name()));
+  GW_RETURN_IF_ERROR(stores_.mattes.finish(session.name()));
+  if (job_before != 0) GW_RETURN_IF_ERROR(stores_.jobs.remove(job_before));
+  spdlog::info("matte put session={} method={} seconds={:.1f}", session.name(), session.method(),
+               session.solve_seconds());
   return session;
 }
 

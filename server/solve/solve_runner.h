@@ -13,10 +13,12 @@
 
 #include "core/matte/matte_region.h"
 #include "glasswing/v1/archive.pb.h"
+#include "glasswing/v1/matte_service.pb.h"
 #include "glasswing/v1/session_service.pb.h"
 #include "glasswing/v1/work_service.pb.h"
 #include "server/rig/node_registry.h"
 #include "server/solve/matte_assembly.h"
+#include "server/solve/received_matte.h"
 #include "server/solve/solve_clock.h"
 #include "server/solve/solve_progress.h"
 #include "server/solve/solve_session.h"
@@ -43,6 +45,11 @@ class SolveRunner {
 
   absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
   absl::Status complete_survey(const v1::CompleteSurveyRequest& request);
+
+  // Of a matte that was solved without tiles: where its file goes as it comes, and the session with it. What
+  // matte_service.proto lists.
+  absl::StatusOr<ReceivedMatte> begin_put(const v1::PutMatteRequest& header);
+  absl::StatusOr<v1::Session> put(const v1::PutMatteRequest& header, ReceivedMatte matte);
 
   // The session is being solved, or its solve is paused or failed (session_state.h). All return its new
   // record: cancel() that of its earlier solve, if one finished, else that of its capture, with `reason`

@@ -30,11 +30,6 @@ void count_tiles(const JobCounts& counts, v1::Session& session) {
   session.set_unsolved_pixel_count(counts.unsolved_pixels);
 }
 
-std::string computes(const std::string& method) {
-  const std::map<std::string, int>& versions = method_versions();
-  return fmt::format("{}/{} matte/{}", method, versions.at(method), versions.at("matte"));
-}
-
 TileAttempt attempt_of(const v1::TileLease& lease) {
   return {.job = lease.job(), .tile = lease.tile(), .attempt = lease.attempt()};
 }

@@ -33,9 +33,6 @@ void count_tiles(const JobCounts& counts, v1::Session& session);
 // Sets which frames of a video have mattes by now.
 void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& session);
 
-// The version that solvers must compute to get tiles of this method, and that of the matte's file:
-// "gaussian/1 matte/1".
-std::string computes(const std::string& method);
 TileAttempt attempt_of(const v1::TileLease& lease);
 
 bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number);

@@ -120,7 +120,8 @@ absl::StatusOr<std::int64_t> MatteFiles::remove(const std::string& session) cons
   };
   for (const fs::path& path : {finished(session), next(session), draft(session)}) remove_file(path);
   for (const fs::path& directory : {finished(session, 0).parent_path(), next(session, 0).parent_path(),
-                                    data_ / "mattes" / (session + "+old"), data_ / "tiles" / session}) {
+                                    data_ / "mattes" / (session + "+old"), data_ / "tiles" / session,
+                                    data_ / "tiles" / (session + "+put")}) {
     if (error || !fs::is_directory(directory, unknown)) continue;
     for (const fs::directory_entry& entry : fs::directory_iterator(directory, error))
       remove_file(entry.path());

@@ -6,6 +6,7 @@
 //                             those of the current solve, which replace the above when it finishes
 //   mattes/SESSION+draft.exr  the newest draft, made while the session was captured; until a solve finishes
 //   tiles/SESSION/            parts of the current solve, each named after the checksum of its bytes
+//   tiles/SESSION+put/        a matte that was solved elsewhere, while it arrives
 //
 // Session names contain no '+'.
 #pragma once
@@ -42,6 +43,10 @@ class MatteFiles {
   std::map<std::string, std::filesystem::path> drafts() const;
   // The directory exists when this returns OK.
   absl::StatusOr<std::filesystem::path> tiles(const std::string& session) const;
+  // The same, of a matte that arrives whole.
+  absl::StatusOr<std::filesystem::path> arriving(const std::string& session) const {
+    return tiles(session + "+put");
+  }
   // A file for a matte that is only sent, on the same disk.
   absl::StatusOr<PositionedFile> unnamed() const { return PositionedFile::create_unnamed(data_); }
   // Makes the directory for the current solve's frames.

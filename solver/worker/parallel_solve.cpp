@@ -179,18 +179,22 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
   return solve_bands(stack.row_count, stack.column_step, read, thread_count, std::move(stop), progress);
 }
 
-absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const ReadStack& read, int thread_count,
+absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const ReadStack& read, const RowRange& rows,
+                                                    int thread_count,
                                                     const std::function<void(double)>& progress) const {
-  const int height = manifest_.camera().height_px();
+  const int height = manifest_.camera().height_px(), margin = margin_rows();
+  const int top = std::max(rows.first - margin, 0),
+            bottom = std::min(rows.first + rows.count + margin, height);
   const auto read_band = [&](int first, int count) -> absl::StatusOr<FrameStack> {
     const int reach = interpolated_ ? kInterpolationReach : 0;
-    const int begin = std::max(first - reach, 0), end = std::min(first + count + reach, height);
+    const int begin = std::max(top + first - reach, 0), end = std::min(top + first + count + reach, height);
     GW_ASSIGN_OR_RETURN(FrameStack stack, read(begin, end - begin));
     GW_RETURN_IF_ERROR(check_rows(stack, manifest_, frames_needed()));
     if (!interpolated_) return stack;
-    return interpolated_rows(stack, frames_needed(), first - begin, count);
+    return interpolated_rows(stack, frames_needed(), top + first - begin, count);
   };
-  return solve_bands(height, 1, read_band, thread_count, {}, progress);
+  GW_ASSIGN_OR_RETURN(Matte matte, solve_bands(bottom - top, 1, read_band, thread_count, {}, progress));
+  return matte.height_px() == rows.count ? std::move(matte) : rows_of(matte, rows.first - top, rows.count);
 }
 
 absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step, const ReadStack& read,
@@ -283,7 +287,8 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
 }
 
 absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count,
-                                    const std::function<void(double)>& progress, bool correct) {
+                                    const std::function<void(double)>& progress, bool correct,
+                                    const std::optional<RowRange>& rows) {
   const v1::CaptureManifest& manifest = archive.manifest();
   const RowReader read_row = rows_of(archive);
   GW_ASSIGN_OR_RETURN(const auto brightness, measure_brightness_drift(manifest, read_row));
@@ -300,14 +305,15 @@ absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& a
     stack.rows.resize(static_cast<size_t>(manifest.frames_size()));
     const auto owner = std::make_shared<std::vector<FrameSamples>>();
     for (const int frame : prepared.frames_needed()) {
-      GW_ASSIGN_OR_RETURN(FrameSamples rows, archive.read(frame, first_row, row_count));
-      stack.rows[static_cast<size_t>(frame)] = rows.samples;
-      owner->push_back(std::move(rows));
+      GW_ASSIGN_OR_RETURN(FrameSamples own, archive.read(frame, first_row, row_count));
+      stack.rows[static_cast<size_t>(frame)] = own.samples;
+      owner->push_back(std::move(own));
     }
     stack.owner = owner;
     return stack;
   };
-  return prepared.solve_in_bands(read, thread_count, progress);
+  const RowRange all{.first = 0, .count = manifest.camera().height_px()};
+  return prepared.solve_in_bands(read, rows.value_or(all), thread_count, progress);
 }
 
 absl::StatusOr<FrameFaults> faults_of_archive(const Method& method, const MappedArchive& archive) {

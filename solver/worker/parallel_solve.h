@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <vector>
 
@@ -16,6 +17,11 @@
 #include "solver/method/method.h"
 
 namespace glasswing {
+
+// Rows of the picture.
+struct RowRange {
+  int first = 0, count = 0;
+};
 
 // A method, the light and the shading of one archive: everything that its tiles share. Thread-safe.
 class PreparedSolve {
@@ -45,10 +51,10 @@ class PreparedSolve {
   absl::StatusOr<Matte> solve_in_bands(const FrameStack& stack, int thread_count = 0,
                                        std::stop_token stop = {},
                                        const std::function<void(double)>& progress = nullptr) const;
-  // The same of the whole picture, whose rows of the frames needed are read band by band. `read` is called
-  // from several threads at a time.
+  // The matte of these rows of the picture, all of them right; the frames needed are read band by band.
+  // `read` is called from several threads at a time.
   using ReadStack = std::function<absl::StatusOr<FrameStack>(int first_row, int row_count)>;
-  absl::StatusOr<Matte> solve_in_bands(const ReadStack& read, int thread_count,
+  absl::StatusOr<Matte> solve_in_bands(const ReadStack& read, const RowRange& rows, int thread_count,
                                        const std::function<void(double)>& progress) const;
 
  private:
@@ -85,11 +91,11 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
                                      const FrameStack& stack, int thread_count = 0, std::stop_token stop = {},
                                      const std::function<void(double)>& progress = nullptr);
 
-// Solves a whole archive. No more of its compressed frames than the bands that are being solved is in memory.
-// `correct`: map_stage()'s.
+// Solves an archive, or these rows of it, which have the same bits then. No more of its compressed frames
+// than the bands that are being solved is in memory. `correct`: map_stage()'s.
 absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& archive, int thread_count = 0,
                                     const std::function<void(double)>& progress = nullptr,
-                                    bool correct = true);
+                                    bool correct = true, const std::optional<RowRange>& rows = std::nullopt);
 
 // What solve_archive() finds wrong with the frames.
 absl::StatusOr<FrameFaults> faults_of_archive(const Method& method, const MappedArchive& archive);

@@ -45,15 +45,17 @@ def _patient(plan: pathlib.Path) -> str:
     return plan.read_text().replace("hold_refreshes: 2", "hold_refreshes: 3").replace("retries: 10", "") + "\nretries: 100\n"
 
 
-def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.Path, size: str, scene: str = "crystal") -> None:
+def capture_archives(
+    plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.Path, size: str, scene: str = "crystal", more: tuple[str, ...] = ()
+) -> None:
     """Captures and exports plans on one simulated rig. `plans` maps each new directory, which also names the
-    session, to its plan."""
+    session, to its plan. `more`: options of the rig."""
     rig = [str(ROOT / "deploy/local-rig")]
     port = free_port(3)
     options = ["--data", str(work / f"capture-rig-{port}")]
     shown = {"stdout": subprocess.DEVNULL, "timeout": 600.0, "check": True}  # a large scene takes minutes
     environment = dict(os.environ, GLASSWING_BIN=str(BIN), GLASSWING_SERVER=f"127.0.0.1:{port}")
-    up = ["--port", str(port), "--solvers", "1", "--size", size, "--scene", scene]
+    up = ["--port", str(port), "--solvers", "1", "--size", size, "--scene", scene, *more]
     subprocess.run([*rig, "up", *options, *up], env=environment, **shown)  # type: ignore[call-overload]
     try:
         for directory, plan in plans.items():

@@ -12,7 +12,7 @@ from glasswing.v1 import node_service_pb2
 from lab import Lab, capture_archives, glasswing, until
 
 _METHODS = {"gaussian": "gaussian", "boxes": "hierarchical", "video": "ramp"}  # by session
-_VIDEO = """
+VIDEO = """
 method: "ramp"
 monitors { name: "back" }
 ramp { empty_frames: 4 frames: 24 }
@@ -55,7 +55,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         work = pathlib.Path(temporary)
         video = work / "video.txtpb"
-        video.write_text(_VIDEO)
+        video.write_text(VIDEO)
         archives = {name: work / name for name in _METHODS}
         plans = ROOT / "deploy/plans"
         still = {archives["gaussian"]: plans / "quick.txtpb", archives["boxes"]: plans / "hierarchical.txtpb"}

@@ -181,7 +181,7 @@ TEST_F(Completion, CandidatesComeFromTheCommandLineItself) {
 TEST_F(Completion, BashOffersWhatMayFollow) {
   EXPECT_EQ(bash("glasswing exp"), "export");
   EXPECT_EQ(bash("glasswing plan "), "make design check estimate");
-  EXPECT_EQ(bash("glasswing matte "), "crop resize flip grade merge fill deliver");
+  EXPECT_EQ(bash("glasswing matte "), "crop resize flip grade merge join fill deliver");
   EXPECT_EQ(bash("glasswing matte grade vase.exr --only "), "passing foreground");
   EXPECT_EQ(bash("glasswing matte merge va"), "vase.exr");
   EXPECT_EQ(bash("glasswing matte deliver vase.exr --ids va"), "vase.exr");

@@ -6,6 +6,7 @@
 
 #include "core/service/service.h"
 #include "server/services/fleet_service.h"
+#include "server/services/matte_service.h"
 #include "server/services/rig_service.h"
 #include "server/services/server.h"
 #include "server/services/session_service.h"
@@ -66,9 +67,10 @@ TEST(Limits, HoldForEveryMethodOfTheServer) {
     WorkServiceImpl work(*server);
     RigServiceImpl rig(*server);
     FleetServiceImpl fleet([&] { return server->fleet(); });
-    const auto host = ServiceHost::start({}, {&sessions, &nodes, &work, &rig, &fleet}).value();
+    MatteServiceImpl mattes(*server);
+    const auto host = ServiceHost::start({}, {&sessions, &nodes, &work, &rig, &fleet, &mattes}).value();
     int refused = 0;
-    for (const char* file : {"fleet", "node", "rig", "session", "work"}) {
+    for (const char* file : {"fleet", "matte", "node", "rig", "session", "work"}) {
       const pb::FileDescriptor& described = *pb::DescriptorPool::generated_pool()->FindFileByName(
           fmt::format("glasswing/v1/{}_service.proto", file));
       const pb::ServiceDescriptor& service = *described.service(0);

@@ -1,4 +1,4 @@
-// Reads the folder that `glasswing web` writes (client/pictures/web_matte.h, docs/web.md).
+// Reads the folder that `glasswing web` writes (core/web/web_matte.h, docs/web.md).
 import { BundleList } from "./bundles";
 import type { Drawable } from "./compositor";
 import { FootprintList } from "./footprints";

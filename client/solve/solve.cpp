@@ -2,11 +2,15 @@
 
 #include <algorithm>
 
+#include "core/cli/output.h"
+#include "core/cli/output_file.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/cli/settings.h"
-#include "client/sessions/commands.h"
 #include "client/sessions/watch.h"
+#include "client/solve/commands.h"
+#include "client/solve/put_parts.h"
+#include "client/solve/slurm.h"
 #include "core/base/status.h"
 #include "core/cli/help.h"
 #include "core/cli/output.h"
@@ -22,13 +26,33 @@ struct SolveArguments {
   std::string method;
   std::vector<std::string> options;
   bool watch = false;
+  std::string on;                  // a cluster; empty: the server's solvers
+  SlurmSolve slurm;                // what its options say
+  std::vector<std::string> parts;  // solved elsewhere
 };
 
+absl::Status take_parts(const Client& client, const SolveArguments& arguments) {
+  const UnfinishedFile matte("-");  // never finished
+  GW_ASSIGN_OR_RETURN(const v1::Session session,
+                      put_parts(client, arguments.session, {arguments.parts.begin(), arguments.parts.end()},
+                                matte.path(), 0.0));
+  print_session(session, client.json);
+  return absl::OkStatus();
+}
+
 absl::Status solve(const Client& client, const SolveArguments& arguments) {
+  if (!arguments.parts.empty()) return take_parts(client, arguments);
+  GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments.options));
+  if (!arguments.on.empty()) {
+    SlurmSolve on_slurm = arguments.slurm;
+    on_slurm.session = arguments.session;
+    on_slurm.method = arguments.method;
+    on_slurm.options = options;
+    return solve_on_slurm(client, on_slurm);
+  }
   v1::SolveSessionRequest request;
   request.set_name(arguments.session);
   request.set_method(arguments.method);
-  GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments.options));
   request.mutable_options()->insert(options.begin(), options.end());
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::SolveSessionResponse started,
@@ -58,6 +82,39 @@ std::string options_text(const SolveArguments& arguments) {
   return text;
 }
 
+// Of solves that need no solver of ours.
+void add_cluster_options(CLI::App& command, SolveArguments& arguments) {
+  CLI::Option* on =
+      command.add_option("--on", arguments.on, "solve in parts of rows, by an array of jobs of this cluster")
+          ->check(CLI::IsMember({"slurm"}));
+  SlurmSolve& slurm = arguments.slurm;
+  command.add_option("--parts", slurm.parts, "jobs of the array")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str()
+      ->needs(on);
+  command
+      .add_option("--directory", slurm.directory,
+                  "where parts and logs go, on a disk of all machines; default: glasswing-SESSION here")
+      ->check(output_directory())
+      ->needs(on);
+  command
+      .add_option("--archive", slurm.archive,
+                  "the session's archive on such a disk; default: it is exported into the directory")
+      ->check(CLI::ExistingDirectory)
+      ->needs(on);
+  command.add_option("--sbatch", slurm.sbatch, "an option of sbatch; may be repeated")
+      ->type_name("OPTION")
+      ->allow_extra_args(false)
+      ->needs(on);
+  command
+      .add_option("--from", arguments.parts,
+                  "take the matte of these parts, which glasswing-solver solve --rows wrote on any cluster")
+      ->type_name("FILE")
+      ->excludes(on)
+      ->excludes("--method")
+      ->excludes("--set");
+}
+
 }  // namespace
 
 void add_solve_command(CLI::App& app, Client& client) {
@@ -66,6 +123,8 @@ void add_solve_command(CLI::App& app, Client& client) {
       "Examples:\n  glasswing solve vase --watch\n"
       "  glasswing solve vase --method gaussian --set images=100\n"
       "  glasswing solve vase --method fringe --set modes=2\n"
+      "  glasswing solve vase --on slurm --parts 32 --sbatch=--partition=lab\n"
+      "  glasswing solve vase --from parts/part-*.exr\n"
       "  glasswing solve --help gaussian");
   auto arguments = std::make_shared<SolveArguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
@@ -76,6 +135,7 @@ void add_solve_command(CLI::App& app, Client& client) {
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
   command.add_flag("--watch", arguments->watch, "wait until it is done; any other outcome is a failure");
+  add_cluster_options(command, *arguments);
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return solve(client, *arguments); }; });
 }
