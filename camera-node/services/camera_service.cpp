@@ -102,8 +102,11 @@ absl::Status CameraServiceImpl::run(CameraCall& call, grpc::ServerWriter<Respons
 }
 
 absl::Status CameraServiceImpl::run_started(const CameraCall& call, size_t keep, const Take& take) {
-  const double rate_hz = camera_.describe().frame_rate_hz();
-  const nanoseconds silence = kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / rate_hz));
+  const v1::GetCameraResponse camera = camera_.describe();
+  const nanoseconds silence =
+      camera.on_demand()
+          ? nanoseconds::max()
+          : kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / camera.frame_rate_hz()));
   nanoseconds heard = monotonic_now();
   bool wanted = take(nullptr);
   while (wanted && !call.replaced && !call.is_gone()) {
@@ -131,10 +134,32 @@ grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::
   }));
 }
 
+grpc::Status CameraServiceImpl::TakePicture(grpc::ServerContext* context,
+                                            const v1::TakePictureRequest* request,
+                                            v1::TakePictureResponse* response) {
+  constexpr size_t kMaxWhat_bytes = 200;
+  if (request->what().size() > kMaxWhat_bytes) {
+    return to_grpc(absl::InvalidArgumentError(
+        fmt::format("what has {} bytes; it may have {}", request->what().size(), kMaxWhat_bytes)));
+  }
+  const auto take = [&]() -> absl::StatusOr<v1::TakePictureResponse> {
+    GW_RETURN_IF_ERROR(camera_.take_picture(request->what()));
+    v1::TakePictureResponse taken;
+    *taken.mutable_due() = camera_.describe().due();
+    return taken;
+  };
+  return answer(pictures_.run(*context, request->request_id(), take), *response);
+}
+
 grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
                                              const v1::StreamFramesRequest* request,
                                              grpc::ServerWriter<v1::StreamFramesResponse>* writer) {
-  const std::optional<Mosaic> mosaic = mosaic_of(camera_.describe().camera());
+  const v1::GetCameraResponse camera = camera_.describe();
+  if (camera.on_demand()) {
+    return to_grpc(absl::FailedPreconditionError(
+        "the camera takes a picture only when it is asked for one; a live matte needs a stream"));
+  }
+  const std::optional<Mosaic> mosaic = mosaic_of(camera.camera());
   std::atomic<bool> wanted = true;
   std::jthread sender;  // converts and sends while the camera runs on
   const auto send = [&](std::stop_token stop) {

@@ -6,7 +6,7 @@ namespace glasswing {
 namespace {
 
 constexpr std::uint64_t kTiff = 42, kBigTiff = 43;
-constexpr std::uint64_t kTypeAscii = 2;
+constexpr std::uint64_t kTypeAscii = 2, kTypeRational = 5;
 
 // Bytes of a number of this type; 0: of another type.
 size_t size_of(std::uint64_t type) {
@@ -59,6 +59,14 @@ std::string TiffDirectory::with_number(Tag tag, std::uint64_t value) const {
   return bytes;
 }
 
+std::optional<double> TiffDirectory::ratio(Tag tag) const {
+  const std::optional<Values> found = values(tag);
+  if (!found || found->type != kTypeRational) return std::nullopt;
+  const std::optional<std::uint64_t> numerator = at(found->place, 4), denominator = at(found->place + 4, 4);
+  if (!numerator || denominator.value_or(0) == 0) return std::nullopt;
+  return static_cast<double>(*numerator) / static_cast<double>(*denominator);
+}
+
 std::string TiffDirectory::text(Tag tag) const {
   const std::optional<Values> found = values(tag);
   if (!found || found->type != kTypeAscii || found->place > bytes_.size()) return "";
@@ -81,7 +89,8 @@ std::optional<TiffDirectory::Values> TiffDirectory::values(Tag tag) const {
   if (!entry) return std::nullopt;
   Values found{.type = at(*entry + 2, 2).value_or(0), .count = at(*entry + 4, word).value_or(0)};
   found.place = *entry + 4 + word;
-  const std::uint64_t value_bytes = found.type == kTypeAscii ? 1 : size_of(found.type);
+  const std::uint64_t value_bytes =
+      found.type == kTypeAscii ? 1 : found.type == kTypeRational ? 8 : size_of(found.type);
   if (found.count > word / std::max<std::uint64_t>(value_bytes, 1))
     found.place = at(found.place, word).value_or(bytes_.size());
   return found;

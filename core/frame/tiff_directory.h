@@ -23,7 +23,9 @@ class TiffDirectory {
     kPlanar = 284,
     kTileWidth = 322,
     kFormat = 339,
+    kExposureTime = 0x829A,   // s
     kExif = 0x8769,           // where the directory of EXIF's own tags lies
+    kIso = 0x8827,            // PhotographicSensitivity
     kDateTaken = 0x9003,      // DateTimeOriginal
     kSubsecondTaken = 0x9291  // digits after the point
   };
@@ -38,6 +40,8 @@ class TiffDirectory {
   std::optional<std::uint64_t> number(Tag tag) const;
   // The bytes with this number in its place; empty: the directory lacks it.
   std::string with_number(Tag tag, std::uint64_t value) const;
+  // The first of type RATIONAL; none: the directory lacks it, or it is divided by 0.
+  std::optional<double> ratio(Tag tag) const;
   // Of type ASCII, up to its 0; empty: the directory lacks it.
   std::string text(Tag tag) const;
 

@@ -1,110 +1,16 @@
 #include "display-node/backends/command_rail.h"
 
 #include <absl/strings/str_replace.h>
-#include <absl/strings/str_split.h>
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <poll.h>
-#include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <array>
-#include <cerrno>
-
-#include "core/base/descriptor.h"
-#include "core/base/status.h"
-#include "core/base/time.h"
-#include "core/base/utf8.h"
+#include "core/base/command.h"
 
 namespace glasswing {
-namespace {
-
-constexpr size_t kMaxSaid_bytes = 4096;  // of the program's errors, the last of them
-constexpr std::chrono::seconds kGrace(2);
-
-// A program under way, in a process group of its own.
-class Child {
- public:
-  static absl::StatusOr<Child> start(const std::vector<std::string>& words) {
-    int ends[2] = {-1, -1};
-    if (::pipe2(ends, O_CLOEXEC) != 0) return absl::ErrnoToStatus(errno, "cannot make a pipe");
-    Child child;
-    child.errors_ = Descriptor(ends[0]);
-    const Descriptor errors_end(ends[1]);
-    std::vector<char*> argv;
-    for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
-    argv.push_back(nullptr);
-    posix_spawn_file_actions_t actions;
-    ::posix_spawn_file_actions_init(&actions);
-    ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    ::posix_spawn_file_actions_adddup2(&actions, errors_end.get(), STDERR_FILENO);
-    sigset_t none;  // the daemon blocks signals
-    ::sigemptyset(&none);
-    posix_spawnattr_t attributes;
-    ::posix_spawnattr_init(&attributes);
-    ::posix_spawnattr_setsigmask(&attributes, &none);
-    ::posix_spawnattr_setpgroup(&attributes, 0);
-    ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
-    const int error = ::posix_spawnp(&child.pid_, argv[0], &actions, &attributes, argv.data(), ::environ);
-    ::posix_spawnattr_destroy(&attributes);
-    ::posix_spawn_file_actions_destroy(&actions);
-    if (error != 0)
-      return absl::FailedPreconditionError(
-          fmt::format("cannot run {}: {}", words[0], std::generic_category().message(error)));
-    return child;
-  }
-
-  // Reads what it says for a moment. The exit status as a shell tells it, once it has ended.
-  std::optional<int> step(int timeout_ms) {
-    pollfd ready{.fd = errors_.get(), .events = POLLIN, .revents = 0};
-    std::array<char, 1024> bytes{};
-    if (open_ && ::poll(&ready, 1, timeout_ms) > 0) {
-      const ssize_t count = ::read(errors_.get(), bytes.data(), bytes.size());
-      if (count > 0) said_.append(bytes.data(), static_cast<size_t>(count));
-      if (said_.size() > kMaxSaid_bytes) said_.erase(0, said_.size() - kMaxSaid_bytes);
-      open_ = count > 0;
-      if (open_) return std::nullopt;  // it may say more
-    } else if (!open_) {
-      ::poll(nullptr, 0, timeout_ms);
-    }
-    int status = 0;
-    if (::waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  }
-  // Lets it stop its motor, on SIGTERM; kills what still runs after kGrace, and what it started.
-  void end() {
-    ::kill(-pid_, SIGTERM);
-    const nanoseconds until = monotonic_now() + kGrace;
-    siginfo_t ended{};
-    while (ended.si_pid == 0 && monotonic_now() < until) {
-      ::poll(nullptr, 0, 10);
-      ::waitid(P_PID, static_cast<id_t>(pid_), &ended, WEXITED | WNOHANG | WNOWAIT);
-    }
-    ::kill(-pid_, SIGKILL);
-    while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
-    }
-  }
-  std::string last_line() const {
-    const std::vector<std::string> lines = absl::StrSplit(said_, '\n', absl::SkipWhitespace());
-    return lines.empty() ? "" : printable(lines.back());
-  }
-
- private:
-  Child() = default;
-  pid_t pid_ = 0;
-  Descriptor errors_;
-  bool open_ = true;
-  std::string said_;
-};
-
-}  // namespace
 
 absl::StatusOr<std::unique_ptr<CommandRail>> CommandRail::create(const std::string& command,
                                                                  std::string monitor,
                                                                  std::chrono::milliseconds limit) {
-  std::vector<std::string> words = absl::StrSplit(command, ' ', absl::SkipEmpty());
+  std::vector<std::string> words = command_words(command);
   if (command.find("{mm}") == std::string::npos || words.empty()) {
     return absl::InvalidArgumentError(fmt::format(
         "--rail-command is \"{}\"; it must be a program and its arguments, of which one has {{mm}}, such as "
@@ -119,22 +25,15 @@ absl::Status CommandRail::move(double position_mm, std::stop_token stop) {
   for (const std::string& word : words_)
     words.push_back(
         absl::StrReplaceAll(word, {{"{mm}", fmt::format("{}", position_mm)}, {"{monitor}", monitor_}}));
-  GW_ASSIGN_OR_RETURN(Child child, Child::start(words));
-  const nanoseconds until = monotonic_now() + limit_;
-  std::optional<int> ended;
-  while (!(ended = child.step(20))) {
-    const bool late = monotonic_now() >= until;
-    if (!late && !stop.stop_requested()) continue;
-    child.end();
+  const absl::Status ended = run_command(words, limit_, std::move(stop));
+  if (absl::IsDeadlineExceeded(ended)) {
     return absl::FailedPreconditionError(
-        late ? fmt::format("{} has not moved the monitor in {} s, and was ended", words[0],
-                           std::chrono::duration<double>(limit_).count())
-             : fmt::format("{} was ended before it had moved the monitor", words[0]));
+        fmt::format("{} has not moved the monitor in {} s, and was ended", words[0],
+                    std::chrono::duration<double>(limit_).count()));
   }
-  if (*ended == 0) return absl::OkStatus();
-  const std::string said = child.last_line();
-  return absl::FailedPreconditionError(
-      fmt::format("{} failed with exit status {}{}{}", words[0], *ended, said.empty() ? "" : ": ", said));
+  if (absl::IsCancelled(ended))
+    return absl::FailedPreconditionError(words[0] + " was ended before it had moved the monitor");
+  return ended;
 }
 
 }  // namespace glasswing

@@ -72,7 +72,7 @@ FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera) {
 }
 
 PresentationStream::PresentationStream(const DisplayLink& display, const std::string& program,
-                                       nanoseconds start_at, nanoseconds step)
+                                       nanoseconds start_at, nanoseconds step, bool hold_last)
     : display_(display) {
   // The clocks' rates matter over such a time.
   constexpr int kManySteps = 10000;
@@ -82,6 +82,7 @@ PresentationStream::PresentationStream(const DisplayLink& display, const std::st
   request.set_program(program);
   request.set_start_at_ns(start.count());
   request.set_step_ns(((end - start) / kManySteps).count());
+  request.set_hold_last(hold_last);
   reader_ = display.stub->PlayProgram(&context_, request);
   thread_ = std::thread([this] {
     v1::PlayProgramResponse response;
