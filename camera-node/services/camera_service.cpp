@@ -20,6 +20,7 @@ constexpr std::chrono::seconds kMaxSilence(3);  // without a frame, on top of tw
 constexpr int kMaxSequences = 4096;
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
+constexpr std::chrono::seconds kAskPause(1);  // between responses while no picture has come
 constexpr std::chrono::milliseconds kPreparationPause(200);  // between responses while the camera prepares
 
 // The sensor's highest code, scaled to 16 bits.
@@ -36,6 +37,13 @@ absl::Status check_preview(const v1::PreviewRequest& request) {
         fmt::format("max_width_px is {}; it must be 16 to 4096", request.max_width_px()));
   }
   return absl::OkStatus();
+}
+
+// What a camera that takes pictures on demand waits for.
+std::string due_text(const v1::GetCameraResponse& camera) {
+  if (!camera.has_due()) return "waiting for a picture in the folder; press the camera's button";
+  return fmt::format("the folder has waited {:.0f} s for {}", 1e-9 * static_cast<double>(camera.due().waited_ns()),
+                     camera.due().what());
 }
 
 bool write_whole(const Image16& image, const v1::FrameTaken& taken,
@@ -249,7 +257,7 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
           : std::clamp(kPreviewExposureMs, camera.min_exposure_ms(), camera.max_exposure_ms());
   const std::optional<Mosaic> mosaic = mosaic_of(camera.camera());
   const nanoseconds period(static_cast<std::int64_t>(1e9 / request->max_fps()));
-  nanoseconds due = monotonic_now();
+  nanoseconds due = monotonic_now(), asked = due;
   std::int64_t shown = -1;
   // Any other call gets the camera, however long this one takes to start and stop it.
   CameraCall call{.exposure_ms = exposure_ms, .is_gone = [] { return true; }};
@@ -269,6 +277,12 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
         give_up();
         return to_grpc(status);
       }
+    }
+    if (camera.on_demand() && shown < 0 && monotonic_now() >= asked) {
+      asked = monotonic_now() + kAskPause;
+      v1::PreviewResponse response;
+      response.mutable_preparation()->set_what(due_text(camera_.describe()));
+      if (!writer->Write(response)) break;
     }
     std::optional<CapturedFrame> frame;
     if (running) {

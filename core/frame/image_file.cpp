@@ -419,7 +419,7 @@ absl::StatusOr<CodedPhotograph> photograph_of_raw(std::string_view bytes) {
   const auto white = static_cast<float>(raw.white);
   for (std::uint16_t& code : raw.codes.samples) code = code16_of(static_cast<float>(code) / white);
   CodedPhotograph photograph{.codes = std::move(raw.codes),
-                             .bits = std::bit_width(static_cast<unsigned>(raw.white)),
+                             .bits = static_cast<int>(std::bit_width(static_cast<unsigned>(raw.white))),
                              .turned = raw.facts.turned,
                              .raw = true,
                              .mosaic = raw.mosaic,

@@ -53,7 +53,7 @@ class Reader {
     raw_->imgdata.params.max_raw_memory_mb = static_cast<unsigned>(kMaxRawBytes >> 20);
     raw_->imgdata.params.use_dngsdk = 0;
     raw_->set_dataerror_handler(
-        [](void* damaged, const char*, INT64) { *static_cast<bool*>(damaged) = true; }, &damaged_);
+        [](void* damaged, const char*, int) { *static_cast<bool*>(damaged) = true; }, &damaged_);
   }
 
   absl::Status open() {
@@ -70,7 +70,8 @@ class Reader {
   }
 
   RawFacts facts() const {
-    RawFacts facts{.turned = raw_->imgdata.sizes.flip != 0};
+    RawFacts facts;
+    facts.turned = raw_->imgdata.sizes.flip != 0;
     const libraw_imgother_t& noted = raw_->imgdata.other;
     if (noted.shutter > 0.0f) facts.exposure_ms = 1e3 * static_cast<double>(noted.shutter);
     if (noted.iso_speed > 0.0f) facts.iso = static_cast<double>(noted.iso_speed);
@@ -78,7 +79,8 @@ class Reader {
   }
 
   absl::StatusOr<RawPhotograph> photograph() {
-    RawPhotograph photograph{.facts = facts()};
+    RawPhotograph photograph;
+    photograph.facts = facts();
     if (const absl::Status known = find_mosaic(photograph.mosaic); !known.ok()) return known;
     damaged_ = false;
     source_.begin();

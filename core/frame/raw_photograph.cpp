@@ -8,6 +8,7 @@
 
 #include "core/base/module.h"
 #include "core/base/status.h"
+#include "core/frame/tiff_directory.h"
 
 namespace glasswing {
 namespace {
@@ -22,6 +23,19 @@ absl::StatusOr<const RawCodec*> codec_for(std::string_view bytes) {
   return static_cast<const RawCodec*>(*kModule);
 }
 
+// Of a file whose end is missing, LibRaw uses what is left, without the levels that were in the end.
+absl::Status check_directories(std::string_view bytes) {
+  const TiffDirectory first(bytes);
+  for (const TiffDirectory& each : {first, first.inner(TiffDirectory::kExif), first.inner(TiffDirectory::kInner)}) {
+    if (!each.is_whole()) return absl::DataLossError("it is damaged, or cut off: a directory is not whole");
+  }
+  for (const TiffDirectory::Tag tag : {TiffDirectory::kExif, TiffDirectory::kInner}) {
+    if (first.number(tag) && first.inner(tag).empty())
+      return absl::DataLossError("it is damaged, or cut off: a directory is missing");
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 bool is_raw_file(const std::filesystem::path& path) {
@@ -32,6 +46,7 @@ bool is_raw_file(const std::filesystem::path& path) {
 
 absl::StatusOr<RawPhotograph> decode_raw(std::string_view bytes) {
   GW_ASSIGN_OR_RETURN(const RawCodec* codec, codec_for(bytes));
+  GW_RETURN_IF_ERROR(check_directories(bytes));
   return codec->decode(bytes);
 }
 

@@ -1,5 +1,7 @@
 #include "core/frame/tiff_directory.h"
 
+#include <array>
+
 #include "core/base/number_at.h"
 
 namespace glasswing {
@@ -41,6 +43,19 @@ TiffDirectory::TiffDirectory(const TiffDirectory& file, std::uint64_t offset)
 
 TiffDirectory TiffDirectory::inner(Tag tag) const {
   return {*this, number(tag).value_or(bytes_.size())};
+}
+
+bool TiffDirectory::is_whole() const {
+  const size_t word = big_ ? 8 : 4, entry_bytes = 4 + 2 * word;
+  constexpr std::array<std::uint64_t, 14> kBytes{1, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4};  // by type, TIFF 6.0
+  for (size_t place = entries_, i = 0; i < count_; ++i, place += entry_bytes) {
+    const auto type = at(place + 2, 2), count = at(place + 4, word), value = at(place + 4 + word, word);
+    if (!type || !count || !value) return false;
+    const std::uint64_t bytes = *type < kBytes.size() ? kBytes[*type] : 8;
+    if (*count > word / bytes && (*count > bytes_.size() / bytes || *value > bytes_.size() - *count * bytes))
+      return false;
+  }
+  return true;
 }
 
 std::optional<std::uint64_t> TiffDirectory::number(Tag tag) const {

@@ -22,6 +22,7 @@ class TiffDirectory {
     kSamples = 277,
     kPlanar = 284,
     kTileWidth = 322,
+    kInner = 330,  // where directories of other pictures lie
     kFormat = 339,
     kExposureTime = 0x829A,   // s
     kExif = 0x8769,           // where the directory of EXIF's own tags lies
@@ -34,6 +35,10 @@ class TiffDirectory {
   explicit TiffDirectory(std::string_view bytes);
   // The directory that an entry names; without entries if there is none.
   TiffDirectory inner(Tag tag) const;
+
+  bool empty() const { return count_ == 0; }
+  // All that its entries list lies in the file.
+  bool is_whole() const;
 
   // The first of those that the entry lists, of type SHORT, LONG, LONG8 or IFD; none: the directory lacks the
   // entry, or has it twice.

@@ -111,6 +111,7 @@ double rounded(double sigma_px) {
 
 // Exposure, readout and the time to the next frame: the time that a picture must stand still for.
 double needed_ms(const v1::GetCameraResponse& camera, double exposure_ms) {
+  if (camera.on_demand()) return 0.0;  // it stands until the camera has taken it
   const double period_ms = camera.frame_rate_hz() > 0.0 ? 1e3 / camera.frame_rate_hz() : 0.0;
   return exposure_ms + static_cast<double>(camera.readout_ns()) / 1e6 + period_ms;
 }

@@ -84,7 +84,10 @@ std::optional<std::vector<v1::Frame>> PatchLearning::take_ready_frames() {
 
 const v1::UnseenPatch* PatchLearning::hopeless() const {
   for (const auto& [monitor, unseen] : unseen_) {
-    if (unseen.contradictions >= kMaxAttempts || unseen.frozen >= kMaxDarkAttempts) return &unseen.last;
+    const bool refused = unseen.count >= (unseen.last.dark() ? kMaxDarkAttempts : kMaxAttempts) &&
+                         !given_up_.contains(monitor);
+    if (unseen.contradictions >= kMaxAttempts || unseen.frozen >= kMaxDarkAttempts || refused)
+      return &unseen.last;
   }
   return nullptr;
 }
