@@ -9,13 +9,13 @@
 namespace glasswing {
 namespace {
 
-struct Options {
+struct FolderOptions {
   std::string directory, shoot, curve;
   std::optional<double> exposure_ms;
   double patience_s = 40.0;
 };
 
-void add_options(CLI::App& app, Options& options) {
+void add_folder_options(CLI::App& app, FolderOptions& options) {
   app.add_option("--folder", options.directory,
                  "folder: the directory into which a tethering program drops the pictures (JPEG, PNG, TIFF, or raw)");
   app.add_option("--shoot", options.shoot,
@@ -32,7 +32,7 @@ void add_options(CLI::App& app, Options& options) {
                  "with 8 bits, linear with 16 if left out");
 }
 
-absl::StatusOr<OpenedCamera> open(const Options& options, const CameraSettings& settings) {
+absl::StatusOr<OpenedCamera> open_folder(const FolderOptions& options, const CameraSettings& settings) {
   if (options.directory.empty()) return absl::InvalidArgumentError("--backend folder needs --folder DIR");
   GW_ASSIGN_OR_RETURN(std::shared_ptr<Camera> opened,
                       FolderCamera::open({.name = settings.name,
@@ -47,11 +47,11 @@ absl::StatusOr<OpenedCamera> open(const Options& options, const CameraSettings& 
 }  // namespace
 
 CameraBackend folder_backend() {
-  const auto own = std::make_shared<Options>();
+  const auto own = std::make_shared<FolderOptions>();
   return {.name = "folder",
           .shared = {},
-          .add_options = [own](CLI::App& app) { add_options(app, *own); },
-          .open = [own](const CameraSettings& settings) { return open(*own, settings); }};
+          .add_options = [own](CLI::App& app) { add_folder_options(app, *own); },
+          .open = [own](const CameraSettings& settings) { return open_folder(*own, settings); }};
 }
 
 }  // namespace glasswing

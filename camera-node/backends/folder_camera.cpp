@@ -21,19 +21,19 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kExposureRange = 0.005;  // around the one that is noted, as a part of it
-constexpr double kUsualRate_hz = 0.5;  // for estimates
-constexpr std::chrono::milliseconds kPoll(50);
+constexpr double kRateForEstimates_hz = 0.5;  // for estimates
+constexpr std::chrono::milliseconds kFolderPoll(50);
 constexpr nanoseconds kGivenUp = std::chrono::seconds(5);  // a file that has not changed for so long is complete
 constexpr size_t kNewest = 64;                             // files that a copy is compared with
 constexpr std::string_view kGphoto2 =
     "gphoto2 --quiet --capture-image-and-download --force-overwrite --filename {dir}/%Y%m%d-%H%M%S-%03n.%C";
 
-std::string name_of(const fs::path& path) {
+std::string file_name_of(const fs::path& path) {
   return printable(path.filename().string());
 }
 
 // Cameras note 1/60 s where they expose for 16.67 ms.
-bool same_exposure(double a_ms, double b_ms) {
+bool alike_ms(double a_ms, double b_ms) {
   return std::abs(a_ms - b_ms) <= 1.1 * kExposureRange * b_ms;
 }
 
@@ -75,7 +75,7 @@ absl::Status FolderCamera::find_first() {
   std::optional<Picture> found;
   const nanoseconds until = begin + (words_.empty() ? 2 * FolderWatch::kQuiet : options_.patience);
   while (!found && monotonic_now() < until) {
-    sleep_until_monotonic(monotonic_now() + kPoll);
+    sleep_until_monotonic(monotonic_now() + kFolderPoll);
     found = next_picture();
   }
   const std::lock_guard lock(mutex_);
@@ -98,7 +98,7 @@ v1::GetCameraResponse FolderCamera::describe() const {
   *response.mutable_camera() = first_->camera;
   response.mutable_camera()->set_name(options_.name);
   response.set_backend("folder");
-  response.set_frame_rate_hz(kUsualRate_hz);
+  response.set_frame_rate_hz(kRateForEstimates_hz);
   response.set_min_exposure_ms((1.0 - kExposureRange) * first_->exposure_ms);
   response.set_max_exposure_ms((1.0 + kExposureRange) * first_->exposure_ms);
   response.set_on_demand(true);
@@ -114,7 +114,7 @@ v1::GetCameraResponse FolderCamera::describe() const {
 }
 
 absl::Status FolderCamera::start(double exposure_ms) {
-  if (!same_exposure(exposure_ms, first_->exposure_ms)) {
+  if (!alike_ms(exposure_ms, first_->exposure_ms)) {
     return absl::InvalidArgumentError(
         fmt::format("exposure_ms is {}; the camera's pictures are exposed for {:.6g} ms: set the plan's exposure_ms "
                     "to that, or set the camera, and start glasswing-camera again",
@@ -124,7 +124,8 @@ absl::Status FolderCamera::start(double exposure_ms) {
   watch_.forget_all(now);  // pictures of nothing that is shown now
   const std::lock_guard lock(mutex_);
   running_ = true;
-  arrived_ = now;
+  started_ = now;
+  files_ = 0;
   return absl::OkStatus();
 }
 
@@ -177,10 +178,9 @@ std::optional<CapturedFrame> FolderCamera::next(std::chrono::milliseconds timeou
       const std::lock_guard lock(mutex_);
       CapturedFrame frame;
       const nanoseconds now = monotonic_now();
-      // Frames of one picture that is due differ in their start, so that none is taken for another.
-      const nanoseconds start = due_ ? due_->since + nanoseconds(due_->files++) : arrived_;
+      // Starts differ, so that no frame is taken for another.
+      const nanoseconds start = (due_ ? due_->since : started_) + nanoseconds(files_++);
       if (due_) due_->problem.clear();
-      arrived_ = now;
       frame.taken.set_sequence(++sequence_);
       frame.taken.set_exposure_start_ns(start.count());
       frame.taken.set_exposure_end_ns(now.count());
@@ -195,7 +195,7 @@ std::optional<CapturedFrame> FolderCamera::next(std::chrono::milliseconds timeou
     }
     const nanoseconds now = monotonic_now();
     if (now >= deadline) return std::nullopt;
-    sleep_until_monotonic(std::min(deadline, now + kPoll));
+    sleep_until_monotonic(std::min(deadline, now + kFolderPoll));
   }
 }
 
@@ -216,7 +216,7 @@ std::optional<FolderCamera::Picture> FolderCamera::next_picture() {
       checksum = checksum_of(*bytes);
       if (std::ranges::find(newest_, checksum) != newest_.end()) {
         watch_.forget(file.path);
-        note_problem(fmt::format("{} is a copy of an earlier file", name_of(file.path)));
+        note_problem(fmt::format("{} is a copy of an earlier file", file_name_of(file.path)));
         continue;
       }
       absl::StatusOr<Picture> picture = read(file.path, *bytes);
@@ -230,9 +230,10 @@ std::optional<FolderCamera::Picture> FolderCamera::next_picture() {
       }
     }
     // What cannot be read may not be complete.
-    if (absl::IsDataLoss(status) && file.unchanged < kGivenUp) continue;
-    watch_.forget(file.path);
-    note_problem(fmt::format("{}: {}", name_of(file.path), std::string(status.message())));
+    const bool given_up = !absl::IsDataLoss(status) || file.unchanged >= kGivenUp;
+    if (!given_up && first_) continue;
+    if (given_up) watch_.forget(file.path);
+    note_problem(fmt::format("{}: {}", file_name_of(file.path), std::string(status.message())));
   }
   return std::nullopt;
 }
@@ -277,7 +278,7 @@ absl::Status FolderCamera::check_like_first(const Picture& picture) const {
                      picture.camera.height_px() == first_->camera.height_px() &&
                      picture.camera.mosaic() == first_->camera.mosaic() &&
                      picture.camera.bits() == first_->camera.bits() &&
-                     same_exposure(picture.exposure_ms, first_->exposure_ms) && picture.gain == first_->gain;
+                     alike_ms(picture.exposure_ms, first_->exposure_ms) && picture.gain == first_->gain;
   if (alike) return absl::OkStatus();
   return absl::FailedPreconditionError(
       fmt::format("it is {}; the first picture was {}: set the camera to manual", said(picture), said(*first_)));

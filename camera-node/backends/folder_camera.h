@@ -73,10 +73,10 @@ class FolderCamera final : public Camera {
   struct Due {
     std::string what, problem;
     nanoseconds since{};
-    int files = 0;  // that came since
   };
   std::optional<Due> due_;           // guarded by mutex_
-  nanoseconds arrived_{};            // when the newest file came, or the camera was started; guarded by mutex_
+  nanoseconds started_{};            // guarded by mutex_
+  int files_ = 0;                    // that came since; guarded by mutex_
   std::string problem_;              // of the last command or file, before a picture is due; guarded by mutex_
   std::jthread shooting_;            // guarded by mutex_
 };

@@ -20,6 +20,7 @@ constexpr int kDraftImages = 100;
 constexpr int kMaxLevels = 14;
 constexpr int kManyImages = 300, kWhiteSteps = 100;
 constexpr double kShorter = 8.0;  // how much shorter the exposure for highlights is
+constexpr double kNotable = 1.02;  // a longer exposure than this tells more
 constexpr double kLonger = 8.0;   // and that of dark objects longer
 constexpr int kMaxHoldRefreshes = 600;
 constexpr double kFineBars = 128.0;  // of a side, where bars alone tell the place
@@ -128,7 +129,7 @@ absl::Status fit_camera(const PlanWish& wish, const RigLimits& rig, v1::Plan& pl
   double longest_ms = exposure_ms;
   if (wish.object == ObjectKind::kDark)
     longest_ms = std::min(kLonger * exposure_ms, std::floor(1e3 * most_ms) / 1e3);
-  if (longest_ms > exposure_ms) plan.add_exposure_ms(longest_ms);
+  if (longest_ms > kNotable * exposure_ms) plan.add_exposure_ms(longest_ms);
   plan.add_exposure_ms(exposure_ms);
   const bool highlights = wish.quality == PlanQuality::kBest || wish.object == ObjectKind::kMetal;
   if (highlights && exposure_ms / kShorter >= least_ms) plan.add_exposure_ms(exposure_ms / kShorter);

@@ -25,13 +25,13 @@ using testing::HasSubstr;
 constexpr int kPatchRows = 16;
 constexpr double kExposure_ms = 10.0;
 
+// About so many steps, without the object and with it.
 v1::Plan stripes(int steps) {
   v1::Plan plan;
   plan.set_method("gaussian");
   v1::Sweep& sweep = *plan.add_sweeps();
-  sweep.set_sigma_px(4.0);
-  // As many stripes as make so many steps: without the object, and with it.
-  sweep.set_step_px(2.0 * FaultyRig::kWidth_px / steps);
+  sweep.set_sigma_px(2.0 * FaultyRig::kWidth_px / steps);
+  sweep.set_step_px(1.4 * sweep.sigma_px());
   plan.add_exposure_ms(kExposure_ms);
   plan.set_retries(6);
   return plan;
@@ -80,7 +80,8 @@ class TetheredRig {
     const View view{.pattern_rows = FaultyRig::kHeight_px - kPatchRows,
                     .step_px = stripe_step_px,
                     .noise_sd = FaultyRig::kMaxNoise};
-    for (const v1::Frame& frame : archive->manifest().frames()) {
+    const v1::CaptureManifest manifest = archive->manifest();
+    for (const v1::Frame& frame : manifest.frames()) {
       EXPECT_EQ(frame.proof(), v1::PROOF_TIME_AND_PATCH) << frame.step();
       const Image16 image = decode_tiff(archive->read_frame_bytes(frame.file()).value()).value();
       if (const auto what = mismatch(image, frame.stimulus(), view)) wrong[frame.step()] = *what;
