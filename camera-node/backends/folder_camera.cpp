@@ -233,13 +233,15 @@ std::optional<FolderCamera::Picture> FolderCamera::next_picture() {
     const bool given_up = !absl::IsDataLoss(status) || file.unchanged >= kGivenUp;
     if (!given_up && first_) continue;
     if (given_up) watch_.forget(file.path);
-    note_problem(fmt::format("{}: {}", file_name_of(file.path), std::string(status.message())));
+    const std::string said(status.message()), whole = file.path.string() + ": ";
+    note_problem(fmt::format("{}: {}", file_name_of(file.path),
+                             said.starts_with(whole) ? said.substr(whole.size()) : said));
   }
   return std::nullopt;
 }
 
 absl::StatusOr<FolderCamera::Picture> FolderCamera::read(const fs::path& path, std::string_view bytes) const {
-  GW_ASSIGN_OR_RETURN(CodedPhotograph photograph, decode_photograph(path.filename(), bytes));
+  GW_ASSIGN_OR_RETURN(CodedPhotograph photograph, decode_photograph(path, bytes));
   const std::optional<double> exposure_ms =
       photograph.exposure_ms ? photograph.exposure_ms : options_.exposure_ms;
   if (!exposure_ms)

@@ -52,7 +52,8 @@ GroupCapture::GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPla
       // The same after a restart of the server, and of no other server's session.
       recording_(setup.links, exposure_ms,
                  fmt::format("{} {}", progress.session().name(), progress.session().created())),
-      learning_(patches_given_up),
+      // A step that is held waits for its own proof.
+      learning_(patches_given_up, on_demand() ? 1 : PatchLearning::kOthers),
       stall_(stall_watch_of(setup, progress.session().plan())) {}
 
 absl::Status GroupCapture::start(std::stop_token stop) {

@@ -41,7 +41,9 @@ class PatchLearning {
   static constexpr size_t kOthers = 8;
 
   // `given_up`: monitors whose steps do without a patch. It is borrowed, because it outlives the group.
-  explicit PatchLearning(std::set<std::string>& given_up) : given_up_(given_up) {}
+  // `others`: in place of kOthers.
+  explicit PatchLearning(std::set<std::string>& given_up, size_t others = kOthers)
+      : given_up_(given_up), others_(others) {}
 
   // Starts a showing and drops the queue of the one before. Returns the steps to show: all of `pending`
   // except those whose frames the camera node holds.
@@ -76,6 +78,7 @@ class PatchLearning {
   };
 
   std::set<std::string>& given_up_;
+  const size_t others_;
   std::map<int, std::string> due_;   // learning steps of this showing that are not proven, with their monitor
   std::map<int, std::string> held_;  // steps whose frames the camera node holds, with their monitor
   std::vector<v1::Frame> learning_;  // of learning steps whose patch may still be on screen

@@ -144,7 +144,7 @@ class PictureDemand {
   }
   // The step is over.
   void end() {
-    if (said_) progress_.note_waiting("");
+    if (progress_.session().reason().starts_with(kWaitsForPicture)) progress_.note_waiting("");
   }
 
  private:
@@ -166,7 +166,6 @@ class PictureDemand {
     return text;
   }
   void say() {
-    said_ = true;
     said_at_ = monotonic_now();
     progress_.note_waiting(fmt::format("{}: {}", kWaitsForPicture, text()));
   }
@@ -177,7 +176,6 @@ class PictureDemand {
   v1::PictureDue due_;
   int asked_ = 0, came_ = 0;
   nanoseconds asked_at_{}, first_asked_at_{}, said_at_{};
-  bool said_ = false;
 };
 
 }  // namespace

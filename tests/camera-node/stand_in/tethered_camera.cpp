@@ -30,10 +30,16 @@ struct Options {
   std::string tap, folder, state, mosaic;
   int width_px = 192, height_px = 144;
   double exposure_ms = 10.0, late_s = 3.0;
+  bool capped = false;  // its lens
   Faults faults;
 };
 
 Image16 exposed(const Options& options) {
+  if (options.capped) {
+    Image16 dark(options.width_px, options.height_px);
+    dark.samples.front() = static_cast<std::uint16_t>(monotonic_now().count() % 100);
+    return dark;
+  }
   EmissionTimeline timeline;
   const EmissionClient light(options.tap, timeline);
   if (!timeline.wait_known_until(monotonic_now(), std::chrono::seconds(20))) {
@@ -156,6 +162,7 @@ int main(int argc, char** argv) {
   app.add_option("--height", options.height_px);
   app.add_option("--exposure-ms", options.exposure_ms);
   app.add_option("--late-s", options.late_s);
+  app.add_flag("--capped", options.capped, "leaves the cap on its lens");
   Faults& faults = options.faults;
   for (const auto& [name, value] : {std::pair{"--late", &faults.late}, std::pair{"--twice", &faults.twice},
                                     std::pair{"--cut", &faults.cut}, std::pair{"--slow", &faults.slow},

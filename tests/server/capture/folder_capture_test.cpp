@@ -167,6 +167,17 @@ TEST(FolderCapture, ACameraThatSleepsIsNamedAndHowLongTheFolderHasWaited) {
   EXPECT_EQ(end.proven_count(), 0);
 }
 
+TEST(FolderCapture, AMonitorWhosePatchIsNotSeenIsNamed) {
+  TetheredRig tethered([](const fs::path& state) { return stand_in(state, "--capped"); }, 20.0);
+  const grpc::Status created = tethered.rig().create(stripes(6));
+  ASSERT_TRUE(created.ok()) << created.error_message();
+  const v1::Session end = tethered.rig().watch();
+  EXPECT_EQ(end.state(), v1::SESSION_STATE_FAILED);
+  EXPECT_THAT(end.reason(), HasSubstr("monitor \"back\""));
+  EXPECT_THAT(end.reason(), HasSubstr("proven by the id patch alone"));
+  EXPECT_EQ(end.proven_count(), 0);
+}
+
 TEST(FolderCapture, WhereAPersonPressesTheButtonTheSessionSaysWhichPictureIsDue) {
   TetheredRig tethered(nullptr, 2.0);
   const v1::Plan plan = stripes(6);
