@@ -20,11 +20,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kExposureRange = 0.005;  // around the one that is noted, as a part of it
+constexpr double kExposureRange = 0.005;      // around the one that is noted, as a part of it
 constexpr double kRateForEstimates_hz = 0.5;  // for estimates
 constexpr std::chrono::milliseconds kFolderPoll(50);
-constexpr nanoseconds kGivenUp = std::chrono::seconds(5);  // a file that has not changed for so long is complete
-constexpr size_t kNewest = 64;                             // files that a copy is compared with
+constexpr nanoseconds kGivenUp =
+    std::chrono::seconds(5);    // a file that has not changed for so long is complete
+constexpr size_t kNewest = 64;  // files that a copy is compared with
 constexpr std::string_view kGphoto2 =
     "gphoto2 --quiet --capture-image-and-download --force-overwrite --filename {dir}/%Y%m%d-%H%M%S-%03n.%C";
 
@@ -54,8 +55,7 @@ absl::StatusOr<std::unique_ptr<FolderCamera>> FolderCamera::open(const Options& 
   }
   GW_ASSIGN_OR_RETURN(FolderWatch watch, FolderWatch::open(options.directory));
   std::unique_ptr<FolderCamera> camera(new FolderCamera(options, std::move(watch)));
-  const std::string command =
-      options.shoot == "gphoto2" ? std::string(kGphoto2) : options.shoot;
+  const std::string command = options.shoot == "gphoto2" ? std::string(kGphoto2) : options.shoot;
   for (const std::string& word : command_words(command))
     camera->words_.push_back(absl::StrReplaceAll(word, {{"{dir}", options.directory.string()}}));
   GW_RETURN_IF_ERROR(camera->find_first());
@@ -80,12 +80,12 @@ absl::Status FolderCamera::find_first() {
   }
   const std::lock_guard lock(mutex_);
   if (!found) {
-    const std::string advice = words_.empty()
-                                   ? "take one with the settings that the capture shall have, then start again"
-                                   : "switch the camera on, and try the command by hand";
-    return absl::FailedPreconditionError(
-        fmt::format("{} {} no picture that tells what the camera's pictures are like{}; {}",
-                    options_.directory.string(), words_.empty() ? "holds" : "got", problem_.empty() ? "" : ": " + problem_, advice));
+    const std::string advice =
+        words_.empty() ? "take one with the settings that the capture shall have, then start again"
+                       : "switch the camera on, and try the command by hand";
+    return absl::FailedPreconditionError(fmt::format(
+        "{} {} no picture that tells what the camera's pictures are like{}; {}", options_.directory.string(),
+        words_.empty() ? "holds" : "got", problem_.empty() ? "" : ": " + problem_, advice));
   }
   first_ = *std::move(found);
   first_->image = nullptr;
@@ -115,10 +115,10 @@ v1::GetCameraResponse FolderCamera::describe() const {
 
 absl::Status FolderCamera::start(double exposure_ms) {
   if (!alike_ms(exposure_ms, first_->exposure_ms)) {
-    return absl::InvalidArgumentError(
-        fmt::format("exposure_ms is {}; the camera's pictures are exposed for {:.6g} ms: set the plan's exposure_ms "
-                    "to that, or set the camera, and start glasswing-camera again",
-                    exposure_ms, first_->exposure_ms));
+    return absl::InvalidArgumentError(fmt::format(
+        "exposure_ms is {}; the camera's pictures are exposed for {:.6g} ms: set the plan's exposure_ms "
+        "to that, or set the camera, and start glasswing-camera again",
+        exposure_ms, first_->exposure_ms));
   }
   const nanoseconds now = monotonic_now();
   watch_.forget_all(now);  // pictures of nothing that is shown now
@@ -143,7 +143,8 @@ void FolderCamera::stop() {
 absl::Status FolderCamera::take_picture(const std::string& what) {
   {
     const std::lock_guard lock(mutex_);
-    if (!running_) return absl::FailedPreconditionError("the camera takes pictures only while it is capturing");
+    if (!running_)
+      return absl::FailedPreconditionError("the camera takes pictures only while it is capturing");
     due_ = Due{.what = what, .problem = "", .since = monotonic_now()};
   }
   if (!words_.empty()) shoot();
@@ -273,8 +274,8 @@ absl::Status FolderCamera::check_like_first(const Picture& picture) const {
   const auto said = [](const Picture& each) {
     return fmt::format("{}x{} px of {} bits{}, exposed for {:.6g} ms at gain {:.4g}", each.camera.width_px(),
                        each.camera.height_px(), each.camera.bits(),
-                       each.camera.mosaic().empty() ? "" : ", mosaic " + each.camera.mosaic(), each.exposure_ms,
-                       each.gain);
+                       each.camera.mosaic().empty() ? "" : ", mosaic " + each.camera.mosaic(),
+                       each.exposure_ms, each.gain);
   };
   const bool alike = picture.camera.width_px() == first_->camera.width_px() &&
                      picture.camera.height_px() == first_->camera.height_px() &&
@@ -282,8 +283,8 @@ absl::Status FolderCamera::check_like_first(const Picture& picture) const {
                      picture.camera.bits() == first_->camera.bits() &&
                      alike_ms(picture.exposure_ms, first_->exposure_ms) && picture.gain == first_->gain;
   if (alike) return absl::OkStatus();
-  return absl::FailedPreconditionError(
-      fmt::format("it is {}; the first picture was {}: set the camera to manual", said(picture), said(*first_)));
+  return absl::FailedPreconditionError(fmt::format(
+      "it is {}; the first picture was {}: set the camera to manual", said(picture), said(*first_)));
 }
 
 }  // namespace glasswing

@@ -28,8 +28,9 @@ absl::Status FolderWatch::scan(nanoseconds now) {
     if (name.starts_with('.') || ::stat(file->path().c_str(), &status) != 0 || !S_ISREG(status.st_mode))
       continue;
     if (there.size() == kMaxFiles) {
-      return absl::FailedPreconditionError(fmt::format(
-          "{} has more than {} files; let new pictures come into an empty folder", directory_.string(), kMaxFiles));
+      return absl::FailedPreconditionError(
+          fmt::format("{} has more than {} files; let new pictures come into an empty folder",
+                      directory_.string(), kMaxFiles));
     }
     there.insert(name);
     const State state{.inode = status.st_ino,
@@ -60,7 +61,8 @@ absl::StatusOr<std::vector<FolderWatch::File>> FolderWatch::look(nanoseconds now
 }
 
 void FolderWatch::forget(const fs::path& path) {
-  if (const auto seen = seen_.find(path.filename().string()); seen != seen_.end()) seen->second.forgotten = true;
+  if (const auto seen = seen_.find(path.filename().string()); seen != seen_.end())
+    seen->second.forgotten = true;
 }
 
 void FolderWatch::forget_all(nanoseconds now) {

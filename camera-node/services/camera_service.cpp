@@ -20,7 +20,7 @@ constexpr std::chrono::seconds kMaxSilence(3);  // without a frame, on top of tw
 constexpr int kMaxSequences = 4096;
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
-constexpr std::chrono::seconds kAskPause(1);  // between responses while no picture has come
+constexpr std::chrono::seconds kAskPause(1);            // between responses while no picture has come
 constexpr std::chrono::milliseconds kPreparationPause(200);  // between responses while the camera prepares
 
 // The sensor's highest code, scaled to 16 bits.
@@ -42,8 +42,8 @@ absl::Status check_preview(const v1::PreviewRequest& request) {
 // What a camera that takes pictures on demand waits for.
 std::string due_text(const v1::GetCameraResponse& camera) {
   if (!camera.has_due()) return "waiting for a picture in the folder; press the camera's button";
-  return fmt::format("the folder has waited {:.0f} s for {}", 1e-9 * static_cast<double>(camera.due().waited_ns()),
-                     camera.due().what());
+  return fmt::format("the folder has waited {:.0f} s for {}",
+                     1e-9 * static_cast<double>(camera.due().waited_ns()), camera.due().what());
 }
 
 bool write_whole(const Image16& image, const v1::FrameTaken& taken,
@@ -112,9 +112,8 @@ absl::Status CameraServiceImpl::run(CameraCall& call, grpc::ServerWriter<Respons
 absl::Status CameraServiceImpl::run_started(const CameraCall& call, size_t keep, const Take& take) {
   const v1::GetCameraResponse camera = camera_.describe();
   const nanoseconds silence =
-      camera.on_demand()
-          ? nanoseconds::max()
-          : kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / camera.frame_rate_hz()));
+      camera.on_demand() ? nanoseconds::max()
+                         : kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / camera.frame_rate_hz()));
   nanoseconds heard = monotonic_now();
   bool wanted = take(nullptr);
   while (wanted && !call.replaced && !call.is_gone()) {

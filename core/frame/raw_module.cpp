@@ -52,8 +52,8 @@ class Reader {
   explicit Reader(std::string_view bytes) : source_(bytes), raw_(std::make_unique<LibRaw>()) {
     raw_->imgdata.params.max_raw_memory_mb = static_cast<unsigned>(kMaxRawBytes >> 20);
     raw_->imgdata.params.use_dngsdk = 0;
-    raw_->set_dataerror_handler(
-        [](void* damaged, const char*, int) { *static_cast<bool*>(damaged) = true; }, &damaged_);
+    raw_->set_dataerror_handler([](void* damaged, const char*, int) { *static_cast<bool*>(damaged) = true; },
+                                &damaged_);
   }
 
   absl::Status open() {
@@ -116,7 +116,8 @@ class Reader {
     if (raw_->imgdata.idata.filters != 0) black += colour.cblack[raw_->COLOR(y, x)];
     const unsigned rows = colour.cblack[4], columns = colour.cblack[5];
     if (rows > 0 && columns > 0)
-      black += colour.cblack[6 + static_cast<unsigned>(y) % rows * columns + static_cast<unsigned>(x) % columns];
+      black +=
+          colour.cblack[6 + static_cast<unsigned>(y) % rows * columns + static_cast<unsigned>(x) % columns];
     return static_cast<int>(std::min(black, 65535u));
   }
 

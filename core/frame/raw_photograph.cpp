@@ -26,7 +26,8 @@ absl::StatusOr<const RawCodec*> codec_for(std::string_view bytes) {
 // Of a file whose end is missing, LibRaw uses what is left, without the levels that were in the end.
 absl::Status check_directories(std::string_view bytes) {
   const TiffDirectory first(bytes);
-  for (const TiffDirectory& each : {first, first.inner(TiffDirectory::kExif), first.inner(TiffDirectory::kInner)}) {
+  for (const TiffDirectory& each :
+       {first, first.inner(TiffDirectory::kExif), first.inner(TiffDirectory::kInner)}) {
     if (!each.is_whole()) return absl::DataLossError("it is damaged, or cut off: a directory is not whole");
   }
   for (const TiffDirectory::Tag tag : {TiffDirectory::kExif, TiffDirectory::kInner}) {

@@ -1,5 +1,5 @@
-// Photographs in the raw formats of cameras: DNG, CR2, CR3, NEF, ARW and what else LibRaw reads. LibRaw is in a
-// module of ours that is loaded with the first one.
+// Photographs in the raw formats of cameras: DNG, CR2, CR3, NEF, ARW and what else LibRaw reads. LibRaw is in
+// a module of ours that is loaded with the first one.
 //
 //   light = (code - black) / (white - black)
 #pragma once

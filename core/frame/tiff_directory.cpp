@@ -47,7 +47,8 @@ TiffDirectory TiffDirectory::inner(Tag tag) const {
 
 bool TiffDirectory::is_whole() const {
   const size_t word = big_ ? 8 : 4, entry_bytes = 4 + 2 * word;
-  constexpr std::array<std::uint64_t, 14> kBytes{1, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4};  // by type, TIFF 6.0
+  constexpr std::array<std::uint64_t, 14> kBytes{1, 1, 1, 2, 4, 8, 1,
+                                                 1, 2, 4, 8, 4, 8, 4};  // by type, TIFF 6.0
   for (size_t place = entries_, i = 0; i < count_; ++i, place += entry_bytes) {
     const auto type = at(place + 2, 2), count = at(place + 4, word), value = at(place + 4 + word, word);
     if (!type || !count || !value) return false;
@@ -104,8 +105,9 @@ std::optional<TiffDirectory::Values> TiffDirectory::values(Tag tag) const {
   if (!entry) return std::nullopt;
   Values found{.type = at(*entry + 2, 2).value_or(0), .count = at(*entry + 4, word).value_or(0)};
   found.place = *entry + 4 + word;
-  const std::uint64_t value_bytes =
-      found.type == kTypeAscii ? 1 : found.type == kTypeRational ? 8 : size_of(found.type);
+  const std::uint64_t value_bytes = found.type == kTypeAscii      ? 1
+                                    : found.type == kTypeRational ? 8
+                                                                  : size_of(found.type);
   if (found.count > word / std::max<std::uint64_t>(value_bytes, 1))
     found.place = at(found.place, word).value_or(bytes_.size());
   return found;

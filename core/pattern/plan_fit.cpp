@@ -19,9 +19,9 @@ constexpr double kMinSigma_px = 0.5, kMaxSigma_px = 200.0, kSigmaStep_px = 0.25;
 constexpr int kDraftImages = 100;
 constexpr int kMaxLevels = 14;
 constexpr int kManyImages = 300, kWhiteSteps = 100;
-constexpr double kShorter = 8.0;  // how much shorter the exposure for highlights is
+constexpr double kShorter = 8.0;   // how much shorter the exposure for highlights is
 constexpr double kNotable = 1.02;  // a longer exposure than this tells more
-constexpr double kLonger = 8.0;   // and that of dark objects longer
+constexpr double kLonger = 8.0;    // and that of dark objects longer
 constexpr int kMaxHoldRefreshes = 600;
 constexpr double kFineBars = 128.0;  // of a side, where bars alone tell the place
 

@@ -34,18 +34,19 @@ absl::Status check_patches(const v1::GetCameraResponse& camera, const v1::Plan& 
   if (!camera.on_demand()) return absl::OkStatus();
   const std::string& name = camera.camera().name();
   if (plan.has_calibration() || is_video(plan)) {
-    return absl::FailedPreconditionError(fmt::format(
-        "pictures of camera \"{}\" are proven by the id patch alone, which {} show; use a camera that stamps its "
-        "frames",
-        name, plan.has_calibration() ? "calibrations do not" : "videos cannot wait to"));
+    return absl::FailedPreconditionError(
+        fmt::format("pictures of camera \"{}\" are proven by the id patch alone, which {} show; use a camera "
+                    "that stamps its "
+                    "frames",
+                    name, plan.has_calibration() ? "calibrations do not" : "videos cannot wait to"));
   }
   for (const Step& step : steps) {
     const auto lit = std::ranges::find(monitors, step.stimulus.panel(), &v1::Monitor::name);
     if (lit == monitors.end() || lit->patch_rows() > 0) continue;
-    return absl::FailedPreconditionError(
-        fmt::format("monitor \"{}\" shows no id patch, which alone proves pictures of camera \"{}\": start its "
-                    "display with --patch-rows, where the camera sees them",
-                    lit->name(), name));
+    return absl::FailedPreconditionError(fmt::format(
+        "monitor \"{}\" shows no id patch, which alone proves pictures of camera \"{}\": start its "
+        "display with --patch-rows, where the camera sees them",
+        lit->name(), name));
   }
   return absl::OkStatus();
 }

@@ -62,7 +62,8 @@ void CaptureProgress::note_shown(int step, bool again) {
 }
 
 void CaptureProgress::note_kept(const google::protobuf::RepeatedPtrField<v1::Frame>& frames, int refused) {
-  const bool waited = session_.reason().starts_with(kStalled) || session_.reason().starts_with(kWaitsForPicture);
+  const bool waited =
+      session_.reason().starts_with(kStalled) || session_.reason().starts_with(kWaitsForPicture);
   if (!frames.empty() && waited) session_.clear_reason();
   for (const v1::Frame& frame : frames) {
     count_proven(frame);

@@ -222,10 +222,11 @@ absl::Status GroupCapture::unproven(const std::string& what, const std::vector<S
 absl::Status GroupCapture::contradicted(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
                                         std::stop_token stop) {
   if (on_demand()) {
-    return absl::FailedPreconditionError(fmt::format(
-        "monitor \"{}\": {}; pictures from a folder are proven by the id patch alone: the camera must see it sharp, "
-        "and not over-exposed, and files must come one for each picture that is asked for",
-        patch.monitor(), patch.reason()));
+    return absl::FailedPreconditionError(
+        fmt::format("monitor \"{}\": {}; pictures from a folder are proven by the id patch alone: the camera "
+                    "must see it sharp, "
+                    "and not over-exposed, and files must come one for each picture that is asked for",
+                    patch.monitor(), patch.reason()));
   }
   if (patch.frozen()) {
     return absl::FailedPreconditionError(fmt::format(

@@ -66,8 +66,8 @@ class PatchLearning {
   bool is_held(int step) const { return held_.contains(step); }
   // Showings with a patch that was not seen. They do not count as retries.
   int unseen_showings() const { return unseen_showings_; }
-  // A patch that contradicted the reported times, stayed dark while nothing else changed, or was not seen by a
-  // camera that needs it, at so many attempts that the capture fails; null: none.
+  // A patch that contradicted the reported times, stayed dark while nothing else changed, or was not seen by
+  // a camera that needs it, at so many attempts that the capture fails; null: none.
   const v1::UnseenPatch* hopeless() const;
 
  private:

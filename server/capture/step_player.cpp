@@ -120,8 +120,8 @@ class PictureDemand {
     return absl::OkStatus();
   }
 
-  // To be called again and again: says how long it takes, and asks anew. False: pictures came, but not of this step.
-  // FAILED_PRECONDITION: none came, however often it was asked for.
+  // To be called again and again: says how long it takes, and asks anew. False: pictures came, but not of
+  // this step. FAILED_PRECONDITION: none came, however often it was asked for.
   absl::StatusOr<bool> look(int came, std::stop_token stop) {
     const nanoseconds now = monotonic_now();
     if (now - said_at_ >= kSaidEvery || (came > 0 && came != came_)) {
@@ -137,10 +137,10 @@ class PictureDemand {
     }
     GW_RETURN_IF_ERROR(find_problem(std::move(stop)));
     if (came > 0) return false;
-    return absl::FailedPreconditionError(
-        fmt::format("{}; is the camera switched on and awake, and does its command work by hand? Then: glasswing "
-                    "resume {}",
-                    text(), progress_.session().name()));
+    return absl::FailedPreconditionError(fmt::format(
+        "{}; is the camera switched on and awake, and does its command work by hand? Then: glasswing "
+        "resume {}",
+        text(), progress_.session().name()));
   }
   // The step is over.
   void end() {
@@ -150,9 +150,10 @@ class PictureDemand {
  private:
   absl::Status find_problem(std::stop_token stop) {
     v1::GetCameraResponse camera;
-    GW_RETURN_IF_ERROR(links_.camera->call("tell what it does", std::move(stop), [&](grpc::ClientContext& context) {
-      return links_.camera_stub->GetCamera(&context, v1::GetCameraRequest(), &camera);
-    }));
+    GW_RETURN_IF_ERROR(
+        links_.camera->call("tell what it does", std::move(stop), [&](grpc::ClientContext& context) {
+          return links_.camera_stub->GetCamera(&context, v1::GetCameraRequest(), &camera);
+        }));
     due_.set_problem(camera.due().problem());
     return absl::OkStatus();
   }
@@ -313,11 +314,10 @@ absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int mon
 }
 
 absl::StatusOr<std::optional<StableWindow>> StepPlayer::wait_shown(ProgramFeeds& feeds,
-                                                                    std::stop_token stop) {
+                                                                   std::stop_token stop) {
   std::optional<StableWindow> shown;
   while (!shown) {
-    GW_ASSIGN_OR_RETURN(const bool playing,
-                        feeds.poll([&](const StableWindow& window) { shown = window; }));
+    GW_ASSIGN_OR_RETURN(const bool playing, feeds.poll([&](const StableWindow& window) { shown = window; }));
     if (!playing) return absl::AbortedError("a display has ended a step that it was to hold");
     if (!pause(stop, kPoll)) return std::nullopt;
   }

@@ -113,8 +113,8 @@ MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& disp
   const v1::DisplayMonitor* monitor = display.monitor(shown.monitor());
   const bool held = shown.replaced_ns() == 0;  // still shown
   const ClockReading scanout_end = display.link.rig_from_node(nanoseconds(shown.scanout_end_ns())),
-                     replaced = held ? scanout_end
-                                     : display.link.rig_from_node(nanoseconds(shown.replaced_ns()));
+                     replaced =
+                         held ? scanout_end : display.link.rig_from_node(nanoseconds(shown.replaced_ns()));
   MonitorWindow window{
       .step = shown.step(),
       .scanout_end = scanout_end.time,

@@ -1,4 +1,5 @@
-// Pictures that come into a folder: half-written, damaged, doubled, of another camera, under one name, or not at all.
+// Pictures that come into a folder: half-written, damaged, doubled, of another camera, under one name, or not
+// at all.
 #include "camera-node/backends/folder_camera.h"
 
 #include <fmt/format.h>
@@ -32,7 +33,9 @@ Image16 picture(int level) {
   image.samples.back() = ++count;
   return image;
 }
-std::string png(int level) { return encode_png16(picture(level)).value(); }
+std::string png(int level) {
+  return encode_png16(picture(level)).value();
+}
 
 // At once, as by a program that renames.
 void drop(const fs::path& file, std::string_view bytes) {
@@ -207,7 +210,8 @@ TEST_F(FolderCameraTest, WhatIsWrongAtTheStartIsNamed) {
   wrong = options();
   wrong.shoot = "no-such-program {dir}";
   wrong.patience = milliseconds(500);
-  EXPECT_THAT(std::string(FolderCamera::open(wrong).status().message()), HasSubstr("cannot run no-such-program"));
+  EXPECT_THAT(std::string(FolderCamera::open(wrong).status().message()),
+              HasSubstr("cannot run no-such-program"));
   fs::remove(folder_ / "first.png");
   EXPECT_THAT(std::string(FolderCamera::open(options()).status().message()), HasSubstr("take one"));
 }
@@ -241,7 +245,9 @@ class Pressed final : public Camera {
   std::jthread pressing_;
 };
 
-std::unique_ptr<Camera> make_folder_camera() { return std::make_unique<Pressed>(); }
+std::unique_ptr<Camera> make_folder_camera() {
+  return std::make_unique<Pressed>();
+}
 INSTANTIATE_TEST_SUITE_P(Folder, CameraContract, testing::Values(make_folder_camera));
 
 }  // namespace

@@ -1,5 +1,5 @@
-// A tethered camera as a program: takes one picture of what the simulated monitors show and writes it into a folder, as
-// gphoto2 --capture-image-and-download does; or does something worse.
+// A tethered camera as a program: takes one picture of what the simulated monitors show and writes it into a
+// folder, as gphoto2 --capture-image-and-download does; or does something worse.
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -31,6 +31,7 @@ struct Options {
   int width_px = 192, height_px = 144;
   double exposure_ms = 10.0, late_s = 3.0;
   bool capped = false;  // its lens
+  bool jpeg = false;
   Faults faults;
 };
 
@@ -51,7 +52,8 @@ Image16 exposed(const Options& options) {
   sim.width_px = options.width_px;
   sim.height_px = options.height_px;
   sim.frame_rate_hz = 20.0;
-  sim.sensor.seed = static_cast<std::uint64_t>(monotonic_now().count());  // its noise makes each picture another file
+  sim.sensor.seed =
+      static_cast<std::uint64_t>(monotonic_now().count());  // its noise makes each picture another file
   sim.sensor.full_scale_exposure_ms = options.exposure_ms;
   sim.mosaic = options.mosaic;
   const auto camera = SimCamera::create(sim, timeline).value();
@@ -63,15 +65,25 @@ Image16 exposed(const Options& options) {
 }
 
 std::string file_of(const Options& options, const Image16& image) {
+  if (options.jpeg) {
+    RadianceImage light(image.width_px, image.height_px);
+    std::ranges::transform(image.samples, light.samples.begin(), radiance_of);
+    return encode_jpeg(light).value();
+  }
   if (options.mosaic.empty()) return encode_png16(image).value();
   const fs::path path = fs::path(options.state) / "picture.dng";
   constexpr std::uint32_t kWhite = 4095;
-  Dng dng{.width_px = image.width_px, .height_px = image.height_px, .codes = {}, .bits = 16, .mosaic = options.mosaic};
+  Dng dng{.width_px = image.width_px,
+          .height_px = image.height_px,
+          .codes = {},
+          .bits = 16,
+          .mosaic = options.mosaic};
   dng.white = kWhite;
   dng.exposure_s = 1e-3 * options.exposure_ms;
   dng.iso = 100;
   for (const std::uint16_t sample : image.samples)
-    dng.codes.push_back(static_cast<std::uint16_t>(std::lround(sample * static_cast<double>(kWhite) / 65535.0)));
+    dng.codes.push_back(
+        static_cast<std::uint16_t>(std::lround(sample * static_cast<double>(kWhite) / 65535.0)));
   write_dng(path, dng);
   return read_file(path).value();
 }
@@ -82,8 +94,10 @@ class Card {
 
   // Names that say nothing about the order.
   fs::path new_name() {
-    return fs::path(options_.folder) /
-           fmt::format("IMG_{:08x}.{}", random_(), options_.mosaic.empty() ? "png" : "dng");
+    return fs::path(options_.folder) / fmt::format("IMG_{:08x}.{}", random_(),
+                                                   options_.jpeg             ? "jpg"
+                                                   : options_.mosaic.empty() ? "png"
+                                                                             : "dng");
   }
   void put(std::string_view bytes) { append(new_name(), bytes); }
   static void append(const fs::path& path, std::string_view bytes) {
@@ -157,17 +171,18 @@ int main(int argc, char** argv) {
   app.add_option("--tap", options.tap)->required();
   app.add_option("--folder", options.folder)->required();
   app.add_option("--state", options.state, "directory that it keeps between pictures")->required();
-  app.add_option("--mosaic", options.mosaic, "writes DNGs of it; PNG if left out");
+  app.add_option("--mosaic", options.mosaic, "writes DNGs of it; else PNG");
   app.add_option("--width", options.width_px);
   app.add_option("--height", options.height_px);
   app.add_option("--exposure-ms", options.exposure_ms);
   app.add_option("--late-s", options.late_s);
+  app.add_flag("--jpeg", options.jpeg, "writes JPEGs");
   app.add_flag("--capped", options.capped, "leaves the cap on its lens");
   Faults& faults = options.faults;
   for (const auto& [name, value] : {std::pair{"--late", &faults.late}, std::pair{"--twice", &faults.twice},
                                     std::pair{"--cut", &faults.cut}, std::pair{"--slow", &faults.slow},
-                                    std::pair{"--swapped", &faults.swapped}, std::pair{"--lost", &faults.lost},
-                                    std::pair{"--stale", &faults.stale}})
+                                    std::pair{"--swapped", &faults.swapped},
+                                    std::pair{"--lost", &faults.lost}, std::pair{"--stale", &faults.stale}})
     app.add_option(name, *value, "probability of this fault");
   CLI11_PARSE(app, argc, argv);
   std::filesystem::create_directories(options.state);

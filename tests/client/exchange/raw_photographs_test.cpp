@@ -76,7 +76,8 @@ TEST_F(RawImport, RefusesOptionsThatTheFilesKnowBetterAndSetsThatAreMixed) {
   other.mosaic = "RGGB";
   write_dng(directory_ / "b.dng", other);
   const absl::Status mixed = source().value().read(1).status();
-  EXPECT_THAT(std::string(mixed.message()), HasSubstr("b.dng is 32x32 of 14 bits, mosaic RGGB; it must be as the first"));
+  EXPECT_THAT(std::string(mixed.message()),
+              HasSubstr("b.dng is 32x32 of 14 bits, mosaic RGGB; it must be as the first"));
 }
 
 }  // namespace

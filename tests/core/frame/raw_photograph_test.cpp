@@ -32,7 +32,9 @@ class RawPhotographs : public testing::Test {
   }
   // The whole sensor's codes, as unprocessed_raw writes them.
   static std::vector<std::uint16_t> unprocessed(const fs::path& dng) {
-    EXPECT_EQ(std::system(fmt::format("unprocessed_raw -T {} > {}.log 2>&1", dng.string(), dng.string()).c_str()), 0);
+    EXPECT_EQ(
+        std::system(fmt::format("unprocessed_raw -T {} > {}.log 2>&1", dng.string(), dng.string()).c_str()),
+        0);
     TIFF* const file = TIFFOpen((dng.string() + ".tiff").c_str(), "r");
     if (file == nullptr) return {};
     std::uint32_t width = 0, height = 0;
@@ -80,7 +82,8 @@ TEST_F(RawPhotographs, AreEqualToTheLastCodeInEveryLayout) {
         int differing = 0;
         for (int y = 0; y < raw->codes.height_px; ++y) {
           for (int x = 0; x < raw->codes.width_px; ++x)
-            differing += raw->codes.at(x, y, 0) != all[static_cast<size_t>((y + top) * dng.width_px + x + left)];
+            differing +=
+                raw->codes.at(x, y, 0) != all[static_cast<size_t>((y + top) * dng.width_px + x + left)];
         }
         EXPECT_EQ(differing, 0);
       }
@@ -137,12 +140,14 @@ TEST_F(RawPhotographs, BlackLevelsOfEachPhotositeAreMadeOne) {
 
 TEST_F(RawPhotographs, LinearisationTablesAreApplied) {
   Dng dng = noise(8, "RGGB");
-  for (unsigned code = 0; code < 256; ++code) dng.linearisation.push_back(static_cast<std::uint16_t>(code * code / 16));
+  for (unsigned code = 0; code < 256; ++code)
+    dng.linearisation.push_back(static_cast<std::uint16_t>(code * code / 16));
   dng.white = 255 * 255 / 16;
   const fs::path path = written(dng);
   const RawPhotograph raw = decoded(path).value();
   EXPECT_EQ(raw.codes.samples, unprocessed(path));
-  for (size_t i = 0; i < dng.codes.size(); ++i) ASSERT_EQ(raw.codes.samples[i], dng.codes[i] * dng.codes[i] / 16);
+  for (size_t i = 0; i < dng.codes.size(); ++i)
+    ASSERT_EQ(raw.codes.samples[i], dng.codes[i] * dng.codes[i] / 16);
 }
 
 TEST_F(RawPhotographs, LieAsTheSensorDoesAndTellTheirExposure) {
@@ -169,7 +174,8 @@ TEST_F(RawPhotographs, FilesThatAreCutOffAreRefusedByName) {
       const fs::path part = directory_ / "part.dng";
       ASSERT_TRUE(write_file_durably(part, whole.substr(0, size)).ok());
       const absl::Status status = read_photograph(part).status();
-      ASSERT_TRUE(absl::IsDataLoss(status)) << bits << " bits, " << size << " of " << whole.size() << " " << status;
+      ASSERT_TRUE(absl::IsDataLoss(status))
+          << bits << " bits, " << size << " of " << whole.size() << " " << status;
       EXPECT_THAT(std::string(status.message()), HasSubstr(part.string()));
     }
   }

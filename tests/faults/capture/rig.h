@@ -31,8 +31,8 @@ struct RigFaults {
   bool restart_camera = false, restart_display = false;  // in mid-session
   SpaceOf space = space_of;                              // of the camera node's disk
   std::chrono::milliseconds node_call = kNodeCall;       // ServerOptions
-  // A camera whose pictures come into a folder, in place of the simulated one; in its command {tap} becomes the address
-  // of the display's light.
+  // A camera whose pictures come into a folder, in place of the simulated one; in its command {tap} becomes
+  // the address of the display's light.
   std::optional<FolderCamera::Options> folder = {};
 };
 

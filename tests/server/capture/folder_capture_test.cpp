@@ -1,5 +1,5 @@
-// A capture with a tethered camera: pictures that come into a folder late, twice, cut off, or swapped are never taken
-// for another step's.
+// A capture with a tethered camera: pictures that come into a folder late, twice, cut off, or swapped are
+// never taken for another step's.
 #include <absl/strings/str_replace.h>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -39,9 +39,10 @@ v1::Plan stripes(int steps) {
 
 // The command of the stand-in, with whatever is wrong with it.
 std::string stand_in(const fs::path& state, const std::string& faults) {
-  return fmt::format("{} --tap {{tap}} --folder {{dir}} --state {} --width {} --height {} --exposure-ms {} {}",
-                     std::getenv("GLASSWING_TETHERED"), state.string(), FaultyRig::kWidth_px, FaultyRig::kHeight_px,
-                     kExposure_ms, faults);
+  return fmt::format(
+      "{} --tap {{tap}} --folder {{dir}} --state {} --width {} --height {} --exposure-ms {} {}",
+      std::getenv("GLASSWING_TETHERED"), state.string(), FaultyRig::kWidth_px, FaultyRig::kHeight_px,
+      kExposure_ms, faults);
 }
 
 class TetheredRig {
@@ -109,9 +110,10 @@ int steps_from_environment(int otherwise) {
 TEST(FolderCapture, FaultyFilesNeverPassForAnotherStep) {
   TetheredRig tethered(
       [](const fs::path& state) {
-        return stand_in(state,
-                        "--late 0.06 --late-s 3.5 --twice 0.1 --cut 0.05 --slow 0.1 --swapped 0.05 --lost 0.03 "
-                        "--stale 0.06");
+        return stand_in(
+            state,
+            "--late 0.06 --late-s 3.5 --twice 0.1 --cut 0.05 --slow 0.1 --swapped 0.05 --lost 0.03 "
+            "--stale 0.06");
       },
       2.5);
   const v1::Plan plan = stripes(steps_from_environment(16));
@@ -122,9 +124,10 @@ TEST(FolderCapture, FaultyFilesNeverPassForAnotherStep) {
   for (const auto& [step, what] : wrong) ADD_FAILURE() << "step " << step << ": " << what;
   std::string faults;
   for (const auto& [what, count] : tethered.faults()) faults += fmt::format(" {} {}", count, what);
-  fmt::print("{} steps: {} proven, {} named unproven, {} mislabelled, {} refused; {} pictures; faults:{}; {}\n",
-             end.step_count(), end.patch_proven_count(), end.unproven_size(), wrong.size(), end.refused_count(),
-             end.frames_taken(), faults, end.reason());
+  fmt::print(
+      "{} steps: {} proven, {} named unproven, {} mislabelled, {} refused; {} pictures; faults:{}; {}\n",
+      end.step_count(), end.patch_proven_count(), end.unproven_size(), wrong.size(), end.refused_count(),
+      end.frames_taken(), faults, end.reason());
   EXPECT_EQ(end.time_proven_count(), 0);
   // Each step is proven, or named; so is a monitor whose patch could not be learned.
   if (end.state() != v1::SESSION_STATE_FAILED || end.reason().find("monitor") == std::string::npos) {
@@ -149,7 +152,8 @@ TEST(FolderCapture, ACameraThatSleepsIsNamedAndHowLongTheFolderHasWaited) {
   // It wakes for its first picture only.
   const auto once = [](const fs::path& state) {
     const fs::path script = state / "asleep.sh";
-    EXPECT_TRUE(write_file_durably(script, "#!/bin/sh\n[ -e $0.done ] && exit 0\ntouch $0.done\nexec \"$@\"\n").ok());
+    EXPECT_TRUE(
+        write_file_durably(script, "#!/bin/sh\n[ -e $0.done ] && exit 0\ntouch $0.done\nexec \"$@\"\n").ok());
     fs::permissions(script, fs::perms::owner_all);
     return script.string() + " " + stand_in(state, "");
   };
@@ -183,9 +187,9 @@ TEST(FolderCapture, WhereAPersonPressesTheButtonTheSessionSaysWhichPictureIsDue)
   const v1::Plan plan = stripes(6);
   const grpc::Status created = tethered.rig().create(plan);
   ASSERT_TRUE(created.ok()) << created.error_message();
-  const std::string press =
-      absl::StrReplaceAll(stand_in(tethered.state(), ""),
-                          {{"{tap}", tethered.rig().display_address()}, {"{dir}", tethered.folder().string()}});
+  const std::string press = absl::StrReplaceAll(
+      stand_in(tethered.state(), ""),
+      {{"{tap}", tethered.rig().display_address()}, {"{dir}", tethered.folder().string()}});
   std::string due;
   int pressed = 0;
   const v1::Session end = tethered.rig().watch([&](const v1::Session& now) {
