@@ -38,7 +38,9 @@ struct Options {
 Image16 exposed(const Options& options) {
   if (options.capped) {
     Image16 dark(options.width_px, options.height_px);
-    dark.samples.front() = static_cast<std::uint16_t>(monotonic_now().count() % 100);
+    // No picture's file is that of another.
+    auto number = static_cast<std::uint64_t>(monotonic_now().count());
+    for (size_t i = 0; number > 0; ++i, number /= 64) dark.samples[i] = static_cast<std::uint16_t>(number % 64);
     return dark;
   }
   EmissionTimeline timeline;
