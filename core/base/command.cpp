@@ -27,7 +27,7 @@ constexpr std::chrono::seconds kGrace(2);
 // A program under way, in a process group of its own.
 class Child {
  public:
-  static absl::StatusOr<Child> start(const std::vector<std::string>& words) {
+  static absl::StatusOr<Child> start(const std::vector<std::string>& words, CommandFiles files) {
     int ends[2] = {-1, -1};
     if (::pipe2(ends, O_CLOEXEC) != 0) return absl::ErrnoToStatus(errno, "cannot make a pipe");
     Child child;
@@ -38,7 +38,12 @@ class Child {
     argv.push_back(nullptr);
     posix_spawn_file_actions_t actions;
     ::posix_spawn_file_actions_init(&actions);
-    ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    if (files.input < 0) {
+      ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    } else {
+      ::posix_spawn_file_actions_adddup2(&actions, files.input, STDIN_FILENO);
+    }
+    if (files.output >= 0) ::posix_spawn_file_actions_adddup2(&actions, files.output, STDOUT_FILENO);
     ::posix_spawn_file_actions_adddup2(&actions, errors_end.get(), STDERR_FILENO);
     sigset_t none;  // the daemon blocks signals
     ::sigemptyset(&none);
@@ -106,8 +111,8 @@ std::vector<std::string> command_words(const std::string& command) {
 }
 
 absl::Status run_command(const std::vector<std::string>& words, std::chrono::milliseconds limit,
-                         std::stop_token stop) {
-  GW_ASSIGN_OR_RETURN(Child child, Child::start(words));
+                         std::stop_token stop, CommandFiles files) {
+  GW_ASSIGN_OR_RETURN(Child child, Child::start(words, files));
   const nanoseconds until = monotonic_now() + limit;
   std::optional<int> ended;
   while (!(ended = child.step(20))) {

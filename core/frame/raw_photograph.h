@@ -38,15 +38,9 @@ struct RawPhotograph {
 bool is_raw_file(const std::filesystem::path& path);
 
 // DATA_LOSS: damaged, cut off, or of a kind that is not read, such as a sensor without a Bayer mosaic; says
-// which. UNIMPLEMENTED: the module is not installed.
+// which. UNIMPLEMENTED: glasswing-raw is not installed.
 absl::StatusOr<RawPhotograph> decode_raw(std::string_view bytes);
 // From the file's header alone.
 absl::StatusOr<RawFacts> read_raw_facts(std::string_view bytes);
-
-// What the module exports.
-struct RawCodec {
-  absl::StatusOr<RawPhotograph> (*decode)(std::string_view bytes);
-  absl::StatusOr<RawFacts> (*facts)(std::string_view bytes);
-};
 
 }  // namespace glasswing

@@ -14,8 +14,12 @@ camera() {
   "$bin/glasswing-camera" --server "$server" --listen 127.0.0.1:$((port + 2)) --data "$work/data/camera" --backend folder \
     --folder "$work/shots" "$@"
 }
-refused "--backend folder needs --folder" "$bin/glasswing-camera" --server "$server" --data "$work/data/none" --backend folder
-refused "take one with the settings" camera
+says() { # WORDS COMMAND...: the command fails, and says so
+  if "${@:2}" >"$work/said" 2>&1; then fail "accepted: ${*:2}"; fi
+  grep -qF -- "$1" "$work/said" || fail "\"$(cat "$work/said")\" does not say \"$1\""
+}
+says "--backend folder needs --folder" "$bin/glasswing-camera" --server "$server" --data "$work/data/none" --backend folder
+says "take one with the settings" camera
 camera --shoot "$shoot" >"$work/camera.log" 2>&1 &
 until_true 30 up 2 || fail "no camera"
 glasswing nodes | grep -q "folder 96x84" || fail "the list of nodes does not say what the camera is"

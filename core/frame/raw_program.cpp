@@ -1,12 +1,15 @@
+// glasswing-raw: LibRaw, in a process of its own (raw_photograph.h).
 #include <fmt/format.h>
 #include <libraw/libraw.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <array>
-#include <bit>
+#include <cstdio>
 #include <exception>
 #include <memory>
 
+#include "core/frame/raw_answer.h"
 #include "core/frame/raw_photograph.h"
 
 namespace glasswing {
@@ -159,29 +162,61 @@ class Reader {
   std::unique_ptr<LibRaw> raw_;  // large, and destroyed before what it reads
 };
 
-template <typename Result>
-absl::StatusOr<Result> reading(std::string_view bytes, absl::StatusOr<Result> (*read)(Reader&)) {
+// What `bytes` hold; `facts_only`: without the picture.
+absl::StatusOr<RawPhotograph> read_raw(std::string_view bytes, bool facts_only) {
   try {
     Reader reader(bytes);
     if (const absl::Status opened = reader.open(); !opened.ok()) return opened;
-    return read(reader);
+    if (!facts_only) return reader.photograph();
+    RawPhotograph photograph;
+    photograph.facts = reader.facts();
+    return photograph;
   } catch (const std::exception& error) {
     return bad(fmt::format("it is damaged ({})", error.what()));
   }
 }
 
+// A file may be made so that LibRaw asks for any amount.
+void limit_resources() {
+  constexpr rlim_t kMemory = rlim_t{3} << 30, kSeconds = 60;
+  for (const auto& [what, most] :
+       {std::pair(RLIMIT_AS, kMemory), std::pair(RLIMIT_CPU, kSeconds), std::pair(RLIMIT_CORE, rlim_t{0})}) {
+    const rlimit limit{.rlim_cur = most, .rlim_max = most};
+    (void)::setrlimit(what, &limit);
+  }
+}
+
+bool write_all(const void* from, size_t size) {
+  return std::fwrite(from, 1, size, stdout) == size;
+}
+
 }  // namespace
-
-extern "C" const RawCodec glasswing_raw_codec;
-const RawCodec glasswing_raw_codec{
-    .decode =
-        [](std::string_view bytes) {
-          return reading<RawPhotograph>(bytes, [](Reader& reader) { return reader.photograph(); });
-        },
-    .facts =
-        [](std::string_view bytes) {
-          return reading<RawFacts>(bytes,
-                                   [](Reader& reader) -> absl::StatusOr<RawFacts> { return reader.facts(); });
-        }};
-
 }  // namespace glasswing
+
+// glasswing-raw photograph|facts: reads a file from standard input.
+int main(int argc, char** argv) {
+  using namespace glasswing;
+  if (argc != 2) return 2;
+  limit_resources();
+  std::string bytes;
+  std::array<char, 1 << 16> piece{};
+  while (const size_t got = std::fread(piece.data(), 1, piece.size(), stdin)) bytes.append(piece.data(), got);
+  const absl::StatusOr<RawPhotograph> raw = read_raw(bytes, std::string_view(argv[1]) == "facts");
+  RawAnswer answer;
+  if (!raw.ok()) {
+    raw.status().message().copy(answer.refused.data(), answer.refused.size() - 1);
+    return write_all(&answer, sizeof answer) && std::fflush(stdout) == 0 ? 0 : 1;
+  }
+  answer.width_px = raw->codes.width_px;
+  answer.height_px = raw->codes.height_px;
+  answer.black = raw->black;
+  answer.white = raw->white;
+  answer.exposure_ms = raw->facts.exposure_ms.value_or(0.0);
+  answer.iso = raw->facts.iso.value_or(0.0);
+  answer.turned = raw->facts.turned ? 1 : 0;
+  raw->mosaic.copy(answer.mosaic.data(), answer.mosaic.size() - 1);
+  const bool written =
+      write_all(&answer, sizeof answer) &&
+      write_all(raw->codes.samples.data(), raw->codes.samples.size() * sizeof(std::uint16_t));
+  return written && std::fflush(stdout) == 0 ? 0 : 1;
+}
