@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <exception>
 #include <memory>
+#include <string>
 
 #include "core/frame/raw_answer.h"
 #include "core/frame/raw_photograph.h"
@@ -76,7 +77,8 @@ class Reader {
     RawFacts facts;
     facts.turned = raw_->imgdata.sizes.flip != 0;
     const libraw_imgother_t& noted = raw_->imgdata.other;
-    if (noted.shutter > 0.0f) facts.exposure_ms = 1e3 * static_cast<double>(noted.shutter);
+    // As the camera wrote it, which a float is not.
+    if (noted.shutter > 0.0f) facts.exposure_ms = 1e3 * std::stod(fmt::format("{:.6g}", noted.shutter));
     if (noted.iso_speed > 0.0f) facts.iso = static_cast<double>(noted.iso_speed);
     return facts;
   }

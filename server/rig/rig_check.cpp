@@ -144,8 +144,11 @@ class RigCheck {
 
   bool check_exposures(const RigLinks& links) {
     exposures_ms_.assign(plan_.exposure_ms().begin(), plan_.exposure_ms().end());
-    if (exposures_ms_.empty()) exposures_ms_.push_back(kDefaultExposureMs);
     const double least = links.camera_info.min_exposure_ms(), most = links.camera_info.max_exposure_ms();
+    // A camera that takes pictures on demand has the exposure that is set on it.
+    const bool set = links.camera_info.on_demand();
+    if (exposures_ms_.empty())
+      exposures_ms_.push_back(set ? std::clamp(kDefaultExposureMs, least, most) : kDefaultExposureMs);
     for (const double exposure_ms : exposures_ms_) {
       if (exposure_ms >= least && exposure_ms <= most) continue;
       tell(
