@@ -40,7 +40,8 @@ Image16 exposed(const Options& options) {
     Image16 dark(options.width_px, options.height_px);
     // No picture's file is that of another.
     auto number = static_cast<std::uint64_t>(monotonic_now().count());
-    for (size_t i = 0; number > 0; ++i, number /= 64) dark.samples[i] = static_cast<std::uint16_t>(number % 64);
+    for (size_t i = 0; number > 0; ++i, number /= 64)
+      dark.samples[i] = static_cast<std::uint16_t>(number % 64);
     return dark;
   }
   EmissionTimeline timeline;
