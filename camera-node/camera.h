@@ -22,8 +22,8 @@ struct CapturedFrame {
   size_t held_bytes = 0;  // size of the buffer that `image` holds
 };
 
-// tests/camera-node/backends/camera_contract.h tests what every backend guarantees. describe() may be called
-// from any thread at any time, the others from one thread at a time.
+// tests/camera-node/backends/camera_contract.h tests what every backend guarantees. describe() and
+// take_picture() may be called from any thread at any time, the others from one thread at a time.
 class Camera {
  public:
   virtual ~Camera() = default;
@@ -36,6 +36,10 @@ class Camera {
   // The next frame; none if `timeout` passes first or the camera is stopped.
   virtual std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) = 0;
   virtual void stop() = 0;
+  // Asks for one picture (CameraService.TakePicture), where describe() says on_demand.
+  virtual absl::Status take_picture(const std::string& /*what*/) {
+    return absl::FailedPreconditionError("this camera takes pictures by itself");
+  }
 };
 
 class Stage {

@@ -5,9 +5,7 @@
 #include <cmath>
 #include <memory>
 
-#include "camera-node/backends/emission_client.h"
 #include "camera-node/camera_metrics.h"
-#include "camera-node/open_camera.h"
 #include "camera-node/services/calibration_service.h"
 #include "camera-node/services/camera_service.h"
 #include "camera-node/services/stage_service.h"
@@ -26,14 +24,14 @@ std::optional<std::int64_t> reserve_bytes(const CameraOptions& options) {
   return std::llround(1e6 * *options.reserve_mb);
 }
 
-v1::RegisterRequest node_of(const CameraOptions& options, const Camera& camera) {
+v1::RegisterRequest node_of(const CameraOptions& options, const OpenedCamera& opened) {
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_CAMERA);
-  node.set_name(options.sim.name);
-  const v1::GetCameraResponse described = camera.describe();
+  node.set_name(options.settings.name);
+  const v1::GetCameraResponse described = opened.camera->describe();
   node.set_detail(fmt::format("{} {}x{} at {:.4g} fps{}", options.backend, described.camera().width_px(),
                               described.camera().height_px(), described.frame_rate_hz(),
-                              options.backend == "sim" ? ", scene " + options.sim.scene : ""));
+                              opened.detail.empty() ? "" : ", " + opened.detail));
   return node;
 }
 
@@ -45,29 +43,25 @@ std::optional<v1::Preparation> preparation_of(const Camera& camera) {
 }  // namespace
 
 absl::Status run_camera(const CLI::App& app, DaemonOptions daemon, CameraOptions options) {
-  GW_RETURN_IF_ERROR(check_simulated_options(app, options.backend));
-  GW_RETURN_IF_ERROR(check_name("node", options.sim.name));
-  GW_RETURN_IF_ERROR(options.resolve(app));
+  GW_RETURN_IF_ERROR(check_name("node", options.settings.name));
   const std::filesystem::path archives = std::filesystem::path(options.data) / "archives";
   ArchiveStore store(archives, DiskRoom(archives, reserve_bytes(options)));
   GW_RETURN_IF_ERROR(store.prepare());
 
-  EmissionTimeline timeline;
-  GW_ASSIGN_OR_RETURN(const OpenedCamera opened, open_camera(options, timeline));
-  std::vector<std::unique_ptr<EmissionClient>> clients;
-  for (const std::string& tap : options.taps)
-    clients.push_back(std::make_unique<EmissionClient>(tap, timeline));
-  if (options.backend == "sim") daemon.listen.clock = options.sim.clock;
+  GW_ASSIGN_OR_RETURN(const OpenedCamera opened, options.open(app));
+  daemon.listen.clock = opened.clock;
+  ManualStage manual;
+  Stage& stage = options.stage == "sim" && opened.stage != nullptr ? *opened.stage : manual;
 
   CameraServiceImpl cameras(*opened.camera, store);
   ArchiveServiceImpl archive_service(store);
   CalibrationServiceImpl calibrations(store);
-  StageServiceImpl stages(*opened.stage);
+  StageServiceImpl stages(stage);
   camera_metrics();
   archive_metrics();
   const AskedMetrics disk([&] { return disk_metrics(archives); });
   return serve(daemon, {.services = {&cameras, &archive_service, &calibrations, &stages},
-                        .node = node_of(options, *opened.camera),
+                        .node = node_of(options, opened),
                         .server = options.server,
                         .data = archives,
                         .preparation_of = [&] { return preparation_of(*opened.camera); },

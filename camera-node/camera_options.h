@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,29 +10,24 @@
 #include "camera-node/backends/libcamera_camera.h"
 #include "camera-node/backends/sim_camera.h"
 #include "core/daemon/daemon.h"
+#include "camera-node/camera_backend.h"
 
 namespace glasswing {
 
 struct CameraOptions {
   std::string server, data;
   std::optional<double> reserve_mb;
-  std::string backend = "sim", stage = "sim", size = "128x96";
-  // Every backend takes its name, picture size and frame rate.
-  SimCameraOptions sim;
-  std::string response = "linear";
-  std::vector<std::string> taps;
-  double late_ms = 0.0, stamp_jitter_ms = 0.0, stamp_shift_ms = 0.0;
-  double clock_offset_ms = 0.0, clock_drift_ppm = 0.0;
-  // --backend replay
-  std::string archive;
-  // --backend libcamera
-  LibcameraCamera::Options real;
-  std::string stamp = "unknown";
-  double readout_ms = 0.0, delay_ms = 0.0, fixed_exposure_ms = 0.0;
+  std::string backend = "sim", stage = "sim";
+  CameraSettings settings;
 
-  // Reads the options that are given as text or in milliseconds into `sim` and `real`; `app` says which were
-  // given. INVALID_ARGUMENT: --size or --response cannot be read.
-  absl::Status resolve(const CLI::App& app);
+  // Opens the camera that --backend names. INVALID_ARGUMENT: `app` has an option that this backend does not
+  // take, or one with a bad value; else the backend's own errors.
+  absl::StatusOr<OpenedCamera> open(const CLI::App& app) const;
+
+  std::vector<CameraBackend> backends;  // all there are
+  std::map<std::string, std::vector<std::string>> takers_of =
+      {};            // backends that take an option, by its name
+  std::string size;  // as given
 };
 
 void add_camera_options(CLI::App& app, DaemonOptions& daemon, CameraOptions& camera);

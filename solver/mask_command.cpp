@@ -24,8 +24,9 @@ absl::Status make_mask(const MaskPictures& pictures) {
   GW_ASSIGN_OR_RETURN(const CodedPhotograph without, read_photograph(pictures.without));
   MaskOptions options = pictures.options;
   options.bits = std::min(with.bits, without.bits);
-  GW_ASSIGN_OR_RETURN(const ObjectMask object, ObjectMask::of_pair(with.codes, without.codes, options));
-  const Mask mask = object.mask(with.codes);
+  const Image16 picture_with = interpolated(with), picture_without = interpolated(without);
+  GW_ASSIGN_OR_RETURN(const ObjectMask object, ObjectMask::of_pair(picture_with, picture_without, options));
+  const Mask mask = object.mask(picture_with);
   RadianceImage picture(mask.width_px, mask.height_px);
   for (size_t i = 0; i < picture.samples.size(); ++i)
     picture.samples[i] = mask.samples[i / 3] != 0 ? 1.0f : 0.0f;

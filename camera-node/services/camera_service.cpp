@@ -20,6 +20,7 @@ constexpr std::chrono::seconds kMaxSilence(3);  // without a frame, on top of tw
 constexpr int kMaxSequences = 4096;
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
+constexpr std::chrono::seconds kAskPause(1);            // between responses while no picture has come
 constexpr std::chrono::milliseconds kPreparationPause(200);  // between responses while the camera prepares
 
 // The sensor's highest code, scaled to 16 bits.
@@ -36,6 +37,13 @@ absl::Status check_preview(const v1::PreviewRequest& request) {
         fmt::format("max_width_px is {}; it must be 16 to 4096", request.max_width_px()));
   }
   return absl::OkStatus();
+}
+
+// What a camera that takes pictures on demand waits for.
+std::string due_text(const v1::GetCameraResponse& camera) {
+  if (!camera.has_due()) return "waiting for a picture in the folder; press the camera's button";
+  return fmt::format("the folder has waited {:.0f} s for {}",
+                     1e-9 * static_cast<double>(camera.due().waited_ns()), camera.due().what());
 }
 
 bool write_whole(const Image16& image, const v1::FrameTaken& taken,
@@ -102,8 +110,10 @@ absl::Status CameraServiceImpl::run(CameraCall& call, grpc::ServerWriter<Respons
 }
 
 absl::Status CameraServiceImpl::run_started(const CameraCall& call, size_t keep, const Take& take) {
-  const double rate_hz = camera_.describe().frame_rate_hz();
-  const nanoseconds silence = kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / rate_hz));
+  const v1::GetCameraResponse camera = camera_.describe();
+  const nanoseconds silence =
+      camera.on_demand() ? nanoseconds::max()
+                         : kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / camera.frame_rate_hz()));
   nanoseconds heard = monotonic_now();
   bool wanted = take(nullptr);
   while (wanted && !call.replaced && !call.is_gone()) {
@@ -131,10 +141,32 @@ grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::
   }));
 }
 
+grpc::Status CameraServiceImpl::TakePicture(grpc::ServerContext* context,
+                                            const v1::TakePictureRequest* request,
+                                            v1::TakePictureResponse* response) {
+  constexpr size_t kMaxWhat_bytes = 200;
+  if (request->what().size() > kMaxWhat_bytes) {
+    return to_grpc(absl::InvalidArgumentError(
+        fmt::format("what has {} bytes; it may have {}", request->what().size(), kMaxWhat_bytes)));
+  }
+  const auto take = [&]() -> absl::StatusOr<v1::TakePictureResponse> {
+    GW_RETURN_IF_ERROR(camera_.take_picture(request->what()));
+    v1::TakePictureResponse taken;
+    *taken.mutable_due() = camera_.describe().due();
+    return taken;
+  };
+  return answer(pictures_.run(*context, request->request_id(), take), *response);
+}
+
 grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
                                              const v1::StreamFramesRequest* request,
                                              grpc::ServerWriter<v1::StreamFramesResponse>* writer) {
-  const std::optional<Mosaic> mosaic = mosaic_of(camera_.describe().camera());
+  const v1::GetCameraResponse camera = camera_.describe();
+  if (camera.on_demand()) {
+    return to_grpc(absl::FailedPreconditionError(
+        "the camera takes a picture only when it is asked for one; a live matte needs a stream"));
+  }
+  const std::optional<Mosaic> mosaic = mosaic_of(camera.camera());
   std::atomic<bool> wanted = true;
   std::jthread sender;  // converts and sends while the camera runs on
   const auto send = [&](std::stop_token stop) {
@@ -224,7 +256,7 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
           : std::clamp(kPreviewExposureMs, camera.min_exposure_ms(), camera.max_exposure_ms());
   const std::optional<Mosaic> mosaic = mosaic_of(camera.camera());
   const nanoseconds period(static_cast<std::int64_t>(1e9 / request->max_fps()));
-  nanoseconds due = monotonic_now();
+  nanoseconds due = monotonic_now(), asked = due;
   std::int64_t shown = -1;
   // Any other call gets the camera, however long this one takes to start and stop it.
   CameraCall call{.exposure_ms = exposure_ms, .is_gone = [] { return true; }};
@@ -244,6 +276,12 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
         give_up();
         return to_grpc(status);
       }
+    }
+    if (camera.on_demand() && shown < 0 && monotonic_now() >= asked) {
+      asked = monotonic_now() + kAskPause;
+      v1::PreviewResponse response;
+      response.mutable_preparation()->set_what(due_text(camera_.describe()));
+      if (!writer->Write(response)) break;
     }
     std::optional<CapturedFrame> frame;
     if (running) {

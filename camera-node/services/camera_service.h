@@ -27,6 +27,8 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   grpc::Status GetCamera(grpc::ServerContext*, const v1::GetCameraRequest*, v1::GetCameraResponse*) override;
   grpc::Status Capture(grpc::ServerContext*, const v1::CaptureRequest*,
                        grpc::ServerWriter<v1::CaptureResponse>*) override;
+  grpc::Status TakePicture(grpc::ServerContext*, const v1::TakePictureRequest*,
+                           v1::TakePictureResponse*) override;
   grpc::Status KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest*,
                           v1::KeepFramesResponse*) override;
   grpc::Status LearnPatches(grpc::ServerContext*, const v1::LearnPatchesRequest*,
@@ -60,6 +62,7 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   std::atomic<bool> stopping_ = false;
   // Of Capture and StreamFrames calls, and of a Preview while none of these wants the camera.
   CameraTurns turns_;
+  JoinedCalls<v1::TakePictureResponse> pictures_;
   JoinedCalls<v1::KeepFramesResponse> keeps_;
   JoinedCalls<v1::LearnPatchesResponse> learnings_;
   std::mutex previewing_;  // held by the one Preview call

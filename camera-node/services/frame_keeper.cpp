@@ -54,8 +54,10 @@ absl::StatusOr<std::vector<FrameKeeper::Held>> FrameKeeper::find(const Frames& w
       return absl::InvalidArgumentError("a frame to keep needs a step of 0 or more, and no file");
     std::optional<CapturedFrame> found = ring_.find(record.sequence());
     if (!found) continue;
+    // Pixels alone prove a frame without stamps.
+    const v1::Proof proof = found->taken.untimed() ? v1::PROOF_UNSPECIFIED : v1::PROOF_TIME;
     frames.push_back({.record = record, .frame = *std::move(found)});
-    frames.back().record.set_proof(v1::PROOF_TIME);
+    frames.back().record.set_proof(proof);
   }
   return frames;
 }
@@ -147,7 +149,9 @@ absl::Status FrameKeeper::judge_and_store(Archive& archive, std::vector<Archive:
                                           nanoseconds waited, v1::KeepFramesResponse& response) {
   std::vector<Archive::NewFrame> proven;
   for (Archive::NewFrame& frame : frames) {
-    const PatchVerdict verdict = proof_.judge(frame.record, frame.image);
+    PatchVerdict verdict = proof_.judge(frame.record, frame.image);
+    if (frame.record.proof() == v1::PROOF_UNSPECIFIED && verdict == PatchVerdict::kAgrees)
+      verdict = PatchVerdict::kUnreadable;
     if (verdict == PatchVerdict::kAgrees) {
       proven.push_back(std::move(frame));
       continue;
@@ -199,6 +203,7 @@ absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatch
 bool FrameKeeper::accepts(const v1::LearnPatchesRequest& request, const PatchProof::LearningSet& set,
                           v1::LearnPatchesResponse& response) const {
   v1::UnseenPatch& patch = *response.add_unseen_patches() = unseen_patch(set);
+  if (set.frames.front().record.proof() == v1::PROOF_UNSPECIFIED) return false;
   if (patch.contradicts() || std::ranges::find(request.accept_unseen_patches(), patch.monitor()) ==
                                  request.accept_unseen_patches().end())
     return false;

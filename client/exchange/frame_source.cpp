@@ -54,6 +54,28 @@ absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const Pho
   return absl::Status(status.code(), fmt::format("{}: {}", list.place(frame), std::string(status.message())));
 }
 
+// A raw file tells its own levels, and a list those of other files.
+absl::Status check_raw(const PhotographList& list) {
+  const bool linear = list.response.empty() || list.response == "linear";
+  if (linear && list.black == 0.0 && !list.white) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("{}: {} is a raw file, which is linear and tells its own black and white: leave out "
+                  "response, black and white",
+                  list.path.string(), list.manifest.frames(0).file()));
+}
+
+std::string mosaic_text(const std::string& mosaic) {
+  return mosaic.empty() ? "" : ", mosaic " + mosaic;
+}
+
+// Fills in the exposure times that the list does not tell.
+void note_exposures(const fs::path& directory, v1::CaptureManifest& manifest) {
+  for (v1::Frame& frame : *manifest.mutable_frames()) {
+    if (frame.exposure_ms() > 0.0) continue;
+    if (const auto noted = exposure_noted_in(directory / frame.file())) frame.set_exposure_ms(*noted);
+  }
+}
+
 // Estimates an undeclared response, and warns.
 absl::Status settle_response(const fs::path& directory, double black, std::optional<StackSamples> samples,
                              PhotographList& list, std::vector<std::string>& warnings) {
@@ -167,6 +189,13 @@ absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, Photogr
         list.manifest.frames(0).file()));
   }
   const double black = list.black / list.white.value_or(highest_code(first.bits));
+  if (first.raw) {
+    GW_RETURN_IF_ERROR(check_raw(list));
+    list.response = "linear";
+    camera.set_mosaic(first.mosaic);
+    camera.set_black_level(first.black_level);
+    note_exposures(directory, list.manifest);
+  }
   GW_RETURN_IF_ERROR(settle_response(directory, black, std::move(samples), list, warnings));
   absl::StatusOr<PhotographResponse> response = PhotographResponse::create(list.response, black);
   absl::Status status = response.status();
@@ -178,25 +207,29 @@ absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, Photogr
   const auto largest = std::make_shared<int>(0);
   return FrameSource{
       .manifest = std::move(list.manifest),
-      .read = [shared, largest, directory,
+      .read = [shared, largest, directory, raw = first.raw,
                light = *std::move(response)](int frame) -> absl::StatusOr<Image16> {
         GW_ASSIGN_OR_RETURN(CodedPhotograph photograph, read_listed(directory, *shared, frame));
         Image16& image = photograph.codes;
         const v1::Camera& all = shared->manifest.camera();
         if (image.width_px != all.width_px() || image.height_px != all.height_px() ||
-            photograph.bits != all.bits()) {
+            photograph.bits != all.bits() || photograph.mosaic != all.mosaic() || photograph.raw != raw) {
           return absl::InvalidArgumentError(fmt::format(
-              "{}: {} is {}x{} of {} bits; it must be as the first one, {}, which is {}x{} of {} bits",
+              "{}: {} is {}x{} of {} bits{}; it must be as the first one, {}, which is {}x{} of {} bits{}",
               shared->place(frame), shared->manifest.frames(frame).file(), image.width_px, image.height_px,
-              photograph.bits, shared->manifest.frames(0).file(), all.width_px(), all.height_px(),
-              all.bits()));
+              photograph.bits, mosaic_text(photograph.mosaic), shared->manifest.frames(0).file(),
+              all.width_px(), all.height_px(), all.bits(), mosaic_text(all.mosaic())));
         }
         *largest = std::max<int>(*largest, *std::ranges::max_element(image.samples));
-        light.linearise(image);
+        if (photograph.raw) {
+          set_black(all.black_level(), photograph);
+        } else {
+          light.linearise(image);
+        }
         return std::move(image);
       },
-      .check = [shared, largest, bits = first.bits]() -> absl::Status {
-        return shared->white ? absl::OkStatus() : check_white(shared->path, *largest, bits);
+      .check = [shared, largest, bits = first.bits, raw = first.raw]() -> absl::Status {
+        return shared->white || raw ? absl::OkStatus() : check_white(shared->path, *largest, bits);
       },
       .warnings = std::move(warnings)};
 }

@@ -327,9 +327,10 @@ void add_import_command(CLI::App& app, Client& client) {
       "  glasswing import photographs --list photographs/list.tsv --archive archives/vase");
   auto arguments = std::make_shared<ImportArguments>();
   command
-      .add_option("directory", arguments->directory,
-                  "a session archive (manifest.json and frames), a directory of photographs, or a video (a "
-                  "file or pictures)")
+      .add_option(
+          "directory", arguments->directory,
+          "a session archive (manifest.json and frames), a directory of photographs (raw files, too), or "
+          "a video (a file or pictures)")
       ->required();
   command.add_option("--session", arguments->session, "the session's name; default: the directory's");
   command

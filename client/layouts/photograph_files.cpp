@@ -13,6 +13,7 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
+#include "core/frame/raw_photograph.h"
 
 namespace glasswing {
 namespace {
@@ -38,7 +39,7 @@ bool is_picture(const fs::path& file) {
                                                       ".tiff", ".bmp", ".pgm",  ".ppm"};
   std::string suffix = file.extension().string();
   for (char& c : suffix) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return std::ranges::find(kSuffixes, suffix) != kSuffixes.end();
+  return std::ranges::find(kSuffixes, suffix) != kSuffixes.end() || is_raw_file(file);
 }
 
 // The last number of a file's name; none: it has none, or one that is too large.

@@ -53,7 +53,7 @@ absl::StatusOr<StackSamples> sample_stack(const std::filesystem::path& directory
   for (size_t i = 0; i < files.size(); ++i) {
     if (interrupted()) return absl::CancelledError("the import was broken off before anything was written");
     GW_ASSIGN_OR_RETURN(const CodedPhotograph photograph, read_photograph(directory / files[i], white));
-    const Image16& image = photograph.codes;
+    const Image16 image = interpolated(photograph);
     if (i == 0) {
       samples.width_px = image.width_px;
       samples.height_px = image.height_px;

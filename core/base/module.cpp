@@ -6,6 +6,8 @@
 
 #include <filesystem>
 
+#include "core/base/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -21,21 +23,26 @@ fs::path own_file() {
   return fs::canonical(found && *map->l_name != '\0' ? map->l_name : "/proc/self/exe", failed);
 }
 
+absl::Status missing(const std::string& file, const std::string& why) {
+  return absl::UnimplementedError(fmt::format("{} cannot be used: {}", file, why));
+}
+
 }  // namespace
 
-absl::StatusOr<const void*> load_module(const std::string& file, const std::string& symbol) {
+absl::StatusOr<fs::path> find_module(const std::string& file) {
   const fs::path own = own_file(), below = fs::path("lib/glasswing") / file;
   std::error_code ignored;
   fs::path above = own.parent_path();
   while (above.has_relative_path() && !fs::exists(above / below, ignored)) above = above.parent_path();
-  const auto missing = [&](const std::string& why) {
-    return absl::UnimplementedError(fmt::format("{} cannot be used: {}", file, why));
-  };
-  if (!fs::exists(above / below, ignored))
-    return missing(fmt::format("there is no {} above {}", below.string(), own.string()));
-  void* module = ::dlopen((above / below).c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (fs::exists(above / below, ignored)) return above / below;
+  return missing(file, fmt::format("there is no {} above {}", below.string(), own.string()));
+}
+
+absl::StatusOr<const void*> load_module(const std::string& file, const std::string& symbol) {
+  GW_ASSIGN_OR_RETURN(const fs::path path, find_module(file));
+  void* module = ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   const void* address = module == nullptr ? nullptr : ::dlsym(module, symbol.c_str());
-  if (address == nullptr) return missing(::dlerror());
+  if (address == nullptr) return missing(file, ::dlerror());
   return address;
 }
 

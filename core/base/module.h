@@ -3,13 +3,15 @@
 
 #include <absl/status/statusor.h>
 
+#include <filesystem>
 #include <string>
 
 namespace glasswing {
 
-// The address of `symbol` in `lib/glasswing/FILE` below the nearest directory above this program that has
-// such a file: /usr/lib/glasswing for /usr/bin, and likewise in a build tree. UNIMPLEMENTED: it is not
-// installed, or cannot be loaded. The module stays loaded.
+// `lib/glasswing/FILE` below the nearest directory above this program that has such a file:
+// /usr/lib/glasswing for /usr/bin, and likewise in a build tree. UNIMPLEMENTED: it is not installed.
+absl::StatusOr<std::filesystem::path> find_module(const std::string& file);
+// The address of `symbol` in such a file. UNIMPLEMENTED, too: it cannot be loaded. The module stays loaded.
 absl::StatusOr<const void*> load_module(const std::string& file, const std::string& symbol);
 
 }  // namespace glasswing

@@ -61,11 +61,13 @@ class Child {
     argv.push_back(nullptr);
     posix_spawn_file_actions_t actions;
     ::posix_spawn_file_actions_init(&actions);
-    if (input.is_open())
-      ::posix_spawn_file_actions_adddup2(&actions, input.get(), STDIN_FILENO);
+    if (input.is_open() || options.input_file >= 0)
+      ::posix_spawn_file_actions_adddup2(&actions, input.is_open() ? input.get() : options.input_file,
+                                         STDIN_FILENO);
     else
       ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    if (options.keep_output) ::posix_spawn_file_actions_adddup2(&actions, child.output_.get(), STDOUT_FILENO);
+    const int output = options.keep_output ? child.output_.get() : options.output_file;
+    if (output >= 0) ::posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
     ::posix_spawn_file_actions_adddup2(&actions, errors_end.get(), STDERR_FILENO);
     sigset_t none;  // daemons block signals
     ::sigemptyset(&none);
@@ -155,6 +157,17 @@ absl::StatusOr<ProgramEnd> run_program(const std::vector<std::string>& words, co
     return absl::DeadlineExceededError(fmt::format("{} has not ended in {} s, and was ended", words[0],
                                                    std::chrono::duration<double>(options.limit).count()));
   }
+}
+
+absl::Status run_command(const std::vector<std::string>& words, const RunOptions& options) {
+  GW_ASSIGN_OR_RETURN(const ProgramEnd end, run_program(words, options));
+  if (end.status == 0) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format("{} failed with exit status {}{}{}", words[0], end.status,
+                                                   end.error.empty() ? "" : ": ", end.error));
+}
+
+std::vector<std::string> command_words(const std::string& command) {
+  return absl::StrSplit(command, ' ', absl::SkipEmpty());
 }
 
 }  // namespace glasswing

@@ -27,6 +27,7 @@
 #include "core/frame/picture_codecs.h"
 #include "core/frame/picture_header.h"
 #include "core/frame/radiance_hdr.h"
+#include "core/frame/raw_photograph.h"
 #include "core/frame/tiff_directory.h"
 
 namespace glasswing {
@@ -406,20 +407,81 @@ std::string date_taken(std::string_view bytes) {
   return date.empty() ? "" : date + "." + exif.text(TiffDirectory::kSubsecondTaken);
 }
 
+namespace {
+
+std::optional<double> exposure_ms_of(const TiffDirectory& exif) {
+  const std::optional<double> seconds = exif.ratio(TiffDirectory::kExposureTime);
+  return seconds && *seconds > 0.0 ? std::optional(1e3 * *seconds) : std::nullopt;
+}
+
+absl::StatusOr<CodedPhotograph> photograph_of_raw(std::string_view bytes) {
+  GW_ASSIGN_OR_RETURN(RawPhotograph raw, decode_raw(bytes));
+  const auto white = static_cast<float>(raw.white);
+  for (std::uint16_t& code : raw.codes.samples) code = code16_of(static_cast<float>(code) / white);
+  CodedPhotograph photograph{.codes = std::move(raw.codes),
+                             .bits = static_cast<int>(std::bit_width(static_cast<unsigned>(raw.white))),
+                             .turned = raw.facts.turned,
+                             .raw = true,
+                             .mosaic = raw.mosaic,
+                             .black_level = static_cast<double>(raw.black) / raw.white,
+                             .exposure_ms = raw.facts.exposure_ms,
+                             .iso = raw.facts.iso};
+  if (!photograph.mosaic.empty()) return photograph;
+  Image16 gray(photograph.codes.width_px, photograph.codes.height_px);
+  for (size_t i = 0; i < gray.samples.size(); ++i) gray.samples[i] = photograph.codes.samples[i / 3];
+  photograph.codes = std::move(gray);
+  return photograph;
+}
+
+}  // namespace
+
+std::optional<double> exposure_noted_in(const fs::path& path) {
+  const absl::StatusOr<std::string> bytes = read_file(path);
+  if (!bytes.ok()) return std::nullopt;
+  if (!is_raw_file(path)) return exposure_ms_of(camera_notes(*bytes).inner(TiffDirectory::kExif));
+  const absl::StatusOr<RawFacts> facts = read_raw_facts(*bytes);
+  return facts.ok() ? facts->exposure_ms : std::nullopt;
+}
+
 absl::StatusOr<CodedPhotograph> read_photograph(const fs::path& path, std::optional<int> white) {
   const absl::StatusOr<std::string> bytes = read_file(path);
   if (absl::IsNotFound(bytes.status()))
     return absl::DataLossError(fmt::format("{}: the photograph is missing", path.string()));
   GW_RETURN_IF_ERROR(bytes.status());
-  const absl::StatusOr<cv::Mat> mat = decode_any(*bytes, Turn::kAsTheSensor);
+  return decode_photograph(path, *bytes, white);
+}
+
+absl::StatusOr<CodedPhotograph> decode_photograph(const fs::path& path, std::string_view bytes,
+                                                  std::optional<int> white) {
+  if (is_raw_file(path) && !is_jpeg(bytes) && !is_png(bytes)) {
+    absl::StatusOr<CodedPhotograph> raw = photograph_of_raw(bytes);
+    return raw.ok() ? std::move(raw) : named(path, raw.status());
+  }
+  const absl::StatusOr<cv::Mat> mat = decode_any(bytes, Turn::kAsTheSensor);
   if (!mat.ok()) return named(path, mat.status());
   absl::StatusOr<Image16> codes = image16_of(*mat);
   if (!codes.ok()) return named(path, codes.status());
+  const TiffDirectory exif = camera_notes(bytes).inner(TiffDirectory::kExif);
   CodedPhotograph photograph{.codes = *std::move(codes),
                              .bits = mat->depth() == CV_16U ? 16 : 8,
-                             .turned = orientation_of(*bytes) > 1};
+                             .turned = orientation_of(bytes) > 1,
+                             .exposure_ms = exposure_ms_of(exif)};
+  if (const auto iso = exif.number(TiffDirectory::kIso)) photograph.iso = static_cast<double>(*iso);
   if (white) GW_RETURN_IF_ERROR(named(path, stretch(*white, photograph)));
   return photograph;
+}
+
+void set_black(double black_level, CodedPhotograph& photograph) {
+  const auto raise = static_cast<int>(std::lround(65535.0 * (black_level - photograph.black_level)));
+  photograph.black_level = black_level;
+  if (raise == 0) return;
+  for (std::uint16_t& sample : photograph.codes.samples)
+    sample = static_cast<std::uint16_t>(std::clamp(sample + raise, 0, 65535));
+}
+
+Image16 interpolated(const CodedPhotograph& photograph) {
+  const absl::StatusOr<Mosaic> mosaic = Mosaic::parse(photograph.mosaic);
+  return interpolated(photograph.codes, mosaic.ok() ? std::optional(*mosaic) : std::nullopt);
 }
 
 absl::StatusOr<std::string> encode_png16(const Image16& image) {

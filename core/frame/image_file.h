@@ -90,14 +90,31 @@ std::string date_taken(std::string_view bytes);
 // lie as the sensor has them, however EXIF says that the camera was held: a camera that looks down wavers.
 // DATA_LOSS names a file that is missing, truncated, of float samples, or of another format.
 struct CodedPhotograph {
-  Image16 codes;        // 65535 = white
+  Image16 codes;        // 65535 = white; of one channel where there is a mosaic
   int bits = 0;         // per code: the file's 8 or 16, or those of `white`
   bool turned = false;  // EXIF says that the camera was not held upright
+  bool raw = false;     // codes are linear (raw_photograph.h)
+  // Of a raw file, as v1::Camera has them.
+  std::string mosaic = {};
+  double black_level = 0.0;
+  // As the camera notes them.
+  std::optional<double> exposure_ms = {}, iso = {};
 };
 // `white`: the highest code that the camera writes, where the file's own could be higher: 1023 of 10 bits in
-// 16. INVALID_ARGUMENT: it is not 1 to the file's highest code, or the photograph has higher ones.
+// 16. INVALID_ARGUMENT: it is not 1 to the file's highest code, or the photograph has higher ones. A raw file
+// knows its own; higher codes are saturated.
 absl::StatusOr<CodedPhotograph> read_photograph(const std::filesystem::path& path,
                                                 std::optional<int> white = std::nullopt);
+// The same of a file's bytes; errors name `path`, whose suffix tells a raw file.
+absl::StatusOr<CodedPhotograph> decode_photograph(const std::filesystem::path& path, std::string_view bytes,
+                                                  std::optional<int> white = std::nullopt);
+// Raises or lowers a raw file's codes so that this is black: cameras measure it anew with each exposure.
+void set_black(double black_level, CodedPhotograph& photograph);
+// For looking at: with all colours at each pixel.
+Image16 interpolated(const CodedPhotograph& photograph);
+// The exposure time that the camera notes in the file, of which a raw one is read by its header alone. None:
+// it notes none, or the file cannot be read.
+std::optional<double> exposure_noted_in(const std::filesystem::path& path);
 // The highest code of a file of so many bits.
 inline int highest_code(int bits) {
   return (1 << bits) - 1;

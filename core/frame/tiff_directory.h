@@ -22,8 +22,11 @@ class TiffDirectory {
     kSamples = 277,
     kPlanar = 284,
     kTileWidth = 322,
+    kInner = 330,  // where directories of other pictures lie
     kFormat = 339,
+    kExposureTime = 0x829A,   // s
     kExif = 0x8769,           // where the directory of EXIF's own tags lies
+    kIso = 0x8827,            // PhotographicSensitivity
     kDateTaken = 0x9003,      // DateTimeOriginal
     kSubsecondTaken = 0x9291  // digits after the point
   };
@@ -33,11 +36,17 @@ class TiffDirectory {
   // The directory that an entry names; without entries if there is none.
   TiffDirectory inner(Tag tag) const;
 
+  bool empty() const { return count_ == 0; }
+  // All that its entries list lies in the file.
+  bool is_whole() const;
+
   // The first of those that the entry lists, of type SHORT, LONG, LONG8 or IFD; none: the directory lacks the
   // entry, or has it twice.
   std::optional<std::uint64_t> number(Tag tag) const;
   // The bytes with this number in its place; empty: the directory lacks it.
   std::string with_number(Tag tag, std::uint64_t value) const;
+  // The first of type RATIONAL; none: the directory lacks it, or it is divided by 0.
+  std::optional<double> ratio(Tag tag) const;
   // Of type ASCII, up to its 0; empty: the directory lacks it.
   std::string text(Tag tag) const;
 

@@ -19,8 +19,9 @@ constexpr double kMinSigma_px = 0.5, kMaxSigma_px = 200.0, kSigmaStep_px = 0.25;
 constexpr int kDraftImages = 100;
 constexpr int kMaxLevels = 14;
 constexpr int kManyImages = 300, kWhiteSteps = 100;
-constexpr double kShorter = 8.0;  // how much shorter the exposure for highlights is
-constexpr double kLonger = 8.0;   // and that of dark objects longer
+constexpr double kShorter = 8.0;   // how much shorter the exposure for highlights is
+constexpr double kNotable = 1.02;  // a longer exposure than this tells more
+constexpr double kLonger = 8.0;    // and that of dark objects longer
 constexpr int kMaxHoldRefreshes = 600;
 constexpr double kFineBars = 128.0;  // of a side, where bars alone tell the place
 
@@ -111,6 +112,7 @@ double rounded(double sigma_px) {
 
 // Exposure, readout and the time to the next frame: the time that a picture must stand still for.
 double needed_ms(const v1::GetCameraResponse& camera, double exposure_ms) {
+  if (camera.on_demand()) return 0.0;  // it stands until the camera has taken it
   const double period_ms = camera.frame_rate_hz() > 0.0 ? 1e3 / camera.frame_rate_hz() : 0.0;
   return exposure_ms + static_cast<double>(camera.readout_ns()) / 1e6 + period_ms;
 }
@@ -127,7 +129,7 @@ absl::Status fit_camera(const PlanWish& wish, const RigLimits& rig, v1::Plan& pl
   double longest_ms = exposure_ms;
   if (wish.object == ObjectKind::kDark)
     longest_ms = std::min(kLonger * exposure_ms, std::floor(1e3 * most_ms) / 1e3);
-  if (longest_ms > exposure_ms) plan.add_exposure_ms(longest_ms);
+  if (longest_ms > kNotable * exposure_ms) plan.add_exposure_ms(longest_ms);
   plan.add_exposure_ms(exposure_ms);
   const bool highlights = wish.quality == PlanQuality::kBest || wish.object == ObjectKind::kMetal;
   if (highlights && exposure_ms / kShorter >= least_ms) plan.add_exposure_ms(exposure_ms / kShorter);

@@ -43,6 +43,7 @@ constexpr MethodAccess kTable[] = {
     {"CameraService/MeasureLight", kServer},
     {"CameraService/Preview", kLookers | kServer},
     {"CameraService/StreamFrames", kSolver},
+    {"CameraService/TakePicture", kServer},
     {"ClockService/Exchange", kAnybody},
     {"ConsoleService/CreateToken", kOperator, kAudited},
     {"ConsoleService/ListTokens", kOperator},

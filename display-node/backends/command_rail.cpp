@@ -1,7 +1,6 @@
 #include "display-node/backends/command_rail.h"
 
 #include <absl/strings/str_replace.h>
-#include <absl/strings/str_split.h>
 #include <fmt/format.h>
 
 #include "core/base/run_program.h"
@@ -11,7 +10,7 @@ namespace glasswing {
 absl::StatusOr<std::unique_ptr<CommandRail>> CommandRail::create(const std::string& command,
                                                                  std::string monitor,
                                                                  std::chrono::milliseconds limit) {
-  std::vector<std::string> words = absl::StrSplit(command, ' ', absl::SkipEmpty());
+  std::vector<std::string> words = command_words(command);
   if (command.find("{mm}") == std::string::npos || words.empty()) {
     return absl::InvalidArgumentError(fmt::format(
         "--rail-command is \"{}\"; it must be a program and its arguments, of which one has {{mm}}, such as "
@@ -26,19 +25,15 @@ absl::Status CommandRail::move(double position_mm, std::stop_token stop) {
   for (const std::string& word : words_)
     words.push_back(
         absl::StrReplaceAll(word, {{"{mm}", fmt::format("{}", position_mm)}, {"{monitor}", monitor_}}));
-  const absl::StatusOr<ProgramEnd> ended = run_program(words, {.limit = limit_, .stop = stop});
-  if (absl::IsDeadlineExceeded(ended.status()))
+  const absl::Status ended = run_command(words, {.limit = limit_, .stop = std::move(stop)});
+  if (absl::IsDeadlineExceeded(ended)) {
     return absl::FailedPreconditionError(fmt::format("{} has not moved the monitor in {} s, and was ended",
                                                      words[0],
                                                      std::chrono::duration<double>(limit_).count()));
-  if (absl::IsCancelled(ended.status()))
-    return absl::FailedPreconditionError(
-        fmt::format("{} was ended before it had moved the monitor", words[0]));
-  if (!ended.ok()) return ended.status();
-  if (ended->status == 0) return absl::OkStatus();
-  return absl::FailedPreconditionError(fmt::format("{} failed with exit status {}{}{}", words[0],
-                                                   ended->status, ended->error.empty() ? "" : ": ",
-                                                   ended->error));
+  }
+  if (absl::IsCancelled(ended))
+    return absl::FailedPreconditionError(words[0] + " was ended before it had moved the monitor");
+  return ended;
 }
 
 }  // namespace glasswing

@@ -15,6 +15,8 @@
 namespace glasswing {
 namespace {
 
+constexpr nanoseconds kForever = std::chrono::hours(24 * 365);
+
 // Returns early when stopped.
 void wait_until(nanoseconds deadline, std::stop_token stop) {
   std::mutex mutex;
@@ -33,10 +35,29 @@ void count_step(const std::vector<ScreenInfo>& screens, const std::vector<Scanou
   }
 }
 
+// `replaced`: when the next picture's first row was scanned out; null: the step is still shown.
+v1::Presentation presentation_of(int step, const ScreenInfo& screen, const Scanout& shown,
+                                 const Scanout* replaced) {
+  v1::Presentation presentation;
+  presentation.set_step(step);
+  presentation.set_monitor(screen.name);
+  presentation.set_scanout_start_ns(shown.start.count());
+  presentation.set_scanout_end_ns((shown.start + screen.scanout).count());
+  presentation.set_uncertainty_ns(shown.uncertainty.count());
+  if (replaced == nullptr) return presentation;
+  const double held = static_cast<double>((replaced->start - shown.start).count());
+  presentation.set_replaced_ns(replaced->start.count());
+  presentation.set_refreshes(
+      static_cast<int>(std::lround(held / static_cast<double>(period_of(screen).count()))));
+  presentation.set_uncertainty_ns(std::max(shown.uncertainty, replaced->uncertainty).count());
+  return presentation;
+}
+
 }  // namespace
 
 absl::Status play(const Program& program, Display& display, nanoseconds start, nanoseconds step,
-                  std::stop_token stop, const std::function<void(const v1::Presentation&)>& report) {
+                  std::stop_token stop, const std::function<void(const v1::Presentation&)>& report,
+                  bool hold_last) {
   const nanoseconds now = monotonic_now();
   if (now > start) {
     return absl::DeadlineExceededError(
@@ -59,24 +80,17 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, n
     if (blank) pictures.assign(screens.size(), nullptr);
     GW_ASSIGN_OR_RETURN(const std::vector<Scanout> scanouts, display.show(pictures, at));
     if (i > 0) {
-      for (size_t m = 0; m < screens.size(); ++m) {
-        v1::Presentation presentation;
-        presentation.set_step(program.number(i - 1));
-        presentation.set_monitor(screens[m].name);
-        presentation.set_scanout_start_ns(shown[m].start.count());
-        presentation.set_scanout_end_ns((shown[m].start + screens[m].scanout).count());
-        presentation.set_replaced_ns(scanouts[m].start.count());
-        const double held = static_cast<double>((scanouts[m].start - shown[m].start).count());
-        presentation.set_refreshes(
-            static_cast<int>(std::lround(held / static_cast<double>(period_of(screens[m]).count()))));
-        presentation.set_uncertainty_ns(std::max(shown[m].uncertainty, scanouts[m].uncertainty).count());
-        report(presentation);
-      }
+      for (size_t m = 0; m < screens.size(); ++m)
+        report(presentation_of(program.number(i - 1), screens[m], shown[m], &scanouts[m]));
     }
     if (blank) return stopped ? absl::CancelledError("the program was stopped") : absl::OkStatus();
     count_step(screens, scanouts, at);
     shown = scanouts;
-    if (step > nanoseconds(0)) {
+    if (hold_last && i + 1 == program.size()) {
+      for (size_t m = 0; m < screens.size(); ++m)
+        report(presentation_of(program.number(i), screens[m], shown[m], nullptr));
+      at += kForever;
+    } else if (step > nanoseconds(0)) {
       at += step;  // a late step is shown for less time, and the next one is on time again
     } else {
       // Half a refresh early, so that rounding never adds a refresh. Every monitor shows the step for at

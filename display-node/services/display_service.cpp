@@ -156,13 +156,15 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
   absl::Status status;
   std::jthread player([&] {
     const std::lock_guard screens(playing_);
-    absl::Status result =
-        play(*program, display_, nanoseconds(request->start_at_ns()), nanoseconds(request->step_ns()),
-             play_stop.get_token(), [&](const v1::Presentation& presentation) {
-               const std::lock_guard lock(mutex);
-               reports.push_back(presentation);
-               reported.notify_one();
-             });
+    absl::Status result = play(
+        *program, display_, nanoseconds(request->start_at_ns()), nanoseconds(request->step_ns()),
+        play_stop.get_token(),
+        [&](const v1::Presentation& presentation) {
+          const std::lock_guard lock(mutex);
+          reports.push_back(presentation);
+          reported.notify_one();
+        },
+        request->hold_last());
     const std::lock_guard lock(mutex);
     status = std::move(result);
     ended = true;

@@ -28,6 +28,29 @@ absl::Status check_exposures(const std::vector<Step>& steps, const v1::GetCamera
   return absl::OkStatus();
 }
 
+// A camera that takes pictures on demand gives no times that could prove a step.
+absl::Status check_patches(const v1::GetCameraResponse& camera, const v1::Plan& plan,
+                           const std::vector<v1::Monitor>& monitors, const std::vector<Step>& steps) {
+  if (!camera.on_demand()) return absl::OkStatus();
+  const std::string& name = camera.camera().name();
+  if (plan.has_calibration() || is_video(plan)) {
+    return absl::FailedPreconditionError(
+        fmt::format("pictures of camera \"{}\" are proven by the id patch alone, which {} show; use a camera "
+                    "that stamps its "
+                    "frames",
+                    name, plan.has_calibration() ? "calibrations do not" : "videos cannot wait to"));
+  }
+  for (const Step& step : steps) {
+    const auto lit = std::ranges::find(monitors, step.stimulus.panel(), &v1::Monitor::name);
+    if (lit == monitors.end() || lit->patch_rows() > 0) continue;
+    return absl::FailedPreconditionError(fmt::format(
+        "monitor \"{}\" shows no id patch, which alone proves pictures of camera \"{}\": start its "
+        "display with --patch-rows, where the camera sees them",
+        lit->name(), name));
+  }
+  return absl::OkStatus();
+}
+
 // Warns if the disk takes frames more slowly than the capture makes them, and the camera's memory does not
 // hold the rest. Compressed frames need less; by how much is not known in advance.
 void check_disk_speed(const RigLinks& links, const v1::Plan& plan, double disk_bytes_per_second,
@@ -100,6 +123,7 @@ absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const Cali
   CheckedCapture checked;
   GW_ASSIGN_OR_RETURN(checked.steps, expand(plan, monitors));
   GW_RETURN_IF_ERROR(check_exposures(checked.steps, links.camera_info));
+  GW_RETURN_IF_ERROR(check_patches(links.camera_info, plan, monitors, checked.steps));
   v1::CaptureManifest header;
   for (const v1::Monitor& monitor : monitors) *header.add_monitors() = monitor;
   *header.mutable_camera() = links.camera_info.camera();
@@ -108,6 +132,8 @@ absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const Cali
   *checked.estimate.mutable_monitors() = header.monitors();
   *checked.estimate.mutable_camera() = header.camera();
   add_cost(plan, checked.steps, checked.estimate);
+  if (links.camera_info.on_demand())
+    checked.estimate.set_seconds(checked.estimate.step_count() / links.camera_info.frame_rate_hz());
   GW_RETURN_IF_ERROR(check_space(links, plan, checked.estimate));
   add_warnings(links, header, checked.steps, checked.estimate);
   return checked;

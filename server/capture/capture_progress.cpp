@@ -62,7 +62,9 @@ void CaptureProgress::note_shown(int step, bool again) {
 }
 
 void CaptureProgress::note_kept(const google::protobuf::RepeatedPtrField<v1::Frame>& frames, int refused) {
-  if (!frames.empty() && session_.reason().starts_with(kStalled)) session_.clear_reason();
+  const bool waited =
+      session_.reason().starts_with(kStalled) || session_.reason().starts_with(kWaitsForPicture);
+  if (!frames.empty() && waited) session_.clear_reason();
   for (const v1::Frame& frame : frames) {
     count_proven(frame);
     log_.add(session_.name(), proof_of(frame, seconds()));

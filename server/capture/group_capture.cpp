@@ -52,7 +52,8 @@ GroupCapture::GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPla
       // The same after a restart of the server, and of no other server's session.
       recording_(setup.links, exposure_ms,
                  fmt::format("{} {}", progress.session().name(), progress.session().created())),
-      learning_(patches_given_up),
+      // A step that is held waits for its own proof.
+      learning_(patches_given_up, on_demand() ? 1 : PatchLearning::kOthers),
       stall_(stall_watch_of(setup, progress.session().plan())) {}
 
 absl::Status GroupCapture::start(std::stop_token stop) {
@@ -73,7 +74,7 @@ absl::Status GroupCapture::play(const std::vector<Step>& steps, std::stop_token 
   const auto judging = [&](std::vector<v1::Frame> frames) -> absl::StatusOr<bool> {
     absl::StatusOr<bool> go_on = true;
     if (!frames.empty()) go_on = judge(std::move(frames), false, stop);
-    if (go_on.ok()) look_for_stall(steps);
+    if (go_on.ok() && !on_demand()) look_for_stall(steps);
     return go_on;
   };
   GW_RETURN_IF_ERROR(player_.play(steps, recording_, judging, stop));
@@ -90,10 +91,13 @@ absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) 
           fmt::format("{} steps had no proof after {} retries: {}", steps.size(), retries, listed(steps)),
           steps, stop);
     }
-    GW_RETURN_IF_ERROR(
-        play(watch_.with_repeats(learning_.begin_showing(steps),
-                                 hold_refreshes_of(progress_.session().plan()), progress_.proven()),
-             stop));
+    std::vector<Step> showing = learning_.begin_showing(steps);
+    // A repeat's frame is not judged by its pixels, which alone prove one without stamps.
+    if (!on_demand()) {
+      showing = watch_.with_repeats(std::move(showing), hold_refreshes_of(progress_.session().plan()),
+                                    progress_.proven());
+    }
+    GW_RETURN_IF_ERROR(play(showing, stop));
     if (const v1::UnseenPatch* const patch = learning_.hopeless()) return contradicted(*patch, steps, stop);
     std::erase_if(steps, [this](const Step& step) { return progress_.is_proven(step.number); });
     progress_.update_seconds();
@@ -206,6 +210,8 @@ absl::Status GroupCapture::unproven(const std::string& what, const std::vector<S
   if (cause == v1::RETAKE_CAUSE_OUTSIDE_WINDOW) {
     advice +=
         fmt::format(" ({} ms at {} fps)", recording_.exposure_ms(), setup_.links.camera_info.frame_rate_hz());
+  } else if (on_demand()) {
+    advice = "are the files that come into the folder those of the pictures that were asked for?";
   } else if (cause == v1::RETAKE_CAUSE_WRONG_ID || cause == v1::RETAKE_CAUSE_ID_UNREADABLE) {
     GW_ASSIGN_OR_RETURN(const std::string lag, lags(steps.front(), stop));
     if (!lag.empty()) advice = lag;
@@ -215,6 +221,13 @@ absl::Status GroupCapture::unproven(const std::string& what, const std::vector<S
 
 absl::Status GroupCapture::contradicted(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
                                         std::stop_token stop) {
+  if (on_demand()) {
+    return absl::FailedPreconditionError(
+        fmt::format("monitor \"{}\": {}; pictures from a folder are proven by the id patch alone: the camera "
+                    "must see it sharp, "
+                    "and not over-exposed, and files must come one for each picture that is asked for",
+                    patch.monitor(), patch.reason()));
+  }
   if (patch.frozen()) {
     return absl::FailedPreconditionError(fmt::format(
         "monitor \"{}\": nothing that the camera sees changes while its pictures are shown; is it switched "

@@ -60,6 +60,8 @@ class GroupCapture {
   // By how much the monitor of these patch learning steps, which were just shown, lags behind what is
   // reported; none: unknown, or less than frames can tell.
   absl::StatusOr<std::optional<nanoseconds>> lag_of(const std::vector<Step>& learning, std::stop_token stop);
+  // The camera takes a picture only when it is asked for one, and pixels alone prove it.
+  bool on_demand() const { return setup_.links.camera_info.on_demand(); }
   void note_retaken(const std::vector<Step>& steps);
   // To be called again and again while the showing plays.
   void look_for_stall(const std::vector<Step>& showing);

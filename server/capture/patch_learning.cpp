@@ -78,13 +78,16 @@ std::optional<std::vector<v1::Frame>> PatchLearning::take_ready_frames() {
   if (due_.empty()) return std::exchange(queue_, {});
   const bool dark =
       std::ranges::any_of(unseen_, [](const auto& unseen) { return unseen.second.last.dark(); });
-  if (queue_.size() < (dark ? kOthers : 1) || !learning_.empty()) return std::vector<v1::Frame>();
+  if (queue_.size() < (dark ? others_ : 1) || !learning_.empty()) return std::vector<v1::Frame>();
   return std::nullopt;
 }
 
 const v1::UnseenPatch* PatchLearning::hopeless() const {
   for (const auto& [monitor, unseen] : unseen_) {
-    if (unseen.contradictions >= kMaxAttempts || unseen.frozen >= kMaxDarkAttempts) return &unseen.last;
+    const bool refused = unseen.count >= (unseen.last.dark() ? kMaxDarkAttempts : kMaxAttempts) &&
+                         !given_up_.contains(monitor);
+    if (unseen.contradictions >= kMaxAttempts || unseen.frozen >= kMaxDarkAttempts || refused)
+      return &unseen.last;
   }
   return nullptr;
 }

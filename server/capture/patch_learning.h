@@ -41,7 +41,9 @@ class PatchLearning {
   static constexpr size_t kOthers = 8;
 
   // `given_up`: monitors whose steps do without a patch. It is borrowed, because it outlives the group.
-  explicit PatchLearning(std::set<std::string>& given_up) : given_up_(given_up) {}
+  // `others`: in place of kOthers.
+  explicit PatchLearning(std::set<std::string>& given_up, size_t others = kOthers)
+      : given_up_(given_up), others_(others) {}
 
   // Starts a showing and drops the queue of the one before. Returns the steps to show: all of `pending`
   // except those whose frames the camera node holds.
@@ -64,8 +66,8 @@ class PatchLearning {
   bool is_held(int step) const { return held_.contains(step); }
   // Showings with a patch that was not seen. They do not count as retries.
   int unseen_showings() const { return unseen_showings_; }
-  // A patch that contradicted the reported times, or stayed dark while nothing else changed, at so many
-  // attempts that the capture fails; null: none.
+  // A patch that contradicted the reported times, stayed dark while nothing else changed, or was not seen by
+  // a camera that needs it, at so many attempts that the capture fails; null: none.
   const v1::UnseenPatch* hopeless() const;
 
  private:
@@ -76,6 +78,7 @@ class PatchLearning {
   };
 
   std::set<std::string>& given_up_;
+  const size_t others_;
   std::map<int, std::string> due_;   // learning steps of this showing that are not proven, with their monitor
   std::map<int, std::string> held_;  // steps whose frames the camera node holds, with their monitor
   std::vector<v1::Frame> learning_;  // of learning steps whose patch may still be on screen

@@ -8,11 +8,13 @@
 #include <thread>
 
 #include "core/base/name.h"
+#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
 #include "server/capture/patch_learning.h"
 #include "server/capture/rig_watch.h"
+#include "server/sessions/session_state.h"
 
 namespace glasswing {
 namespace {
@@ -24,16 +26,36 @@ constexpr int kNoStep = -1;
 constexpr milliseconds kLastFrameWait(1500);  // for frames, after the last step has been replaced
 constexpr std::chrono::seconds kClockInterval(1);
 
+constexpr milliseconds kAskDelay(20);  // from a step's light to its picture
+constexpr int kAsked = 3;              // how often one picture is asked for in a showing
+constexpr std::chrono::seconds kSaidEvery(5);
+
+// Returns the time once the newest frame has surely ended, which may be a moment ahead by its camera's clock.
+nanoseconds wait_past(const Recording& recording, const std::stop_token& stop) {
+  const std::vector<FrameTime> frames = recording.recent_frames();
+  nanoseconds end{};
+  for (const FrameTime& frame : frames) end = std::max(end, frame.end + frame.uncertainty);
+  while (monotonic_now() < end && pause(stop, kPoll)) {
+  }
+  return monotonic_now();
+}
+
+double seconds_of(nanoseconds time) {
+  return std::chrono::duration<double>(time).count();
+}
+
+}  // namespace
+
 // One program as it plays on all displays.
 class ProgramFeeds {
  public:
   ProgramFeeds(const RigLinks& links, const std::string& program, int monitor_count, nanoseconds start_at,
-               int hold_refreshes)
+               int hold_refreshes, bool hold_last = false)
       : monitor_count_(monitor_count) {
     for (const auto& display : links.displays) displays_.push_back(display.get());
     const nanoseconds step = common_step(displays_, hold_refreshes);
     for (const DisplayLink* display : displays_)
-      feeds_.push_back(std::make_unique<PresentationStream>(*display, program, start_at, step));
+      feeds_.push_back(std::make_unique<PresentationStream>(*display, program, start_at, step, hold_last));
   }
 
   // Calls `shown` for each step that the last monitor has reported since the previous call. Returns false
@@ -71,6 +93,90 @@ class ProgramFeeds {
   std::vector<std::unique_ptr<PresentationStream>> feeds_;
   std::map<int, std::vector<MonitorWindow>> incomplete_;  // by step, until every monitor has reported it
   std::optional<nanoseconds> last_replaced_;
+};
+
+namespace {
+
+// The picture of a step that is held, as a camera is asked for it.
+class PictureDemand {
+ public:
+  PictureDemand(const RigLinks& links, CaptureProgress& progress, const std::string& what)
+      : links_(links), progress_(progress), what_(what) {}
+
+  absl::Status ask(std::stop_token stop) {
+    ++asked_;
+    asked_at_ = monotonic_now();
+    if (asked_ == 1) first_asked_at_ = said_at_ = asked_at_;
+    v1::TakePictureRequest request;
+    request.set_what(what_);
+    request.set_request_id(random_token());
+    v1::TakePictureResponse response;
+    GW_RETURN_IF_ERROR(
+        links_.camera->call("take a picture", std::move(stop), [&](grpc::ClientContext& context) {
+          return links_.camera_stub->TakePicture(&context, request, &response);
+        }));
+    due_ = response.due();
+    if (due_.by_hand() && asked_ == 1) say();
+    return absl::OkStatus();
+  }
+
+  // To be called again and again: says how long it takes, and asks anew. False: pictures came, but not of
+  // this step. FAILED_PRECONDITION: none came, however often it was asked for.
+  absl::StatusOr<bool> look(int came, std::stop_token stop) {
+    const nanoseconds now = monotonic_now();
+    if (now - said_at_ >= kSaidEvery || (came > 0 && came != came_)) {
+      came_ = came;
+      GW_RETURN_IF_ERROR(find_problem(stop));
+      say();
+    }
+    const nanoseconds patience(due_.patience_ns());
+    if (patience == nanoseconds(0) || now - asked_at_ < patience) return true;
+    if (asked_ < kAsked) {
+      GW_RETURN_IF_ERROR(ask(std::move(stop)));
+      return true;
+    }
+    GW_RETURN_IF_ERROR(find_problem(std::move(stop)));
+    if (came > 0) return false;
+    return absl::FailedPreconditionError(fmt::format(
+        "{}; is the camera switched on and awake, and does its command work by hand? Then: glasswing "
+        "resume {}",
+        text(), progress_.session().name()));
+  }
+  // The step is over.
+  void end() {
+    if (progress_.session().reason().starts_with(kWaitsForPicture)) progress_.note_waiting("");
+  }
+
+ private:
+  absl::Status find_problem(std::stop_token stop) {
+    v1::GetCameraResponse camera;
+    GW_RETURN_IF_ERROR(
+        links_.camera->call("tell what it does", std::move(stop), [&](grpc::ClientContext& context) {
+          return links_.camera_stub->GetCamera(&context, v1::GetCameraRequest(), &camera);
+        }));
+    due_.set_problem(camera.due().problem());
+    return absl::OkStatus();
+  }
+  std::string text() const {
+    const double waited_s = seconds_of(monotonic_now() - first_asked_at_);
+    std::string text = due_.by_hand() && waited_s < 1.0
+                           ? fmt::format("press the camera's button: {} is due", what_)
+                           : fmt::format("the folder has waited {:.0f} s for {}", waited_s, what_);
+    if (came_ > 0) text += fmt::format("; {} came that do not show it", came_ == 1 ? "a file" : "files");
+    if (!due_.problem().empty()) text += " (" + due_.problem() + ")";
+    return text;
+  }
+  void say() {
+    said_at_ = monotonic_now();
+    progress_.note_waiting(fmt::format("{}: {}", kWaitsForPicture, text()));
+  }
+
+  const RigLinks& links_;
+  CaptureProgress& progress_;
+  const std::string what_;
+  v1::PictureDue due_;
+  int asked_ = 0, came_ = 0;
+  nanoseconds asked_at_{}, first_asked_at_{}, said_at_{};
 };
 
 }  // namespace
@@ -158,6 +264,13 @@ absl::StatusOr<std::vector<v1::Frame>> StepPlayer::records_of(const std::vector<
 absl::Status StepPlayer::play(const std::vector<Step>& steps, Recording& recording, const Judge& judge,
                               std::stop_token stop) {
   recording.begin_showing();
+  if (setup_.links.camera_info.on_demand()) {
+    for (const Step& step : steps) {
+      GW_ASSIGN_OR_RETURN(const bool go_on, play_held(step, recording, judge, stop));
+      if (!go_on) break;
+    }
+    return absl::OkStatus();
+  }
   const std::string program = fmt::format("{}-{}", progress_.session().name(), ++program_number_);
   GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps, stop));
   while (true) {
@@ -198,6 +311,71 @@ absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int mon
     std::this_thread::sleep_for(kPoll);
   }
   return true;
+}
+
+absl::StatusOr<std::optional<StableWindow>> StepPlayer::wait_shown(ProgramFeeds& feeds,
+                                                                   std::stop_token stop) {
+  std::optional<StableWindow> shown;
+  while (!shown) {
+    GW_ASSIGN_OR_RETURN(const bool playing, feeds.poll([&](const StableWindow& window) { shown = window; }));
+    if (!playing) return absl::AbortedError("a display has ended a step that it was to hold");
+    if (!pause(stop, kPoll)) return std::nullopt;
+  }
+  const nanoseconds lit = shown->from + setup_.links.camera->node_from_rig(monotonic_now()).error + kAskDelay;
+  while (monotonic_now() < lit) {
+    if (!pause(stop, kPoll)) return std::nullopt;
+  }
+  return shown;
+}
+
+absl::StatusOr<bool> StepPlayer::play_held(const Step& step, Recording& recording, const Judge& judge,
+                                           std::stop_token stop) {
+  const std::string program = fmt::format("{}-{}", progress_.session().name(), ++program_number_);
+  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, {step}, stop));
+  if (monotonic_now() - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1, stop));
+  ProgramFeeds feeds(setup_.links, program, monitor_count, monotonic_now() + start_lead_,
+                     hold_refreshes_of(progress_.session().plan()), true);
+  absl::StatusOr<std::optional<StableWindow>> shown = wait_shown(feeds, stop);
+  if (absl::IsDeadlineExceeded(shown.status()) && start_lead_ < kMaxStartLead) {
+    start_lead_ *= 2;
+    return play_held(step, recording, judge, stop);
+  }
+  GW_RETURN_IF_ERROR(shown.status());
+  if (!*shown) return false;
+  PictureDemand demand(setup_.links, progress_,
+                       fmt::format("picture {} of {}", step.number + 1, setup_.steps.size()));
+  GW_RETURN_IF_ERROR(demand.ask(stop));
+  bool noted = false;
+  int came = 0;
+  while (!stop.stop_requested()) {
+    GW_ASSIGN_OR_RETURN(const bool playing, feeds.poll([](const StableWindow&) {}));
+    if (!playing) return absl::AbortedError("a display has ended a step that it was to hold");
+    if (const auto end = recording.end()) return *end;
+    std::vector<v1::Frame> frames;
+    if (const int count = recording.take_frames(); count > 0) {
+      progress_.note_frames_taken(count);
+      came += count;
+      // The step stands until now, and surely stood when the frame came.
+      StableWindow window = **shown;
+      window.until = window.patch_until = wait_past(recording, stop);
+      const bool first = recording.add_window(window);
+      if (!std::exchange(noted, true)) progress_.note_shown(step.number, !first);
+      GW_ASSIGN_OR_RETURN(frames, records_of(recording.take_matches(), recording));
+    }
+    GW_ASSIGN_OR_RETURN(const bool go_on, judge(std::move(frames)));
+    const bool learns = is_patch_learning_step(step) && recording.was_matched_now(step.number);
+    if (!go_on || learns || progress_.is_proven(step.number)) {
+      demand.end();
+      return go_on;
+    }
+    GW_ASSIGN_OR_RETURN(const bool waits, demand.look(came, stop));
+    if (!waits) {
+      demand.end();
+      return true;
+    }
+    (void)pause(stop, kPoll);
+  }
+  return false;
 }
 
 }  // namespace glasswing

@@ -72,7 +72,7 @@ FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera) {
 }
 
 PresentationStream::PresentationStream(const DisplayLink& display, const std::string& program,
-                                       nanoseconds start_at, nanoseconds step)
+                                       nanoseconds start_at, nanoseconds step, bool hold_last)
     : display_(display) {
   // The clocks' rates matter over such a time.
   constexpr int kManySteps = 10000;
@@ -82,6 +82,7 @@ PresentationStream::PresentationStream(const DisplayLink& display, const std::st
   request.set_program(program);
   request.set_start_at_ns(start.count());
   request.set_step_ns(((end - start) / kManySteps).count());
+  request.set_hold_last(hold_last);
   reader_ = display.stub->PlayProgram(&context_, request);
   thread_ = std::thread([this] {
     v1::PlayProgramResponse response;
@@ -110,8 +111,10 @@ nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_r
 
 MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& display) {
   const v1::DisplayMonitor* monitor = display.monitor(shown.monitor());
+  const bool held = shown.replaced_ns() == 0;  // still shown
   const ClockReading scanout_end = display.link.rig_from_node(nanoseconds(shown.scanout_end_ns())),
-                     replaced = display.link.rig_from_node(nanoseconds(shown.replaced_ns()));
+                     replaced =
+                         held ? scanout_end : display.link.rig_from_node(nanoseconds(shown.replaced_ns()));
   MonitorWindow window{
       .step = shown.step(),
       .scanout_end = scanout_end.time,

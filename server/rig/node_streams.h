@@ -83,7 +83,7 @@ class PresentationStream {
  public:
   // `start_at` and `step` are rig time; see PlayProgramRequest.
   PresentationStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
-                     nanoseconds step = {});
+                     nanoseconds step = {}, bool hold_last = false);
   ~PresentationStream();
 
   Inbox<v1::Presentation> inbox;  // times are the node's

@@ -37,7 +37,11 @@ class RigCheck {
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();
     GW_RETURN_IF_ERROR(check_fit(*links));
     check_clocks(*links);
-    GW_RETURN_IF_ERROR(try_out(*links, stop));
+    if (links->camera_info.on_demand()) {
+      tell_due(links->camera_info);
+    } else {
+      GW_RETURN_IF_ERROR(try_out(*links, stop));
+    }
     const v1::Camera& camera = links->camera_info.camera();
     const double longest_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end());
     report_(judge_camera_light(camera, calibrations_.camera(camera.name()),
@@ -67,6 +71,20 @@ class RigCheck {
     tell(v1::FINDING_LEVEL_WARNING, "camera",
          fmt::format("{} is not ready: {}", camera.camera().name(), preparation_text(camera.preparation())),
          "the check goes on by itself when it is; so would a capture");
+  }
+
+  // Of a camera that takes pictures on demand, no time is measured.
+  void tell_due(const v1::GetCameraResponse& camera) {
+    const std::string& name = camera.camera().name();
+    if (!camera.has_due()) {
+      return tell(v1::FINDING_LEVEL_OK, "camera",
+                  name + " takes a picture when a capture asks for one; no trial was made");
+    }
+    const double waited_s = 1e-9 * static_cast<double>(camera.due().waited_ns());
+    tell(v1::FINDING_LEVEL_WARNING, "camera",
+         fmt::format("{}: the folder has waited {:.0f} s for {}{}", name, waited_s, camera.due().what(),
+                     camera.due().problem().empty() ? "" : " (" + camera.due().problem() + ")"),
+         camera.due().by_hand() ? "press the camera's button" : "is the camera switched on and awake?");
   }
 
   // False: a node is missing, so the rest cannot be checked.
@@ -126,8 +144,11 @@ class RigCheck {
 
   bool check_exposures(const RigLinks& links) {
     exposures_ms_.assign(plan_.exposure_ms().begin(), plan_.exposure_ms().end());
-    if (exposures_ms_.empty()) exposures_ms_.push_back(kDefaultExposureMs);
     const double least = links.camera_info.min_exposure_ms(), most = links.camera_info.max_exposure_ms();
+    // A camera that takes pictures on demand has the exposure that is set on it.
+    const bool set = links.camera_info.on_demand();
+    if (exposures_ms_.empty())
+      exposures_ms_.push_back(set ? std::clamp(kDefaultExposureMs, least, most) : kDefaultExposureMs);
     for (const double exposure_ms : exposures_ms_) {
       if (exposure_ms >= least && exposure_ms <= most) continue;
       tell(

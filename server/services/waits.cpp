@@ -35,6 +35,7 @@ constexpr OwnReason kOwnReasons[] = {
     {kWaitsForRoom,
      "the camera node's disk is full: ", "free space there; the capture then goes on by itself"},
     {kWaitsForAnswer, "", "it is at work; the capture then goes on by itself"},
+    {kWaitsForPicture, "", "the capture goes on by itself when it comes"},
     {kWaitsForNode, "", "start it again; after half a minute the capture pauses, and loses nothing"},
 };
 

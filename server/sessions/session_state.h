@@ -23,6 +23,7 @@ namespace glasswing {
 inline constexpr std::string_view kWaitsForNode = "waiting", kWaitsForRoom = "waiting for room",
                                   kWaitsForServerRoom = "waiting for room on the server's disk",
                                   kWaitsForAnswer = "waiting for an answer",
+                                  kWaitsForPicture = "waiting for a picture",
                                   kWaitsForStore = "waiting for the job store";
 // How the reason of a capture begins that shows pictures and proves nothing any more; then why.
 inline constexpr std::string_view kStalled = "stalled";

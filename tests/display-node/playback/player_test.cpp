@@ -189,6 +189,34 @@ TEST(PlayerOnScreens, StopsWhileItWaitsToStart) {
   EXPECT_TRUE(absl::IsCancelled(played.get()));
 }
 
+TEST(PlayerOnScreens, HoldsItsLastStepUntilItIsStopped) {
+  constexpr double kRefresh_hz = 200.0;
+  SimDisplay display({screen("back", kRefresh_hz)}, {});
+  const Program program = program_of(2, 2, display.screens());
+  std::stop_source stop;
+  std::vector<v1::Presentation> reports;
+  std::promise<void> held;
+  std::future<absl::Status> played = std::async(std::launch::async, [&] {
+    return play(
+        program, display, soon(), {}, stop.get_token(),
+        [&](const v1::Presentation& report) {
+          reports.push_back(report);
+          if (report.replaced_ns() == 0) held.set_value();
+        },
+        true);
+  });
+  held.get_future().wait();
+  // Many times longer than the step would last.
+  EXPECT_EQ(played.wait_for(milliseconds(200)), std::future_status::timeout);
+  stop.request_stop();
+  EXPECT_TRUE(absl::IsCancelled(played.get()));
+  ASSERT_EQ(reports.size(), 3u);
+  EXPECT_GT(reports[0].replaced_ns(), 0);
+  EXPECT_EQ(reports[1].step(), reports[2].step());
+  EXPECT_EQ(reports[1].scanout_end_ns(), reports[2].scanout_end_ns());
+  EXPECT_GE(reports[2].refreshes(), static_cast<int>(0.2 * kRefresh_hz) - 1);
+}
+
 TEST_F(Player, PassesOnWhatTheScreensSay) {
   display_.fails_at_ = 2;
   EXPECT_TRUE(absl::IsInternal(play_steps(4, soon())));

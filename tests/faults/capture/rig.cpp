@@ -1,5 +1,6 @@
 #include "tests/faults/capture/rig.h"
 
+#include <absl/strings/str_replace.h>
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -87,12 +88,14 @@ struct FaultyRig::DisplayNode {
 };
 
 struct FaultyRig::CameraNode {
-  CameraNode(const SimCameraOptions& options, const std::filesystem::path& archives, const SpaceOf& space,
-             const std::string& tap, const std::string& address)
+  CameraNode(const SimCameraOptions& options, std::optional<FolderCamera::Options> tethered,
+             const std::filesystem::path& archives, const SpaceOf& space, const std::string& tap,
+             const std::string& address)
       : light(tap, timeline),
         camera(SimCamera::create(options, timeline).value()),
+        folder(opened(tethered, tap)),
         store(archives, DiskRoom(archives, 0, space)),
-        cameras(*camera, store),
+        cameras(folder ? static_cast<Camera&>(*folder) : *camera, store),
         archive_service(store),
         stages(*camera),
         host(ServiceHost::start({.address = address, .clock = options.clock},
@@ -102,9 +105,16 @@ struct FaultyRig::CameraNode {
     cameras.stop();
     host->stop(milliseconds(0));
   }
+  static std::unique_ptr<FolderCamera> opened(std::optional<FolderCamera::Options> options,
+                                              const std::string& tap) {
+    if (!options) return nullptr;
+    options->shoot = absl::StrReplaceAll(options->shoot, {{"{tap}", tap}});
+    return FolderCamera::open(*options).value();
+  }
   EmissionTimeline timeline;
   EmissionClient light;
-  std::unique_ptr<SimCamera> camera;
+  std::unique_ptr<SimCamera> camera;     // and the stage
+  std::unique_ptr<FolderCamera> folder;  // null: the simulated one
   ArchiveStore store;
   CameraServiceImpl cameras;
   ArchiveServiceImpl archive_service;
@@ -163,6 +173,10 @@ const std::string& FaultyRig::address() const {
   return server_->host->address();
 }
 
+const std::string& FaultyRig::display_address() const {
+  return display_->host->address();
+}
+
 std::filesystem::path FaultyRig::archive(const std::string& session) const {
   return data_ / "archives" / session;
 }
@@ -216,7 +230,7 @@ void FaultyRig::restart_camera() {
   options.stamp_jitter = faults_.stamp_jitter;
   options.stamp_shift = faults_.stamp_shift;
   options.disturbances = faults_.disturbances;
-  camera_ = std::make_unique<CameraNode>(options, data_ / "archives", faults_.space,
+  camera_ = std::make_unique<CameraNode>(options, faults_.folder, data_ / "archives", faults_.space,
                                          display_->host->address(), address);
   if (!camera_->timeline.wait_known_until(monotonic_now(), kSoon)) {
     std::fputs("the camera sees no display\n", stderr);

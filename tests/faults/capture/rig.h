@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "camera-node/backends/folder_camera.h"
 #include "camera-node/backends/sim_camera.h"
 #include "core/archive/disk_room.h"
 #include "core/sim/disturbances.h"
@@ -30,6 +31,9 @@ struct RigFaults {
   bool restart_camera = false, restart_display = false;  // in mid-session
   SpaceOf space = space_of;                              // of the camera node's disk
   std::chrono::milliseconds node_call = kNodeCall;       // ServerOptions
+  // A camera whose pictures come into a folder, in place of the simulated one; in its command {tap} becomes
+  // the address of the display's light.
+  std::optional<FolderCamera::Options> folder = {};
 };
 
 class FaultyRig {
@@ -48,6 +52,7 @@ class FaultyRig {
   v1::Session watch(const std::function<void(const v1::Session&)>& seen = nullptr);
   Server& server();
   const std::string& address() const;  // of the server
+  const std::string& display_address() const;
   std::filesystem::path archive(const std::string& session) const;
   void restart_camera();
   void restart_display();

@@ -1,0 +1,200 @@
+#include "camera-node/backends/sim_backend.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "camera-node/backends/emission_client.h"
+#include "camera-node/backends/sim_camera.h"
+#include "core/base/scanner.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+// The simulated camera's own options; the resolved ones are in `sim`.
+struct SimOptions {
+  SimCameraOptions sim;
+  std::string response = "linear";
+  std::vector<std::string> taps;
+  double late_ms = 0.0, stamp_jitter_ms = 0.0, stamp_shift_ms = 0.0;
+  double clock_offset_ms = 0.0, clock_drift_ppm = 0.0;
+};
+
+// A camera with the light that it sees.
+struct Simulation {
+  EmissionTimeline timeline;
+  std::unique_ptr<SimCamera> camera;
+  std::vector<std::unique_ptr<EmissionClient>> clients;
+};
+
+nanoseconds of_ms(double ms) {
+  return nanoseconds(std::llround(ms * 1e6));
+}
+
+// Developed pictures have more contrast than a gamma curve alone gives.
+constexpr SensorCurve kSCurve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
+
+absl::StatusOr<SensorCurve> parse_response(const std::string& text) {
+  if (text == "linear") return SensorCurve();
+  if (text == "s-curve") return kSCurve;
+  double gamma = 0.0;
+  if (!Scanner(text).then("gamma:").number(gamma).done() || !(gamma >= 0.2 && gamma <= 5.0)) {
+    return absl::InvalidArgumentError("--response is " + text +
+                                      "; it must be linear, s-curve, or gamma:G with G 0.2 to 5");
+  }
+  return SensorCurve{.exponent = static_cast<float>(1.0 / gamma)};
+}
+
+void add_scene_options(CLI::App& app, SimOptions& camera) {
+  app.add_option(
+         "--scene", camera.sim.scene,
+         "sim: crystal, glass, brushed, wobble (a drop of water that moves), wobble-lit (with a lamp's "
+         "highlight) or none")
+      ->capture_default_str();
+  app.add_option("--tap", camera.taps,
+                 "sim: host:port of a display node whose light it sees; repeat for more");
+}
+
+void add_sensor_options(CLI::App& app, SimOptions& camera) {
+  app.add_option("--seed", camera.sim.sensor.seed, "sim: seed of noise and faults")->capture_default_str();
+  app.add_option("--noise-sd", camera.sim.sensor.read_sd,
+                 "sim: standard deviation of the read noise, as a part of full scale")
+      ->check(CLI::Range(0.0, 0.5))
+      ->capture_default_str();
+  app.add_option("--blur", camera.sim.blur_sigma_px, "sim: sigma of the lens's blur, px of the camera")
+      ->check(CLI::Range(0.0, 20.0))
+      ->capture_default_str();
+  app.add_option(
+         "--focal-length", camera.sim.focal_px,
+         "sim: focal length of its lens, px of its picture; 4 times the picture's width if left out. "
+         "Monitor \"back\" fills the picture at its own place with any; a shorter one stands nearer and "
+         "sees more perspective")
+      ->check(CLI::Range(1.0, 1e6));
+  app.add_option("--vignetting", camera.sim.sensor.vignetting,
+                 "sim: part of the light in the picture's middle that its corners lack; grows with the "
+                 "distance squared")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  app.add_option("--response", camera.response,
+                 "sim: how samples are coded after the noise: linear; gamma:G, as gamma:2.2: to the power "
+                 "1/G; s-curve: gamma:2.2 and then half way to 3u^2 - 2u^3")
+      ->capture_default_str();
+  app.add_option("--bits", camera.sim.sensor.bits, "sim: bits a sample")
+      ->check(CLI::Range(8, 16))
+      ->capture_default_str();
+  app.add_option("--mosaic", camera.sim.mosaic,
+                 "sim: the sensor's colours, each photosite having one; frames are of one channel then")
+      ->check(CLI::IsMember({"RGGB", "GRBG", "GBRG", "BGGR"}));
+}
+
+void add_fault_options(CLI::App& app, SimOptions& camera) {
+  app.add_flag("--true-auto-gain", camera.sim.automatics.gain,
+               "sim: its gain follows the last frames' light, and is reported as constant");
+  app.add_flag("--true-auto-white-balance", camera.sim.automatics.white_balance,
+               "sim: its channels' gains follow the last frames' colour");
+  app.add_option("--fault-drop", camera.sim.drop, "sim: probability that a frame is lost")
+      ->check(CLI::Range(0.0, 0.99));
+  app.add_option("--fault-duplicate", camera.sim.duplicate,
+                 "sim: probability that a frame repeats the last one's pixels")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--fault-late-ms", camera.late_ms, "sim: frames are delivered up to this late, in order")
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_option("--fault-stamp-jitter-ms", camera.stamp_jitter_ms,
+                 "sim: frames' times are off by up to this, and are said to be")
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_option("--fault-stamp-shift-ms", camera.stamp_shift_ms,
+                 "sim: frames' times are off by this, and are not said to be: a camera that lies")
+      ->check(CLI::Range(-1000.0, 1000.0));
+  app.add_option("--clock-offset-ms", camera.clock_offset_ms, "sim: how far this node's clock is ahead")
+      ->check(CLI::Range(-1e9, 1e9));
+  app.add_option("--clock-drift-ppm", camera.clock_drift_ppm, "sim: how much too fast this node's clock runs")
+      ->check(CLI::Range(-1000.0, 1000.0));
+}
+
+// What happens to the camera and its room; seconds count from its first start.
+void add_disturbance_options(CLI::App& app, SimOptions& camera) {
+  Disturbances& d = camera.sim.disturbances;
+  const CLI::Range seconds(0.0, 1e6);
+  app.add_option("--true-knock", d.knock_dx_px, "sim: a knock moves its picture by this to the right, px")
+      ->check(CLI::Range(-50.0, 50.0));
+  app.add_option("--true-knock-down", d.knock_dy_px, "sim: and by this down, px")
+      ->check(CLI::Range(-50.0, 50.0));
+  app.add_option("--true-knock-at", d.knock_s, "sim: so many seconds after it was first started")
+      ->check(seconds);
+  app.add_option("--true-knock-lasts", d.knock_lasts_s, "sim: for so many seconds; 0: for good")
+      ->check(seconds);
+  app.add_option("--true-creep", d.creep_px_per_minute, "sim: it sinks by so many px a minute")
+      ->check(CLI::Range(-1000.0, 1000.0));
+  app.add_option("--true-vibration", d.vibration_px, "sim: it trembles by so many px, with 11 and 7 Hz")
+      ->check(CLI::Range(0.0, 50.0));
+  app.add_option("--true-lamp", d.lamp, "sim: a lamp adds this part of white everywhere")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--true-lamp-at", d.lamp_s, "sim: so many seconds after its first start")->check(seconds);
+  app.add_option("--true-lamp-lasts", d.lamp_lasts_s, "sim: for so many seconds; 0: for good")
+      ->check(seconds);
+  app.add_option("--true-gain", d.gain, "sim: its gain, undeclared")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  app.add_option("--true-gain-at", d.gain_s, "sim: from so many seconds after its first start on")
+      ->check(seconds);
+  app.add_option("--true-warm-up", d.warm_up,
+                 "sim: part of the light that is lost as the monitors warm up, with a time constant of 2 min")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--true-flare", d.flare, "sim: part of each picture's light that its lens spreads evenly")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--true-bad-pixels", d.bad_pixels,
+                 "sim: part of its samples that are dead or stuck, by --seed")
+      ->check(CLI::Range(0.0, 1.0));
+}
+
+absl::StatusOr<OpenedCamera> open_sim(SimOptions options, const CameraSettings& settings) {
+  SimCameraOptions& sim = options.sim;
+  sim.name = settings.name;
+  if (settings.size) {
+    sim.width_px = settings.size->width_px;
+    sim.height_px = settings.size->height_px;
+  }
+  sim.frame_rate_hz = settings.frame_rate_hz.value_or(sim.frame_rate_hz);
+  sim.sensor.black_level = settings.black_level.value_or(0.0);
+  if (!(sim.sensor.black_level >= 0.0 && sim.sensor.black_level <= 0.5)) {
+    return absl::InvalidArgumentError(
+        fmt::format("--black-level is {}; with --backend sim it must be 0 to 0.5", *settings.black_level));
+  }
+  GW_ASSIGN_OR_RETURN(sim.sensor.curve, parse_response(options.response));
+  sim.disturbances.seed = sim.sensor.seed;
+  sim.late = of_ms(options.late_ms);
+  sim.stamp_jitter = of_ms(options.stamp_jitter_ms);
+  sim.stamp_shift = of_ms(options.stamp_shift_ms);
+  sim.clock = NodeClock(of_ms(options.clock_offset_ms), options.clock_drift_ppm);
+  sim.awaits_light = !options.taps.empty();
+  const auto simulation = std::make_shared<Simulation>();
+  GW_ASSIGN_OR_RETURN(simulation->camera, SimCamera::create(sim, simulation->timeline));
+  for (const std::string& tap : options.taps)
+    simulation->clients.push_back(std::make_unique<EmissionClient>(tap, simulation->timeline));
+  SimCamera* const camera = simulation->camera.get();
+  return OpenedCamera{.camera = std::shared_ptr<Camera>(simulation, camera),
+                      .stage = camera,
+                      .clock = sim.clock,
+                      .detail = "scene " + sim.scene};
+}
+
+}  // namespace
+
+CameraBackend sim_backend() {
+  const auto own = std::make_shared<SimOptions>();
+  return {.name = "sim",
+          .shared = {"--size", "--fps", "--black-level"},
+          .add_options =
+              [own](CLI::App& app) {
+                add_scene_options(app, *own);
+                add_sensor_options(app, *own);
+                add_fault_options(app, *own);
+                add_disturbance_options(app, *own);
+              },
+          .open = [own](const CameraSettings& settings) { return open_sim(*own, settings); }};
+}
+
+}  // namespace glasswing

@@ -1,0 +1,113 @@
+#include "core/frame/raw_photograph.h"
+
+#include <absl/strings/ascii.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+
+#include "core/base/descriptor.h"
+#include "core/base/module.h"
+#include "core/base/run_program.h"
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+#include "core/frame/raw_answer.h"
+#include "core/frame/tiff_directory.h"
+
+namespace glasswing {
+namespace {
+
+// Of a file whose end is missing, LibRaw uses what is left, without the levels that were in the end.
+absl::Status check_directories(std::string_view bytes) {
+  const TiffDirectory first(bytes);
+  for (const TiffDirectory& each :
+       {first, first.inner(TiffDirectory::kExif), first.inner(TiffDirectory::kInner)}) {
+    if (!each.is_whole()) return absl::DataLossError("it is damaged, or cut off: a directory is not whole");
+  }
+  for (const TiffDirectory::Tag tag : {TiffDirectory::kExif, TiffDirectory::kInner}) {
+    if (first.number(tag) && first.inner(tag).empty())
+      return absl::DataLossError("it is damaged, or cut off: a directory is missing");
+  }
+  return absl::OkStatus();
+}
+
+// A file in memory.
+absl::StatusOr<Descriptor> memory_file(std::string_view bytes) {
+  Descriptor file(::memfd_create("glasswing-raw", MFD_CLOEXEC));
+  for (size_t done = 0; file.is_open() && done < bytes.size();) {
+    const ssize_t count = ::write(file.get(), bytes.data() + done, bytes.size() - done);
+    if (count <= 0) return absl::ErrnoToStatus(errno, "cannot hold a raw file in memory");
+    done += static_cast<size_t>(count);
+  }
+  if (!file.is_open() || ::lseek(file.get(), 0, SEEK_SET) != 0)
+    return absl::ErrnoToStatus(errno, "cannot hold a raw file in memory");
+  return file;
+}
+
+// True if all of it was there.
+bool read_all(int file, void* to, size_t size, off_t from) {
+  for (size_t done = 0; done < size;) {
+    const ssize_t count =
+        ::pread(file, static_cast<char*>(to) + done, size - done, from + static_cast<off_t>(done));
+    if (count <= 0) return false;
+    done += static_cast<size_t>(count);
+  }
+  return true;
+}
+
+// `what` glasswing-raw is to read; only "photograph" has codes.
+absl::StatusOr<RawPhotograph> ask(const std::string& what, std::string_view bytes) {
+  constexpr std::chrono::seconds kLimit(120);
+  if (std::ssize(bytes) > kMaxRawBytes) {
+    return absl::DataLossError(
+        fmt::format("it has {} bytes; a raw photograph may have {}", bytes.size(), kMaxRawBytes));
+  }
+  GW_RETURN_IF_ERROR(check_directories(bytes));
+  GW_ASSIGN_OR_RETURN(const std::filesystem::path program, find_module("glasswing-raw"));
+  GW_ASSIGN_OR_RETURN(const Descriptor input, memory_file(bytes));
+  GW_ASSIGN_OR_RETURN(const Descriptor output, memory_file(""));
+  const absl::Status ran = run_command(
+      {program.string(), what}, {.limit = kLimit, .input_file = input.get(), .output_file = output.get()});
+  RawAnswer answer;
+  if (!ran.ok() || !read_all(output.get(), &answer, sizeof answer, 0))
+    return absl::DataLossError("it is damaged: LibRaw could not read it");
+  answer.refused.back() = answer.mosaic.back() = '\0';
+  if (answer.refused.front() != '\0') return absl::DataLossError(answer.refused.data());
+  RawPhotograph raw{
+      .codes = {}, .mosaic = answer.mosaic.data(), .black = answer.black, .white = answer.white, .facts = {}};
+  if (answer.exposure_ms > 0.0) raw.facts.exposure_ms = answer.exposure_ms;
+  if (answer.iso > 0.0) raw.facts.iso = answer.iso;
+  raw.facts.turned = answer.turned != 0;
+  if (what != "photograph") return raw;
+  const auto good = [](int side) { return side >= 1 && side <= kMaxSide_px; };
+  if (!good(answer.width_px) || !good(answer.height_px) || raw.black < 0 || raw.white <= raw.black ||
+      raw.white > 65535)
+    return absl::DataLossError("it is damaged: LibRaw could not read it");
+  raw.codes = Image16(answer.width_px, answer.height_px, 1);
+  if (read_all(output.get(), raw.codes.samples.data(), raw.codes.samples.size() * sizeof(std::uint16_t),
+               sizeof answer))
+    return raw;
+  return absl::DataLossError("it is damaged: LibRaw could not read it");
+}
+
+}  // namespace
+
+bool is_raw_file(const std::filesystem::path& path) {
+  constexpr std::array<std::string_view, 12> kSuffixes{".dng", ".cr2", ".cr3", ".nef", ".nrw", ".arw",
+                                                       ".raf", ".orf", ".rw2", ".pef", ".srw", ".3fr"};
+  return std::ranges::find(kSuffixes, absl::AsciiStrToLower(path.extension().string())) != kSuffixes.end();
+}
+
+absl::StatusOr<RawPhotograph> decode_raw(std::string_view bytes) {
+  return ask("photograph", bytes);
+}
+
+absl::StatusOr<RawFacts> read_raw_facts(std::string_view bytes) {
+  GW_ASSIGN_OR_RETURN(RawPhotograph raw, ask("facts", bytes));
+  return raw.facts;
+}
+
+}  // namespace glasswing
