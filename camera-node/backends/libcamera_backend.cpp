@@ -14,7 +14,7 @@ namespace {
 struct Options {
   LibcameraCamera::Options libcamera;
   std::string stamp = "unknown";
-  std::optional<double> readout_ms, delay_ms;
+  std::optional<double> delay_ms;
 };
 
 std::optional<nanoseconds> of_ms(const std::optional<double>& ms) {
@@ -44,11 +44,6 @@ void add_options(CLI::App& app, Options& options) {
          "--stamp-delay-ms", options.delay_ms,
          "libcamera: maximum time from a frame's readout to its data's arrival; one frame if left out")
       ->check(CLI::Range(0.0, 1000.0));
-  app.add_option(
-         "--readout-ms", options.readout_ms,
-         "libcamera: time from the first row's start to the last row's, 0 with a global shutter; as the "
-         "camera reports it, or one frame, if left out")
-      ->check(CLI::Range(0.0, 1000.0));
 }
 
 absl::StatusOr<OpenedCamera> open(const Options& options, const CameraSettings& settings) {
@@ -64,7 +59,7 @@ absl::StatusOr<OpenedCamera> open(const Options& options, const CameraSettings& 
   }
   camera.stamp = meaning_of(options.stamp);
   camera.delay = of_ms(options.delay_ms);
-  camera.readout = of_ms(options.readout_ms);
+  camera.readout = of_ms(settings.readout_ms);
   GW_ASSIGN_OR_RETURN(std::shared_ptr<Camera> opened, LibcameraCamera::open(camera));
   return OpenedCamera{.camera = std::move(opened)};
 }
@@ -74,7 +69,7 @@ absl::StatusOr<OpenedCamera> open(const Options& options, const CameraSettings& 
 CameraBackend libcamera_backend() {
   const auto own = std::make_shared<Options>();
   return {.name = "libcamera",
-          .shared = {"--size", "--fps", "--format", "--gain"},
+          .shared = {"--size", "--fps", "--format", "--gain", "--readout-ms"},
           .add_options = [own](CLI::App& app) { add_options(app, *own); },
           .open = [own](const CameraSettings& settings) { return open(*own, settings); }};
 }
