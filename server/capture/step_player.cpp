@@ -11,6 +11,7 @@
 #include "core/base/status.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
+#include "server/capture/exposure_triggers.h"
 #include "server/capture/patch_learning.h"
 #include "server/capture/rig_watch.h"
 
@@ -21,19 +22,28 @@ using std::chrono::milliseconds;
 constexpr nanoseconds kMaxStartLead = std::chrono::seconds(10);
 constexpr milliseconds kPoll(10);
 constexpr int kNoStep = -1;
+constexpr std::string_view kSoftwareTrigger = "software";
 constexpr milliseconds kLastFrameWait(1500);  // for frames, after the last step has been replaced
 constexpr std::chrono::seconds kClockInterval(1);
 
 // One program as it plays on all displays.
 class ProgramFeeds {
  public:
-  ProgramFeeds(const RigLinks& links, const std::string& program, int monitor_count, nanoseconds start_at,
-               int hold_refreshes)
+  // `pictures`: of the program. The camera exposes for `exposure_ms` where it is triggered.
+  ProgramFeeds(const RigLinks& links, const std::string& program, int pictures, int monitor_count,
+               nanoseconds start_at, int hold_refreshes, double exposure_ms)
       : monitor_count_(monitor_count) {
     for (const auto& display : links.displays) displays_.push_back(display.get());
     const nanoseconds step = common_step(displays_, hold_refreshes);
-    for (const DisplayLink* display : displays_)
-      feeds_.push_back(std::make_unique<PresentationStream>(*display, program, start_at, step));
+    if (links.camera_info.trigger() == kSoftwareTrigger) {
+      triggers_.emplace(links, pictures, monitor_count, step_time(displays_, hold_refreshes), exposure_ms);
+    }
+    for (const DisplayLink* display : displays_) {
+      feeds_.push_back(std::make_unique<PresentationStream>(
+          *display, program, start_at, step, [this, display](const v1::Presentation& replaced) {
+            if (triggers_) triggers_->note(replaced, *display);
+          }));
+    }
   }
 
   // Calls `shown` for each step that the last monitor has reported since the previous call. Returns false
@@ -68,8 +78,9 @@ class ProgramFeeds {
 
   const int monitor_count_;
   std::vector<const DisplayLink*> displays_;
-  std::vector<std::unique_ptr<PresentationStream>> feeds_;
-  std::map<int, std::vector<MonitorWindow>> incomplete_;  // by step, until every monitor has reported it
+  std::optional<ExposureTriggers> triggers_;
+  std::vector<std::unique_ptr<PresentationStream>> feeds_;  // they use the triggers
+  std::map<int, std::vector<MonitorWindow>> incomplete_;    // by step, until every monitor has reported it
   std::optional<nanoseconds> last_replaced_;
 };
 
@@ -98,7 +109,7 @@ absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vect
 }
 
 absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
-                              const std::vector<Step>& steps, std::stop_token stop) const {
+                              const std::vector<Step>& steps, std::stop_token stop) {
   v1::LoadProgramRequest load;
   load.set_program(program);
   load.set_request_id(random_token());
@@ -106,6 +117,8 @@ absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
   for (const v1::DisplayCalibration& calibration : setup_.header.display_calibrations()) {
     if (display.monitor(calibration.monitor()) != nullptr) *load.add_calibrations() = calibration;
   }
+  // The report of a picture tells when the next one can be exposed, so a triggered camera needs one before.
+  if (!setup_.links.camera_info.trigger().empty()) load.add_steps()->set_step(kNoStep);
   for (const Step& step : steps) {
     v1::ProgramStep shown;
     shown.set_step(step.number);
@@ -120,6 +133,7 @@ absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
     }
     *load.add_steps() = std::move(shown);
   }
+  pictures_ = load.steps_size();
   v1::LoadProgramResponse loaded;
   return display.link.call("draw a program", std::move(stop), [&](grpc::ClientContext& context) {
     return display.stub->LoadProgram(&context, load, &loaded);
@@ -169,8 +183,8 @@ absl::Status StepPlayer::play(const std::vector<Step>& steps, Recording& recordi
 
 absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int monitor_count,
                                              Recording& recording, const Judge& judge, std::stop_token stop) {
-  ProgramFeeds feeds(setup_.links, program, monitor_count, monotonic_now() + start_lead_,
-                     hold_refreshes_of(progress_.session().plan()));
+  ProgramFeeds feeds(setup_.links, program, pictures_, monitor_count, monotonic_now() + start_lead_,
+                     hold_refreshes_of(progress_.session().plan()), recording.exposure_ms());
   const auto note_shown = [&](const StableWindow& window) {
     const bool first = recording.add_window(window);
     if (!RigWatch::is_repeat(window.step)) progress_.note_shown(window.step, !first);
