@@ -149,7 +149,7 @@ grpc::Status CameraServiceImpl::Expose(grpc::ServerContext*, const v1::ExposeReq
   }
   nanoseconds none{};
   triggered_at_.compare_exchange_strong(none, std::max(at, now));
-  return to_grpc(camera_.expose(at));
+  return to_grpc(camera_.trigger(at));
 }
 
 grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,

@@ -334,7 +334,7 @@ absl::Status AravisCamera::learn_stamps() {
   return absl::OkStatus();
 }
 
-absl::Status AravisCamera::expose(nanoseconds at) {
+absl::Status AravisCamera::trigger(nanoseconds at) {
   sleep_until_monotonic(at);
   const std::lock_guard lock(mutex_);
   if (run_ == nullptr || !run_->waits_for("Software"))

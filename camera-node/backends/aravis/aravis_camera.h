@@ -55,7 +55,7 @@ class AravisCamera final : public Camera {
   // settings.
   absl::Status start(double exposure_ms) override { return start(exposure_ms, ""); }
   absl::Status start_triggered(double exposure_ms) override { return start(exposure_ms, options_.trigger); }
-  absl::Status expose(nanoseconds at) override;
+  absl::Status trigger(nanoseconds at) override;
   std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) override;
   void stop() override;
 

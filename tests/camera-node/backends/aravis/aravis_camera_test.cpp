@@ -118,12 +118,12 @@ TEST(AravisCamera, ExposesOnceWhenTriggered) {
   const auto camera = value_of(AravisCamera::open(options));
   ASSERT_NE(camera, nullptr);
   EXPECT_EQ(camera->describe().trigger(), "software");
-  EXPECT_TRUE(absl::IsFailedPrecondition(camera->expose(monotonic_now())));
+  EXPECT_TRUE(absl::IsFailedPrecondition(camera->trigger(monotonic_now())));
   ASSERT_TRUE(camera->start_triggered(2.0).ok());
   Bounded bounded;
   for (int i = 0; i < 50; ++i) {
     const nanoseconds at = monotonic_now() + milliseconds(5);
-    ASSERT_TRUE(camera->expose(at).ok());
+    ASSERT_TRUE(camera->trigger(at).ok());
     const std::optional<CapturedFrame> frame = camera->next(std::chrono::seconds(5));
     ASSERT_TRUE(frame);
     bounded.add(*frame, stand_in);
@@ -133,7 +133,7 @@ TEST(AravisCamera, ExposesOnceWhenTriggered) {
   EXPECT_EQ(bounded.within, bounded.frames);
   ASSERT_TRUE(camera->start(2.0).ok());  // freely again
   EXPECT_TRUE(camera->next(std::chrono::seconds(5)));
-  EXPECT_TRUE(absl::IsFailedPrecondition(camera->expose(monotonic_now())));
+  EXPECT_TRUE(absl::IsFailedPrecondition(camera->trigger(monotonic_now())));
 }
 
 TEST(AravisCamera, TellsWhatItSeesWhereTheNameFitsNoneOrSeveral) {
