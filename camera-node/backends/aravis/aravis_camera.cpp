@@ -41,6 +41,8 @@ double linear_gain(const AravisDevice& device, double gain) {
 
 }  // namespace
 
+AravisCamera::AravisCamera(const Options& options) : options_(options) {}
+
 AravisCamera::~AravisCamera() = default;
 
 absl::StatusOr<std::unique_ptr<AravisCamera>> AravisCamera::open(const Options& options) {
@@ -292,7 +294,11 @@ absl::Status AravisCamera::start(double exposure_ms, const std::string& trigger)
                                                   exposure_ms, min_exposure_ms_, max_exposure_ms_));
   }
   stop();
-  if (device_ == nullptr || device_->lost()) GW_RETURN_IF_ERROR(connect());
+  if (device_ == nullptr || device_->lost()) {
+    const absl::Status status = connect();
+    if (absl::IsNotFound(status)) return absl::UnavailableError(status.message());
+    GW_RETURN_IF_ERROR(status);
+  }
   GW_RETURN_IF_ERROR(set_exposure(exposure_ms));
   if (software_trigger_) {
     GW_RETURN_IF_ERROR(learn_stamps());

@@ -60,7 +60,7 @@ class AravisCamera final : public Camera {
   void stop() override;
 
  private:
-  explicit AravisCamera(const Options& options) : options_(options) {}
+  explicit AravisCamera(const Options& options);
   // Opens the device and sets all but the exposure.
   absl::Status connect();
   absl::Status set_format();

@@ -66,7 +66,7 @@ absl::Status AravisRun::stream() {
 
 AravisRun::~AravisRun() {
   arv_camera_stop_acquisition(device_->get(), nullptr);  // fails where the camera is gone
-  if (stream_ != nullptr) arv_stream_stop_thread(stream_.get(), FALSE);
+  stream_.reset();                                       // ends its thread, which uses the other members
 }
 
 void AravisRun::call_back(void* run, ArvStreamCallbackType type, ArvBuffer* buffer) {

@@ -58,7 +58,10 @@ GigeCamera::GigeCamera(const std::string& address, const std::string& serial, do
     : aravis_(std::make_unique<Aravis>(Aravis{.expose = std::move(expose)})) {
   aravis_->camera = arv_gv_fake_camera_new(address.c_str(), serial.c_str());
   g_object_set(aravis_->camera, "gvsp-lost-ratio", lost, nullptr);
-  arv_fake_camera_set_fill_pattern(arv_gv_fake_camera_get_fake_camera(aravis_->camera), fill, aravis_.get());
+  ArvFakeCamera* const fake = arv_gv_fake_camera_get_fake_camera(aravis_->camera);
+  // It looks for triggers so often; with its own 25 Hz they would wait.
+  arv_fake_camera_set_trigger_frequency(fake, 2000.0);
+  arv_fake_camera_set_fill_pattern(fake, fill, aravis_.get());
 }
 
 GigeCamera::~GigeCamera() {
