@@ -8,6 +8,7 @@
 #include "camera-node/backends/emission_client.h"
 #include "core/telemetry/logs.h"
 #include "tests/camera-node/backends/aravis/gige_camera.h"
+#include "tests/vm/camera_code.h"
 #include "tests/vm/scene_view.h"
 
 int main(int argc, char** argv) {
@@ -31,7 +32,6 @@ int main(int argc, char** argv) {
   start_logging("gige_camera", LogOptions());
   EmissionTimeline timeline(std::chrono::seconds(60));
   const EmissionClient client(tap, timeline);
-  constexpr double kFullScaleExposure_ms = 8.0;
   std::optional<SceneView> view;
   int width_px = 0, height_px = 0;
   const GigeCamera camera(address, serial, lost_percent / 100.0, [&](const GigeCamera::Exposure& exposure) {
