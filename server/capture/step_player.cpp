@@ -11,9 +11,9 @@
 #include "core/base/status.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
-#include "server/capture/exposure_triggers.h"
 #include "server/capture/patch_learning.h"
 #include "server/capture/rig_watch.h"
+#include "server/rig/exposure_triggers.h"
 
 namespace glasswing {
 namespace {
@@ -22,7 +22,6 @@ using std::chrono::milliseconds;
 constexpr nanoseconds kMaxStartLead = std::chrono::seconds(10);
 constexpr milliseconds kPoll(10);
 constexpr int kNoStep = -1;
-constexpr std::string_view kSoftwareTrigger = "software";
 constexpr milliseconds kLastFrameWait(1500);  // for frames, after the last step has been replaced
 constexpr std::chrono::seconds kClockInterval(1);
 
@@ -35,7 +34,7 @@ class ProgramFeeds {
       : monitor_count_(monitor_count) {
     for (const auto& display : links.displays) displays_.push_back(display.get());
     const nanoseconds step = common_step(displays_, hold_refreshes);
-    if (links.camera_info.trigger() == kSoftwareTrigger) {
+    if (ExposureTriggers::are_wanted(links)) {
       triggers_.emplace(links, pictures, monitor_count, step_time(displays_, hold_refreshes), exposure_ms);
     }
     for (const DisplayLink* display : displays_) {

@@ -20,6 +20,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kMaxSteps = 60, kFewestSteps = 8;
+constexpr int kNotExposed = -1;  // the first step of a triggered test
 constexpr nanoseconds kTestCaptureTime = std::chrono::seconds(2);
 
 class RigCheck {
@@ -163,7 +164,9 @@ class RigCheck {
     TestCapture test{.displays = {},
                      .steps = {},
                      .hold_refreshes = hold_refreshes_of(plan_),
-                     .exposure_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end())};
+                     .exposure_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end()),
+                     .triggered = !links.camera_info.trigger().empty()};
+    if (test.triggered) test.steps.emplace_back().set_step(kNotExposed);
     nanoseconds period{};
     for (const auto& display : links.displays) {
       test.displays.push_back(display.get());
@@ -200,6 +203,7 @@ class RigCheck {
                             const TestCaptureRecord& record) const {
     TestCaptureTimes times;
     times.hold_refreshes = test.hold_refreshes;
+    times.triggered = test.triggered;
     times.exposure = nanoseconds(std::llround(1e6 * test.exposure_ms));
     times.frame_period = nanoseconds(std::llround(1e9 / links.camera_info.frame_rate_hz()));
     times.readout = nanoseconds(links.camera_info.readout_ns());
@@ -210,7 +214,7 @@ class RigCheck {
     for (const TestCaptureRecord::Shown& shown : record.shown) {
       const v1::Presentation& presentation = shown.presentation;
       const v1::DisplayMonitor* monitor = shown.display->monitor(presentation.monitor());
-      if (monitor == nullptr) continue;
+      if (monitor == nullptr || presentation.step() == kNotExposed) continue;
       times.shown.push_back(
           {.monitor = presentation.monitor(),
            .step = presentation.step(),

@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <thread>
 
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
+#include "server/rig/exposure_triggers.h"
 
 namespace glasswing {
 namespace {
@@ -42,7 +44,7 @@ absl::Status load(DisplayLink& display, const std::string& program, const TestCa
 
 absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test,
                                                    std::stop_token stop) {
-  CaptureStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms, random_token());
+  CaptureStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms, random_token(), test.triggered);
   GW_RETURN_IF_ERROR(camera.wait_running(stop, kStarted));
   GW_RETURN_IF_ERROR(rig.exchange_clocks(8));
   const std::string program = fmt::format("trial-{}", monotonic_now().count());
@@ -50,9 +52,20 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
   const nanoseconds start_at = monotonic_now() + kStartLead;
   const std::vector<const DisplayLink*> displays(test.displays.begin(), test.displays.end());
   const nanoseconds step = common_step(displays, test.hold_refreshes);
+  std::optional<ExposureTriggers> triggers;
+  if (test.triggered && ExposureTriggers::are_wanted(rig)) {
+    int monitors = 0;
+    for (const DisplayLink* display : displays) monitors += display->info.monitors_size();
+    triggers.emplace(rig, static_cast<int>(test.steps.size()), monitors,
+                     step_time(displays, test.hold_refreshes), test.exposure_ms);
+  }
   std::vector<std::unique_ptr<PresentationStream>> streams;
-  for (const DisplayLink* display : displays)
-    streams.push_back(std::make_unique<PresentationStream>(*display, program, start_at, step));
+  for (const DisplayLink* display : displays) {
+    streams.push_back(std::make_unique<PresentationStream>(
+        *display, program, start_at, step, [&triggers, display](const v1::Presentation& replaced) {
+          if (triggers) triggers->note(replaced, *display);
+        }));
+  }
 
   TestCaptureRecord record;
   nanoseconds wanted_until{}, seen_until{}, played_at{}, clocks_at = monotonic_now();

@@ -14,6 +14,8 @@ namespace glasswing {
 
 class ExposureTriggers {
  public:
+  // Whether the camera waits for them in captures.
+  static bool are_wanted(const RigLinks& links) { return links.camera_info.trigger() == "software"; }
   // `links` are borrowed. `pictures`: of the program; the first one is not exposed. `monitor_count`: that
   // report each.
   ExposureTriggers(const RigLinks& links, int pictures, int monitor_count, nanoseconds hold,

@@ -1,4 +1,4 @@
-#include "server/capture/exposure_triggers.h"
+#include "server/rig/exposure_triggers.h"
 
 #include <spdlog/spdlog.h>
 
