@@ -320,8 +320,12 @@ absl::Status AravisCamera::learn_stamps() {
   GW_RETURN_IF_ERROR(begin("software"));
   const auto patience =
       kTriggerPatience + std::chrono::duration_cast<milliseconds>(of_ms(exposure_ms_) + options_.readout);
+  // A camera that ran freely may still send a frame.
+  const auto frame_time = std::chrono::ceil<milliseconds>(period_ + of_ms(exposure_ms_));
+  const nanoseconds rested = monotonic_now() + std::chrono::seconds(1);
+  while (run_->next(frame_time) && monotonic_now() < rested) {
+  }
   std::vector<Sighting> seen;
-  absl::Status refused;
   for (int i = 0; i < kMaxTriggers && seen.size() < kMinTriggered; ++i) {
     while (run_->next(milliseconds(0))) {
     }

@@ -6,15 +6,23 @@
 
 namespace glasswing {
 
-StampClock StampClock::of_triggers(std::span<const Sighting> triggered, nanoseconds trigger_delay) {
+StampClock StampClock::of_triggers(std::vector<Sighting> triggered, nanoseconds trigger_delay) {
   assert(!triggered.empty());
+  const auto latest_start = [](const Sighting& each) { return each.begun_by - each.stamp; };
+  const auto earliest_start = [](const Sighting& each) { return each.triggered - each.stamp; };
+  // A frame that was begun before its trigger was not exposed by it.
+  for (;;) {
+    const auto late = std::ranges::max_element(triggered, {}, earliest_start);
+    if (earliest_start(*late) <= latest_start(*std::ranges::min_element(triggered, {}, latest_start))) break;
+    triggered.erase(late);
+  }
   const auto [first, last] = std::ranges::minmax(triggered, {}, &Sighting::stamp);
   const nanoseconds drift(
       std::llround(ClockModel::kMaxSkew * static_cast<double>((last.stamp - first.stamp).count())));
   nanoseconds lowest = nanoseconds::min(), arrival = nanoseconds::max();
   for (const Sighting& each : triggered) {
-    lowest = std::max(lowest, each.triggered - each.stamp);
-    arrival = std::min(arrival, each.begun_by - each.stamp);
+    lowest = std::max(lowest, earliest_start(each));
+    arrival = std::min(arrival, latest_start(each));
   }
   lowest -= drift;
   arrival += drift;

@@ -14,7 +14,7 @@
 #pragma once
 
 #include <optional>
-#include <span>
+#include <vector>
 
 #include "core/timing/clock_model.h"
 
@@ -31,8 +31,8 @@ class StampClock {
   static constexpr nanoseconds kJitter = std::chrono::microseconds(500);
   static constexpr int kBlock = 32;  // frames, of which the least delay counts
 
-  // From triggered exposures; there is at least one.
-  static StampClock of_triggers(std::span<const Sighting> triggered, nanoseconds trigger_delay);
+  // From triggered exposures; there is at least one. Those that cannot be of their triggers are left out.
+  static StampClock of_triggers(std::vector<Sighting> triggered, nanoseconds trigger_delay);
   // Without triggers: the exposure begins at most `delay` before the data shows it.
   static StampClock of_arrivals(nanoseconds delay);
 

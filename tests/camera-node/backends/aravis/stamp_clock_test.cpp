@@ -61,6 +61,22 @@ TEST_P(StampClockDrift, BoundsTheStartOfEveryExposure) {
 }
 INSTANTIATE_TEST_SUITE_P(Clocks, StampClockDrift, testing::Values(-100.0, 0.0, 80.0));
 
+// A free-running camera that is stopped may still send a frame, which then looks triggered.
+TEST(StampClock, LeavesOutAFrameThatWasBegunBeforeItsTrigger) {
+  constexpr nanoseconds kArrival = milliseconds(12), kLatency = microseconds(300);
+  SimulatedCamera camera;
+  std::vector<Sighting> triggered;
+  nanoseconds now = std::chrono::seconds(5);
+  for (int i = 0; i < 8; ++i, now += milliseconds(40)) {
+    const nanoseconds start = i == 0 ? now - milliseconds(20) : now + kLatency;
+    triggered.push_back(
+        {.stamp = camera.stamp_of(start), .begun_by = std::max(start + kArrival, now), .triggered = now});
+  }
+  const ClockReading is = StampClock::of_triggers(triggered, milliseconds(2)).start_of(camera.stamp_of(now));
+  EXPECT_LE(std::chrono::abs(is.time - now), is.error);
+  EXPECT_LE(is.error, milliseconds(2));
+}
+
 TEST(StampClock, WithoutTriggersTheDelayOfArrivalIsTheBound) {
   SimulatedCamera camera{.ppm = 20.0};
   constexpr nanoseconds kDelay = milliseconds(20);
