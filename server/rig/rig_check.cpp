@@ -20,7 +20,6 @@ namespace glasswing {
 namespace {
 
 constexpr int kMaxSteps = 60, kFewestSteps = 8;
-constexpr int kNotExposed = -1;  // the first step of a triggered test
 constexpr nanoseconds kTestCaptureTime = std::chrono::seconds(2);
 
 class RigCheck {
@@ -166,7 +165,6 @@ class RigCheck {
                      .hold_refreshes = hold_refreshes_of(plan_),
                      .exposure_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end()),
                      .triggered = !links.camera_info.trigger().empty()};
-    if (test.triggered) test.steps.emplace_back().set_step(kNotExposed);
     nanoseconds period{};
     for (const auto& display : links.displays) {
       test.displays.push_back(display.get());
@@ -214,7 +212,7 @@ class RigCheck {
     for (const TestCaptureRecord::Shown& shown : record.shown) {
       const v1::Presentation& presentation = shown.presentation;
       const v1::DisplayMonitor* monitor = shown.display->monitor(presentation.monitor());
-      if (monitor == nullptr || presentation.step() == kNotExposed) continue;
+      if (monitor == nullptr) continue;
       times.shown.push_back(
           {.monitor = presentation.monitor(),
            .step = presentation.step(),

@@ -20,12 +20,15 @@ constexpr milliseconds kStartLead(300);       // from the command to the first s
 constexpr milliseconds kTail(100);
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 constexpr milliseconds kPoll(10);
+constexpr int kNoStep = -1;
 
 absl::Status load(DisplayLink& display, const std::string& program, const TestCapture& test,
                   std::stop_token stop) {
   v1::LoadProgramRequest request;
   request.set_program(program);
   request.set_hold_refreshes(test.hold_refreshes);
+  // Its report tells when the next one can be exposed.
+  if (test.triggered) request.add_steps()->set_step(kNoStep);
   for (const v1::ProgramStep& step : test.steps) {
     v1::ProgramStep& own = *request.add_steps();
     own.set_step(step.step());
@@ -56,7 +59,7 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
   if (test.triggered && ExposureTriggers::are_wanted(rig)) {
     int monitors = 0;
     for (const DisplayLink* display : displays) monitors += display->info.monitors_size();
-    triggers.emplace(rig, static_cast<int>(test.steps.size()), monitors,
+    triggers.emplace(rig, static_cast<int>(test.steps.size()) + 1, monitors,
                      step_time(displays, test.hold_refreshes), test.exposure_ms);
   }
   std::vector<std::unique_ptr<PresentationStream>> streams;
@@ -76,6 +79,7 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
       const std::optional<absl::Status> end = streams[i]->inbox.end();
       for (v1::Presentation& shown : streams[i]->inbox.take()) {
         wanted_until = std::max(wanted_until, rig_time_of(shown, *test.displays[i]).replaced + kTail);
+        if (shown.step() == kNoStep) continue;
         record.shown.push_back({.display = test.displays[i], .presentation = std::move(shown)});
       }
       if (end && !end->ok()) return *end;

@@ -9,6 +9,7 @@ camera_pid= gige_pid=
 gige() { # OPTIONS...: plugs the camera in
   "$tests/gige_camera" --tap "127.0.0.1:$display" --object "$work/object" --serial "$serial" "$@" >>"$work/gige.log" 2>&1 &
   gige_pid=$!
+  until_true 10 grep -q ":0F74 " /proc/net/udp || fail "no camera listens at port 3956"
 }
 camera() { # OPTIONS...: starts the camera node
   "$bin/glasswing-camera" --server "$server" --listen "127.0.0.1:$camera" --metrics "127.0.0.1:$((port + 3))" --data "$work/camera" \
