@@ -1,5 +1,6 @@
 #include "camera-node/backend_table.h"
 
+#include "camera-node/backends/aravis/aravis_backend.h"
 #include "camera-node/backends/folder_backend.h"
 #include "camera-node/backends/libcamera_backend.h"
 #include "camera-node/backends/replay_backend.h"
@@ -11,6 +12,7 @@ std::vector<CameraBackend> camera_backends() {
   return {
       sim_backend(),
       libcamera_backend(),
+      aravis_backend(),
       folder_backend(),
       replay_backend(),
   };

@@ -23,7 +23,7 @@ struct CapturedFrame {
 };
 
 // tests/camera-node/backends/camera_contract.h tests what every backend guarantees. describe() and
-// take_picture() may be called from any thread at any time, the others from one thread at a time.
+// take_picture() and trigger() may be called from any thread at any time, the others from one thread at a time.
 class Camera {
  public:
   virtual ~Camera() = default;
@@ -33,6 +33,16 @@ class Camera {
   // Starts the camera. Returns when its frames have this exposure. INVALID_ARGUMENT: unsupported exposure
   // time. UNAVAILABLE: it is preparing, for longer than a call may wait.
   virtual absl::Status start(double exposure_ms) = 0;
+  // The same, but the camera then exposes only when it is triggered: by trigger(), or by its line. Requires
+  // GetCameraResponse.trigger.
+  virtual absl::Status start_triggered(double) {
+    return absl::UnimplementedError("the camera has no trigger");
+  }
+  // Triggers an exposure at a time of CLOCK_MONOTONIC, at once if it has passed; returns when the trigger was
+  // sent. FAILED_PRECONDITION: the camera does not wait for one.
+  virtual absl::Status trigger(nanoseconds) {
+    return absl::FailedPreconditionError("the camera does not wait for triggers");
+  }
   // The next frame; none if `timeout` passes first or the camera is stopped.
   virtual std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) = 0;
   virtual void stop() = 0;

@@ -23,7 +23,7 @@ struct CameraSettings {
   std::optional<PictureSize> size;
   std::optional<double> frame_rate_hz;
   std::string format;
-  std::optional<double> gain, black_level;
+  std::optional<double> gain, black_level, readout_ms;
 };
 
 struct OpenedCamera {

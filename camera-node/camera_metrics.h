@@ -7,6 +7,8 @@ namespace glasswing {
 
 struct CameraMetrics {
   prometheus::Counter& frames;  // delivered by the camera
+  prometheus::Counter& incomplete;
+  prometheus::Counter& missing_packets;
   prometheus::Counter& kept;
   prometheus::Counter& refused;  // their pixels show another id than their step's
 };
@@ -15,6 +17,10 @@ struct CameraMetrics {
 inline const CameraMetrics& camera_metrics() {
   static const CameraMetrics metrics{
       .frames = counter("glasswing_camera_frames_total", "Frames that the camera delivered."),
+      .incomplete = counter("glasswing_camera_incomplete_frames_total",
+                            "Frames that were dropped because part of their data did not arrive."),
+      .missing_packets = counter("glasswing_camera_missing_packets_total",
+                                 "Packets of frames that did not arrive, not even when asked for again."),
       .kept = counter("glasswing_frames_kept_total", "Proven frames that were written to archives."),
       .refused =
           counter("glasswing_frames_refused_total", "Frames whose pixels show another id than their step's."),

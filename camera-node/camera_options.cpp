@@ -45,13 +45,20 @@ void add_shared_options(CLI::App& app, CameraOptions& camera) {
   app.add_option("--fps", settings.frame_rate_hz,
                  "frames a second; sim: 200, others: the camera's own, if left out")
       ->check(CLI::Range(1.0, 1000.0));
-  app.add_option("--format", settings.format,
-                 "pixel format; libcamera: such as SRGGB10 or YUYV; the best there is if left out");
+  app.add_option(
+      "--format", settings.format,
+      "pixel format; libcamera: such as SRGGB10 or YUYV, the best there is if left out; aravis: such as "
+      "Mono12p or BayerRG8, as the camera is set if left out");
   app.add_option("--gain", settings.gain,
                  "libcamera: gain that frames must report: analogue, times digital in processed formats; 1 "
-                 "if left out");
+                 "if left out; aravis: in the camera's unit, often dB; as it is set if left out");
   app.add_option("--black-level", settings.black_level,
-                 "sim: sample without light, as a part of full scale, before the response; 0 if left out");
+                 "sim: sample without light, as a part of full scale, before the response; 0 if left out; "
+                 "aravis: in the camera's unit; as it is set if left out");
+  app.add_option("--readout-ms", settings.readout_ms,
+                 "time from the first row's start to the last row's, 0 with a global shutter; libcamera: as "
+                 "the camera reports it, or one frame, if left out; aravis: 0 if left out")
+      ->check(CLI::Range(0.0, 1000.0));
 }
 
 }  // namespace

@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
        .footer = "Example:\n  glasswing-camera --server 127.0.0.1:7440 --data /var/lib/glasswing-camera \\\n"
                  "                   --backend sim --scene crystal --tap 127.0.0.1:7441\n"
                  "  glasswing-camera --data DIR --backend libcamera --format YUYV --size 640x480\n"
+                 "  glasswing-camera --data DIR --backend aravis --device 21234567 --trigger software\n"
                  "  glasswing-camera --data DIR --backend replay --archive archives/vase",
        .build = build_id(),
        .add_options =

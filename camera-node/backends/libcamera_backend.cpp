@@ -11,13 +11,13 @@
 namespace glasswing {
 namespace {
 
-struct Options {
+struct LibcameraOptions {
   LibcameraCamera::Options libcamera;
   std::string stamp = "unknown";
-  std::optional<double> readout_ms, delay_ms;
+  std::optional<double> delay_ms;
 };
 
-std::optional<nanoseconds> of_ms(const std::optional<double>& ms) {
+std::optional<nanoseconds> nanoseconds_of(const std::optional<double>& ms) {
   return ms ? std::optional(nanoseconds(std::llround(*ms * 1e6))) : std::nullopt;
 }
 
@@ -28,7 +28,7 @@ StampMeaning meaning_of(const std::string& stamp) {
   return StampMeaning::kUnknown;
 }
 
-void add_options(CLI::App& app, Options& options) {
+void add_libcamera_options(CLI::App& app, LibcameraOptions& options) {
   app.add_option("--camera", options.libcamera.camera,
                  "libcamera: the camera's id or model, or a part of it");
   app.add_option("--fixed-exposure-ms", options.libcamera.fixed_exposure_ms,
@@ -44,14 +44,9 @@ void add_options(CLI::App& app, Options& options) {
          "--stamp-delay-ms", options.delay_ms,
          "libcamera: maximum time from a frame's readout to its data's arrival; one frame if left out")
       ->check(CLI::Range(0.0, 1000.0));
-  app.add_option(
-         "--readout-ms", options.readout_ms,
-         "libcamera: time from the first row's start to the last row's, 0 with a global shutter; as the "
-         "camera reports it, or one frame, if left out")
-      ->check(CLI::Range(0.0, 1000.0));
 }
 
-absl::StatusOr<OpenedCamera> open(const Options& options, const CameraSettings& settings) {
+absl::StatusOr<OpenedCamera> open_libcamera(const LibcameraOptions& options, const CameraSettings& settings) {
   LibcameraCamera::Options camera = options.libcamera;
   camera.name = settings.name;
   camera.format = settings.format;
@@ -63,8 +58,8 @@ absl::StatusOr<OpenedCamera> open(const Options& options, const CameraSettings& 
         fmt::format("--gain is {}; with --backend libcamera it must be 0.1 to 1000", camera.gain));
   }
   camera.stamp = meaning_of(options.stamp);
-  camera.delay = of_ms(options.delay_ms);
-  camera.readout = of_ms(options.readout_ms);
+  camera.delay = nanoseconds_of(options.delay_ms);
+  camera.readout = nanoseconds_of(settings.readout_ms);
   GW_ASSIGN_OR_RETURN(std::shared_ptr<Camera> opened, LibcameraCamera::open(camera));
   return OpenedCamera{.camera = std::move(opened)};
 }
@@ -72,11 +67,11 @@ absl::StatusOr<OpenedCamera> open(const Options& options, const CameraSettings& 
 }  // namespace
 
 CameraBackend libcamera_backend() {
-  const auto own = std::make_shared<Options>();
+  const auto own = std::make_shared<LibcameraOptions>();
   return {.name = "libcamera",
-          .shared = {"--size", "--fps", "--format", "--gain"},
-          .add_options = [own](CLI::App& app) { add_options(app, *own); },
-          .open = [own](const CameraSettings& settings) { return open(*own, settings); }};
+          .shared = {"--size", "--fps", "--format", "--gain", "--readout-ms"},
+          .add_options = [own](CLI::App& app) { add_libcamera_options(app, *own); },
+          .open = [own](const CameraSettings& settings) { return open_libcamera(*own, settings); }};
 }
 
 }  // namespace glasswing

@@ -16,6 +16,7 @@ namespace glasswing {
 namespace {
 
 using Kind = PixelFormat::Kind;
+using Packing = PixelFormat::Packing;
 using Transfer = ColourCode::Transfer;
 
 constexpr PixelFormat kFormats[] = {
@@ -27,25 +28,25 @@ constexpr PixelFormat kFormats[] = {
     {"SGRBG12", Kind::kBayer, "GRBG", 12},
     {"SGBRG12", Kind::kBayer, "GBRG", 12},
     {"SBGGR12", Kind::kBayer, "BGGR", 12},
-    {"SRGGB12_CSI2P", Kind::kBayer, "RGGB", 12, true},
-    {"SGRBG12_CSI2P", Kind::kBayer, "GRBG", 12, true},
-    {"SGBRG12_CSI2P", Kind::kBayer, "GBRG", 12, true},
-    {"SBGGR12_CSI2P", Kind::kBayer, "BGGR", 12, true},
+    {"SRGGB12_CSI2P", Kind::kBayer, "RGGB", 12, Packing::kCsi2},
+    {"SGRBG12_CSI2P", Kind::kBayer, "GRBG", 12, Packing::kCsi2},
+    {"SGBRG12_CSI2P", Kind::kBayer, "GBRG", 12, Packing::kCsi2},
+    {"SBGGR12_CSI2P", Kind::kBayer, "BGGR", 12, Packing::kCsi2},
     {"SRGGB10", Kind::kBayer, "RGGB", 10},
     {"SGRBG10", Kind::kBayer, "GRBG", 10},
     {"SGBRG10", Kind::kBayer, "GBRG", 10},
     {"SBGGR10", Kind::kBayer, "BGGR", 10},
-    {"SRGGB10_CSI2P", Kind::kBayer, "RGGB", 10, true},
-    {"SGRBG10_CSI2P", Kind::kBayer, "GRBG", 10, true},
-    {"SGBRG10_CSI2P", Kind::kBayer, "GBRG", 10, true},
-    {"SBGGR10_CSI2P", Kind::kBayer, "BGGR", 10, true},
+    {"SRGGB10_CSI2P", Kind::kBayer, "RGGB", 10, Packing::kCsi2},
+    {"SGRBG10_CSI2P", Kind::kBayer, "GRBG", 10, Packing::kCsi2},
+    {"SGBRG10_CSI2P", Kind::kBayer, "GBRG", 10, Packing::kCsi2},
+    {"SBGGR10_CSI2P", Kind::kBayer, "BGGR", 10, Packing::kCsi2},
     {"SRGGB8", Kind::kBayer, "RGGB", 8},
     {"SGRBG8", Kind::kBayer, "GRBG", 8},
     {"SGBRG8", Kind::kBayer, "GBRG", 8},
     {"SBGGR8", Kind::kBayer, "BGGR", 8},
     {"R12", Kind::kGray, "R", 12},
     {"R10", Kind::kGray, "R", 10},
-    {"R10_CSI2P", Kind::kGray, "R", 10, true},
+    {"R10_CSI2P", Kind::kGray, "R", 10, Packing::kCsi2},
     {"R8", Kind::kGray, "R", 8},
     {"RGB888", Kind::kRgb, "BGR", 8},
     {"BGR888", Kind::kRgb, "RGB", 8},
@@ -55,6 +56,49 @@ constexpr PixelFormat kFormats[] = {
     {"UYVY", Kind::kYuv422, "UYVY", 8},
     {"NV12", Kind::kNv12, "YUV", 8},
     {"MJPEG", Kind::kJpeg, "", 8},
+    // GenICam's.
+    {"BayerRG16", Kind::kBayer, "RGGB", 16},
+    {"BayerGR16", Kind::kBayer, "GRBG", 16},
+    {"BayerGB16", Kind::kBayer, "GBRG", 16},
+    {"BayerBG16", Kind::kBayer, "BGGR", 16},
+    {"BayerRG12", Kind::kBayer, "RGGB", 12},
+    {"BayerRG12p", Kind::kBayer, "RGGB", 12, Packing::kBits},
+    {"BayerRG12Packed", Kind::kBayer, "RGGB", 12, Packing::kGige},
+    {"BayerGR12", Kind::kBayer, "GRBG", 12},
+    {"BayerGR12p", Kind::kBayer, "GRBG", 12, Packing::kBits},
+    {"BayerGR12Packed", Kind::kBayer, "GRBG", 12, Packing::kGige},
+    {"BayerGB12", Kind::kBayer, "GBRG", 12},
+    {"BayerGB12p", Kind::kBayer, "GBRG", 12, Packing::kBits},
+    {"BayerGB12Packed", Kind::kBayer, "GBRG", 12, Packing::kGige},
+    {"BayerBG12", Kind::kBayer, "BGGR", 12},
+    {"BayerBG12p", Kind::kBayer, "BGGR", 12, Packing::kBits},
+    {"BayerBG12Packed", Kind::kBayer, "BGGR", 12, Packing::kGige},
+    {"BayerRG10", Kind::kBayer, "RGGB", 10},
+    {"BayerRG10p", Kind::kBayer, "RGGB", 10, Packing::kBits},
+    {"BayerRG10Packed", Kind::kBayer, "RGGB", 10, Packing::kGige},
+    {"BayerGR10", Kind::kBayer, "GRBG", 10},
+    {"BayerGR10p", Kind::kBayer, "GRBG", 10, Packing::kBits},
+    {"BayerGR10Packed", Kind::kBayer, "GRBG", 10, Packing::kGige},
+    {"BayerGB10", Kind::kBayer, "GBRG", 10},
+    {"BayerGB10p", Kind::kBayer, "GBRG", 10, Packing::kBits},
+    {"BayerGB10Packed", Kind::kBayer, "GBRG", 10, Packing::kGige},
+    {"BayerBG10", Kind::kBayer, "BGGR", 10},
+    {"BayerBG10p", Kind::kBayer, "BGGR", 10, Packing::kBits},
+    {"BayerBG10Packed", Kind::kBayer, "BGGR", 10, Packing::kGige},
+    {"BayerRG8", Kind::kBayer, "RGGB", 8},
+    {"BayerGR8", Kind::kBayer, "GRBG", 8},
+    {"BayerGB8", Kind::kBayer, "GBRG", 8},
+    {"BayerBG8", Kind::kBayer, "BGGR", 8},
+    {"Mono16", Kind::kGray, "R", 16},
+    {"Mono12", Kind::kGray, "R", 12},
+    {"Mono12p", Kind::kGray, "R", 12, Packing::kBits},
+    {"Mono12Packed", Kind::kGray, "R", 12, Packing::kGige},
+    {"Mono10", Kind::kGray, "R", 10},
+    {"Mono10p", Kind::kGray, "R", 10, Packing::kBits},
+    {"Mono10Packed", Kind::kGray, "R", 10, Packing::kGige},
+    {"Mono8", Kind::kGray, "R", 8},
+    {"RGB8", Kind::kRgb, "RGB", 8},
+    {"BGR8", Kind::kRgb, "BGR", 8},
 };
 
 double decoded(Transfer transfer, double code) {
@@ -83,28 +127,36 @@ const DecodeTable& decode_table(Transfer transfer) {
   return tables[static_cast<size_t>(transfer)];
 }
 
-// Reads the codes of one row of a raw picture.
-void unpack_row(const PixelFormat& format, const std::uint8_t* row, std::span<std::uint16_t> codes) {
-  for (size_t x = 0; x < codes.size(); ++x) {
-    if (format.packed) {
-      const size_t group = format.bits == 10 ? 4 : 2, low_bits = format.bits == 10 ? 2 : 4;
+// The code of sample `x` of a row.
+std::uint16_t code_at(const PixelFormat& format, const std::uint8_t* row, size_t x) {
+  const size_t bits = static_cast<size_t>(format.bits);
+  switch (format.packing) {
+    case Packing::kCsi2: {
+      const size_t group = bits == 10 ? 4 : 2, low_bits = bits - 8;
       const std::uint8_t* bytes = row + x / group * (group + 1);
       const int low = bytes[group] >> (low_bits * (x % group)) & ((1 << low_bits) - 1);
-      codes[x] = static_cast<std::uint16_t>(bytes[x % group] << low_bits | low);
-    } else if (format.bits == 8) {
-      codes[x] = row[x];
-    } else {
-      codes[x] = static_cast<std::uint16_t>(row[2 * x] | row[2 * x + 1] << 8);
+      return static_cast<std::uint16_t>(bytes[x % group] << low_bits | low);
     }
+    case Packing::kBits: {  // starts in one byte and ends in the next
+      const std::uint8_t* bytes = row + x * bits / 8;
+      return static_cast<std::uint16_t>((bytes[0] | bytes[1] << 8) >> (x * bits % 8) & ((1 << bits) - 1));
+    }
+    case Packing::kGige: {
+      const size_t low_bits = bits - 8;
+      const std::uint8_t* bytes = row + x / 2 * 3;
+      const int low = bytes[1] >> (4 * (x % 2)) & ((1 << low_bits) - 1);
+      return static_cast<std::uint16_t>(bytes[2 * (x % 2)] << low_bits | low);
+    }
+    case Packing::kNone:
+      break;
   }
+  if (bits == 8) return row[x];
+  return static_cast<std::uint16_t>(row[2 * x] | row[2 * x + 1] << 8);
 }
 
-size_t row_bytes(const PixelFormat& format, int width_px) {
-  const size_t width = static_cast<size_t>(width_px);
-  if (format.kind == Kind::kRgb) return width * format.order.size();
-  if (format.kind == Kind::kYuv422) return (width + 1) / 2 * 4;
-  if (format.packed) return (width * static_cast<size_t>(format.bits) + 7) / 8;
-  return format.bits > 8 ? width * 2 : width;
+// Reads the codes of one row of a raw picture.
+void unpack_row(const PixelFormat& format, const std::uint8_t* row, std::span<std::uint16_t> codes) {
+  for (size_t x = 0; x < codes.size(); ++x) codes[x] = code_at(format, row, x);
 }
 
 absl::Status check_bytes(const RawPicture& picture) {
@@ -222,6 +274,20 @@ absl::StatusOr<Image16> image_of_jpeg(const RawPicture& picture) {
 }
 
 }  // namespace
+
+int PixelFormat::group_px() const {
+  if (packing == Packing::kNone) return 1;
+  return packing != Packing::kGige && bits == 10 ? 4 : 2;
+}
+
+size_t row_bytes(const PixelFormat& format, int width_px) {
+  const size_t width = static_cast<size_t>(width_px);
+  if (format.kind == Kind::kRgb) return width * format.order.size();
+  if (format.kind == Kind::kYuv422) return (width + 1) / 2 * 4;
+  if (format.packing == Packing::kGige) return (width + 1) / 2 * 3;
+  if (format.packing != Packing::kNone) return (width * static_cast<size_t>(format.bits) + 7) / 8;
+  return format.bits > 8 ? width * 2 : width;
+}
 
 std::span<const PixelFormat> pixel_formats() {
   return kFormats;

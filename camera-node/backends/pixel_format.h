@@ -20,15 +20,26 @@ namespace glasswing {
 
 struct PixelFormat {
   enum class Kind { kBayer, kGray, kRgb, kYuv422, kNv12, kJpeg };
-  std::string_view name;  // libcamera's
+  // How samples of 10 or 12 bits share bytes.
+  enum class Packing {
+    kNone,  // each has two bytes, little endian
+    kCsi2,  // MIPI CSI-2: the high bytes of 4 (2) samples of 10 (12) bits, then their low bits
+    kBits,  // GenICam's "p": one stream of bits, the lowest first
+    kGige,  // GigE Vision's "Packed": a first sample's high byte, low bits of both, a second one's high byte
+  };
+  std::string_view name;  // libcamera's, or GenICam's
   Kind kind;
   std::string_view order;  // in memory: "RGGB" (two rows of two), "BGR", "YUYV"
   int bits;                // significant bits of a sample
-  bool packed = false;     // MIPI CSI-2: the high bytes of 4 (2) samples of 10 (12) bits, then their low bits
+  Packing packing = Packing::kNone;
+  // A row of so many samples ends with a whole byte.
+  int group_px() const;
 };
 
 // The formats that image_of() supports, best first: raw before processed, more bits before fewer.
 std::span<const PixelFormat> pixel_formats();
+// Of one row, without padding.
+size_t row_bytes(const PixelFormat& format, int width_px);
 // Null: unsupported.
 const PixelFormat* find_pixel_format(std::string_view name);
 

@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-absl::StatusOr<OpenedCamera> open(const std::string& archive, const CameraSettings& settings) {
+absl::StatusOr<OpenedCamera> open_replay(const std::string& archive, const CameraSettings& settings) {
   if (archive.empty()) return absl::InvalidArgumentError("--backend replay needs --archive DIR");
   GW_ASSIGN_OR_RETURN(
       std::shared_ptr<Camera> opened,
@@ -28,7 +28,7 @@ CameraBackend replay_backend() {
                 app.add_option("--archive", *archive,
                                "replay: directory of the session archive to show again");
               },
-          .open = [archive](const CameraSettings& settings) { return open(*archive, settings); }};
+          .open = [archive](const CameraSettings& settings) { return open_replay(*archive, settings); }};
 }
 
 }  // namespace glasswing

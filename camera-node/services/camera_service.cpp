@@ -18,6 +18,7 @@ namespace {
 constexpr int kRingFrames = 600;
 constexpr std::chrono::seconds kMaxSilence(3);  // without a frame, on top of two frame periods
 constexpr int kMaxSequences = 4096;
+constexpr std::chrono::seconds kMaxTriggerLead(1);
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
 constexpr std::chrono::seconds kAskPause(1);            // between responses while no picture has come
@@ -100,7 +101,7 @@ absl::Status CameraServiceImpl::run(CameraCall& call, grpc::ServerWriter<Respons
       return call.replaced ? absl::AbortedError(kTakenOver) : absl::OkStatus();
     }
     fault_point("camera starts");
-    status = camera_.start(call.exposure_ms);
+    status = call.triggered ? camera_.start_triggered(call.exposure_ms) : camera_.start(call.exposure_ms);
   }
   if (status.ok()) status = run_started(call, keep, take);
   if (status.ok() && turns_.hand_over(call)) return absl::AbortedError(kTakenOver);
@@ -115,13 +116,17 @@ absl::Status CameraServiceImpl::run_started(const CameraCall& call, size_t keep,
       camera.on_demand() ? nanoseconds::max()
                          : kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / camera.frame_rate_hz()));
   nanoseconds heard = monotonic_now();
+  triggered_at_ = nanoseconds(0);
   bool wanted = take(nullptr);
   while (wanted && !call.replaced && !call.is_gone()) {
     std::optional<CapturedFrame> frame = camera_.next(std::chrono::milliseconds(200));
-    if (!frame && monotonic_now() - heard < silence) continue;
-    if (!frame)
+    if (!frame) {
+      const nanoseconds since = call.triggered ? triggered_at_.load() : heard;
+      if (since == nanoseconds(0) || monotonic_now() - since < silence) continue;
       return absl::UnavailableError("the camera has stopped delivering frames; is it still plugged in?");
+    }
     heard = monotonic_now();
+    triggered_at_ = nanoseconds(0);
     camera_metrics().frames.Increment();
     const v1::FrameTaken taken = frame->taken;
     ring_.push(*std::move(frame), keep);
@@ -133,7 +138,10 @@ absl::Status CameraServiceImpl::run_started(const CameraCall& call, size_t keep,
 grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::CaptureRequest* request,
                                         grpc::ServerWriter<v1::CaptureResponse>* writer) {
   const auto is_gone = [&] { return context->IsCancelled() || stopping_; };
-  CameraCall call{.id = request->request_id(), .exposure_ms = request->exposure_ms(), .is_gone = is_gone};
+  CameraCall call{.id = request->request_id(),
+                  .exposure_ms = request->exposure_ms(),
+                  .triggered = request->triggered(),
+                  .is_gone = is_gone};
   return to_grpc(run(call, *writer, kRingFrames, [&](const v1::FrameTaken* taken) {
     v1::CaptureResponse response;
     if (taken != nullptr) *response.mutable_frame() = *taken;
@@ -156,6 +164,19 @@ grpc::Status CameraServiceImpl::TakePicture(grpc::ServerContext* context,
     return taken;
   };
   return answer(pictures_.run(*context, request->request_id(), take), *response);
+}
+
+grpc::Status CameraServiceImpl::Expose(grpc::ServerContext*, const v1::ExposeRequest* request,
+                                       v1::ExposeResponse*) {
+  const nanoseconds at(request->at_ns()), now = monotonic_now();
+  if (at > now + kMaxTriggerLead) {
+    return to_grpc(absl::InvalidArgumentError(fmt::format(
+        "at_ns is {} ms ahead; it must be at most {} ms ahead", (at - now) / std::chrono::milliseconds(1),
+        kMaxTriggerLead / std::chrono::milliseconds(1))));
+  }
+  nanoseconds none{};
+  triggered_at_.compare_exchange_strong(none, std::max(at, now));
+  return to_grpc(camera_.trigger(at));
 }
 
 grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,

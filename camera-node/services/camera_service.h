@@ -29,6 +29,7 @@ class CameraServiceImpl final : public v1::CameraService::Service {
                        grpc::ServerWriter<v1::CaptureResponse>*) override;
   grpc::Status TakePicture(grpc::ServerContext*, const v1::TakePictureRequest*,
                            v1::TakePictureResponse*) override;
+  grpc::Status Expose(grpc::ServerContext*, const v1::ExposeRequest*, v1::ExposeResponse*) override;
   grpc::Status KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest*,
                           v1::KeepFramesResponse*) override;
   grpc::Status LearnPatches(grpc::ServerContext*, const v1::LearnPatchesRequest*,
@@ -60,6 +61,7 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   FrameKeeper keeper_;
   FrameComparison comparison_;
   std::atomic<bool> stopping_ = false;
+  std::atomic<nanoseconds> triggered_at_ = nanoseconds(0);  // first trigger since the last frame; 0: none
   // Of Capture and StreamFrames calls, and of a Preview while none of these wants the camera.
   CameraTurns turns_;
   JoinedCalls<v1::TakePictureResponse> pictures_;

@@ -62,7 +62,9 @@ bool CameraTurns::hand_over(const CameraCall& call) {
   const auto next = std::ranges::find_if(waiting_, [&](const CameraCall* later) {
     return !call.id.empty() && later->id == call.id && !later->replaced;
   });
-  if (next == waiting_.end() || (*next)->exposure_ms != call.exposure_ms) return false;
+  if (next == waiting_.end() || (*next)->exposure_ms != call.exposure_ms ||
+      (*next)->triggered != call.triggered)
+    return false;
   (*next)->started = true;
   holder_ = *next;
   ended_.notify_all();

@@ -16,6 +16,7 @@ namespace glasswing {
 struct CameraCall {
   std::string id = {};  // a call takes the camera over from earlier ones of its id; empty: from none
   double exposure_ms = 0.0;
+  bool triggered = false;
   std::function<bool()> is_gone = {};  // its caller has gone; any thread may ask
   bool started = false;                // it got the camera running, at its exposure
   std::atomic<bool> replaced = false;  // a later call of its id has come: end the turn

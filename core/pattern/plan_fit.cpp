@@ -23,7 +23,8 @@ constexpr double kShorter = 8.0;   // how much shorter the exposure for highligh
 constexpr double kNotable = 1.02;  // a longer exposure than this tells more
 constexpr double kLonger = 8.0;    // and that of dark objects longer
 constexpr int kMaxHoldRefreshes = 600;
-constexpr double kFineBars = 128.0;  // of a side, where bars alone tell the place
+constexpr double kTriggerMargin_ms = 4.0;  // for the uncertainty of stamps and clocks
+constexpr double kFineBars = 128.0;        // of a side, where bars alone tell the place
 
 double longer_side(const v1::Monitor& monitor) {
   return std::max(monitor.width_px(), monitor.height_px());
@@ -110,11 +111,15 @@ double rounded(double sigma_px) {
   return std::clamp(std::round(2.0 * sigma_px) / 2.0, kMinSigma_px, kMaxSigma_px);
 }
 
-// Exposure, readout and the time to the next frame: the time that a picture must stand still for.
-double needed_ms(const v1::GetCameraResponse& camera, double exposure_ms) {
+// The time that a picture must stand still for: exposure, readout and the time to the next frame. A triggered
+// exposure waits for no frame, but it must fit between the scan-outs of two pictures.
+double needed_ms(const v1::GetCameraResponse& camera, double exposure_ms, double refresh_hz) {
   if (camera.on_demand()) return 0.0;  // it stands until the camera has taken it
   const double period_ms = camera.frame_rate_hz() > 0.0 ? 1e3 / camera.frame_rate_hz() : 0.0;
-  return exposure_ms + static_cast<double>(camera.readout_ns()) / 1e6 + period_ms;
+  const double exposed_ms = exposure_ms + static_cast<double>(camera.readout_ns()) / 1e6;
+  if (camera.trigger().empty()) return exposed_ms + period_ms;
+  const double scanout_ms = refresh_hz > 0.0 ? 1e3 / refresh_hz : 0.0;
+  return std::max(exposed_ms + kTriggerMargin_ms + scanout_ms, period_ms);
 }
 
 absl::Status fit_camera(const PlanWish& wish, const RigLimits& rig, v1::Plan& plan) {
@@ -134,11 +139,11 @@ absl::Status fit_camera(const PlanWish& wish, const RigLimits& rig, v1::Plan& pl
   const bool highlights = wish.quality == PlanQuality::kBest || wish.object == ObjectKind::kMetal;
   if (highlights && exposure_ms / kShorter >= least_ms) plan.add_exposure_ms(exposure_ms / kShorter);
   const double refresh_hz = slowest_refresh_hz(rig);
-  const double hold = std::ceil(needed_ms(*rig.camera, longest_ms) * refresh_hz / 1e3 - 1e-6);
+  const double hold = std::ceil(needed_ms(*rig.camera, longest_ms, refresh_hz) * refresh_hz / 1e3 - 1e-6);
   if (hold > kMaxHoldRefreshes) {
     return absl::InvalidArgumentError(
         fmt::format("the camera needs {:.4g} ms for a picture; a step can last {:.4g} ms at most",
-                    needed_ms(*rig.camera, longest_ms), 1e3 * kMaxHoldRefreshes / refresh_hz));
+                    needed_ms(*rig.camera, longest_ms, refresh_hz), 1e3 * kMaxHoldRefreshes / refresh_hz));
   }
   plan.set_hold_refreshes(std::max(static_cast<int>(hold), kDefaultHoldRefreshes));
   return absl::OkStatus();
@@ -213,7 +218,7 @@ void add_camera_misfits(const v1::Plan& plan, const RigLimits& rig, std::vector<
                                 least_ms, most_ms));
       continue;
     }
-    const double needed = needed_ms(*rig.camera, exposure_ms);
+    const double needed = needed_ms(*rig.camera, exposure_ms, refresh_hz);
     const double still_ms = refresh_hz > 0.0 ? 1e3 * hold_refreshes_of(plan) / refresh_hz : needed;
     if (needed <= still_ms) continue;
     out.push_back(

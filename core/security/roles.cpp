@@ -37,6 +37,7 @@ constexpr MethodAccess kTable[] = {
     {"CameraService/GetCamera", kLookers | kServer | kSolver},
     {"CameraService/Capture", kServer},
     {"CameraService/CompareFrames", kServer},
+    {"CameraService/Expose", kServer},
     {"CameraService/KeepFrames", kServer},
     {"CameraService/LearnPatches", kServer},
     {"CameraService/LookForPatches", kServer},

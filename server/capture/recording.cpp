@@ -11,7 +11,9 @@ constexpr size_t kMaxRecent = 4096;
 }  // namespace
 
 Recording::Recording(const RigLinks& links, double exposure_ms, const std::string& request_id)
-    : links_(links), camera_(*links.camera, *links.camera_stub, exposure_ms, request_id) {}
+    : links_(links),
+      camera_(*links.camera, *links.camera_stub, exposure_ms, request_id,
+              !links.camera_info.trigger().empty()) {}
 
 void Recording::begin_showing() {
   shown_now_.clear();

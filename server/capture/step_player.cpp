@@ -15,6 +15,7 @@
 #include "server/capture/patch_learning.h"
 #include "server/capture/rig_watch.h"
 #include "server/sessions/session_state.h"
+#include "server/rig/exposure_triggers.h"
 
 namespace glasswing {
 namespace {
@@ -49,13 +50,22 @@ double seconds_of(nanoseconds time) {
 // One program as it plays on all displays.
 class ProgramFeeds {
  public:
-  ProgramFeeds(const RigLinks& links, const std::string& program, int monitor_count, nanoseconds start_at,
-               int hold_refreshes, bool hold_last = false)
+  // `pictures`: of the program. The camera exposes for `exposure_ms` where it is triggered.
+  ProgramFeeds(const RigLinks& links, const std::string& program, int pictures, int monitor_count,
+               nanoseconds start_at, int hold_refreshes, double exposure_ms, bool hold_last = false)
       : monitor_count_(monitor_count) {
     for (const auto& display : links.displays) displays_.push_back(display.get());
     const nanoseconds step = common_step(displays_, hold_refreshes);
-    for (const DisplayLink* display : displays_)
-      feeds_.push_back(std::make_unique<PresentationStream>(*display, program, start_at, step, hold_last));
+    if (ExposureTriggers::are_wanted(links)) {
+      triggers_.emplace(links, pictures, monitor_count, step_time(displays_, hold_refreshes), exposure_ms);
+    }
+    for (const DisplayLink* display : displays_) {
+      feeds_.push_back(std::make_unique<PresentationStream>(
+          *display, program, start_at, step, [this, display](const v1::Presentation& replaced) {
+            if (triggers_) triggers_->note(replaced, *display);
+          },
+          hold_last));
+    }
   }
 
   // Calls `shown` for each step that the last monitor has reported since the previous call. Returns false
@@ -90,8 +100,9 @@ class ProgramFeeds {
 
   const int monitor_count_;
   std::vector<const DisplayLink*> displays_;
-  std::vector<std::unique_ptr<PresentationStream>> feeds_;
-  std::map<int, std::vector<MonitorWindow>> incomplete_;  // by step, until every monitor has reported it
+  std::optional<ExposureTriggers> triggers_;
+  std::vector<std::unique_ptr<PresentationStream>> feeds_;  // they use the triggers
+  std::map<int, std::vector<MonitorWindow>> incomplete_;    // by step, until every monitor has reported it
   std::optional<nanoseconds> last_replaced_;
 };
 
@@ -204,7 +215,7 @@ absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vect
 }
 
 absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
-                              const std::vector<Step>& steps, std::stop_token stop) const {
+                              const std::vector<Step>& steps, std::stop_token stop) {
   v1::LoadProgramRequest load;
   load.set_program(program);
   load.set_request_id(random_token());
@@ -212,6 +223,8 @@ absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
   for (const v1::DisplayCalibration& calibration : setup_.header.display_calibrations()) {
     if (display.monitor(calibration.monitor()) != nullptr) *load.add_calibrations() = calibration;
   }
+  // The report of a picture tells when the next one can be exposed, so a triggered camera needs one before.
+  if (!setup_.links.camera_info.trigger().empty()) load.add_steps()->set_step(kNoStep);
   for (const Step& step : steps) {
     v1::ProgramStep shown;
     shown.set_step(step.number);
@@ -226,6 +239,7 @@ absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
     }
     *load.add_steps() = std::move(shown);
   }
+  pictures_ = load.steps_size();
   v1::LoadProgramResponse loaded;
   return display.link.call("draw a program", std::move(stop), [&](grpc::ClientContext& context) {
     return display.stub->LoadProgram(&context, load, &loaded);
@@ -282,8 +296,8 @@ absl::Status StepPlayer::play(const std::vector<Step>& steps, Recording& recordi
 
 absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int monitor_count,
                                              Recording& recording, const Judge& judge, std::stop_token stop) {
-  ProgramFeeds feeds(setup_.links, program, monitor_count, monotonic_now() + start_lead_,
-                     hold_refreshes_of(progress_.session().plan()));
+  ProgramFeeds feeds(setup_.links, program, pictures_, monitor_count, monotonic_now() + start_lead_,
+                     hold_refreshes_of(progress_.session().plan()), recording.exposure_ms());
   const auto note_shown = [&](const StableWindow& window) {
     const bool first = recording.add_window(window);
     if (!RigWatch::is_repeat(window.step)) progress_.note_shown(window.step, !first);
@@ -333,8 +347,8 @@ absl::StatusOr<bool> StepPlayer::play_held(const Step& step, Recording& recordin
   const std::string program = fmt::format("{}-{}", progress_.session().name(), ++program_number_);
   GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, {step}, stop));
   if (monotonic_now() - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1, stop));
-  ProgramFeeds feeds(setup_.links, program, monitor_count, monotonic_now() + start_lead_,
-                     hold_refreshes_of(progress_.session().plan()), true);
+  ProgramFeeds feeds(setup_.links, program, pictures_, monitor_count, monotonic_now() + start_lead_,
+                     hold_refreshes_of(progress_.session().plan()), recording.exposure_ms(), true);
   absl::StatusOr<std::optional<StableWindow>> shown = wait_shown(feeds, stop);
   if (absl::IsDeadlineExceeded(shown.status()) && start_lead_ < kMaxStartLead) {
     start_lead_ *= 2;

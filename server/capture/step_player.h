@@ -41,7 +41,7 @@ class StepPlayer {
   // Returns how many monitors will report each step.
   absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps, std::stop_token stop);
   absl::Status load(DisplayLink& display, const std::string& program, const std::vector<Step>& steps,
-                    std::stop_token stop) const;
+                    std::stop_token stop);
   // Plays the loaded program. False: the command arrived too late at a display.
   absl::StatusOr<bool> play_loaded(const std::string& program, int monitor_count, Recording& recording,
                                    const Judge& judge, std::stop_token stop);
@@ -57,6 +57,7 @@ class StepPlayer {
   CaptureSetup& setup_;
   CaptureProgress& progress_;
   int program_number_ = 0;
+  int pictures_ = 0;                                         // of the last program
   nanoseconds start_lead_ = std::chrono::milliseconds(120);  // from a program's command to its first step
   nanoseconds clocks_measured_at_{};
   std::uint32_t showings_ = 0;              // of any step

@@ -16,11 +16,12 @@ constexpr std::int64_t kSyncErrors =
 }  // namespace
 
 CaptureStream::CaptureStream(NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms,
-                             const std::string& request_id)
+                             const std::string& request_id, bool triggered)
     : camera_(camera), exposure_ms_(exposure_ms) {
   v1::CaptureRequest request;
   request.set_request_id(request_id);
   request.set_exposure_ms(exposure_ms);
+  request.set_triggered(triggered);
   reader_ = stub.Capture(&context_, request);
   thread_ = std::thread([this] { read(); });
 }
@@ -72,7 +73,8 @@ FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera) {
 }
 
 PresentationStream::PresentationStream(const DisplayLink& display, const std::string& program,
-                                       nanoseconds start_at, nanoseconds step, bool hold_last)
+                                       nanoseconds start_at, nanoseconds step,
+                                       std::function<void(const v1::Presentation&)> seen, bool hold_last)
     : display_(display) {
   // The clocks' rates matter over such a time.
   constexpr int kManySteps = 10000;
@@ -84,9 +86,12 @@ PresentationStream::PresentationStream(const DisplayLink& display, const std::st
   request.set_step_ns(((end - start) / kManySteps).count());
   request.set_hold_last(hold_last);
   reader_ = display.stub->PlayProgram(&context_, request);
-  thread_ = std::thread([this] {
+  thread_ = std::thread([this, seen = std::move(seen)] {
     v1::PlayProgramResponse response;
-    while (reader_->Read(&response)) inbox.push(std::move(*response.mutable_presentation()));
+    while (reader_->Read(&response)) {
+      inbox.push(response.presentation());
+      if (seen) seen(response.presentation());
+    }
     inbox.close(from_grpc(reader_->Finish(), display_.link.title()));
   });
 }

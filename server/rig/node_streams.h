@@ -5,6 +5,7 @@
 
 #include <condition_variable>
 #include <deque>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -48,9 +49,9 @@ class Inbox {
 // A camera's running Capture call, ended by the destructor.
 class CaptureStream {
  public:
-  // `request_id`: CaptureRequest's.
+  // `request_id`, `triggered`: CaptureRequest's.
   CaptureStream(NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms,
-                const std::string& request_id);
+                const std::string& request_id, bool triggered = false);
   ~CaptureStream();
 
   // Returns when the camera runs at the exposure asked for, after it has prepared, which may take minutes.
@@ -81,9 +82,11 @@ FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera);
 // A display's running PlayProgram call, ended by the destructor.
 class PresentationStream {
  public:
-  // `start_at` and `step` are rig time; see PlayProgramRequest.
+  // `start_at` and `step` are rig time; see PlayProgramRequest. `seen` gets each report at once, on the
+  // stream's own thread.
   PresentationStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
-                     nanoseconds step = {}, bool hold_last = false);
+                     nanoseconds step = {}, std::function<void(const v1::Presentation&)> seen = {},
+                     bool hold_last = false);
   ~PresentationStream();
 
   Inbox<v1::Presentation> inbox;  // times are the node's

@@ -184,7 +184,8 @@ class RigCheck {
     TestCapture test{.displays = {},
                      .steps = {},
                      .hold_refreshes = hold_refreshes_of(plan_),
-                     .exposure_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end())};
+                     .exposure_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end()),
+                     .triggered = !links.camera_info.trigger().empty()};
     nanoseconds period{};
     for (const auto& display : links.displays) {
       test.displays.push_back(display.get());
@@ -221,6 +222,7 @@ class RigCheck {
                             const TestCaptureRecord& record) const {
     TestCaptureTimes times;
     times.hold_refreshes = test.hold_refreshes;
+    times.triggered = test.triggered;
     times.exposure = nanoseconds(std::llround(1e6 * test.exposure_ms));
     times.frame_period = nanoseconds(std::llround(1e9 / links.camera_info.frame_rate_hz()));
     times.readout = nanoseconds(links.camera_info.readout_ns());

@@ -115,7 +115,7 @@ v1::Finding judge_frames(const TestCaptureTimes& times) {
                         "camera", text,
                         "take load off the camera node, or choose a smaller picture or a lower frame rate");
   }
-  if (std::abs(period_ms - declared_ms) > kRateOff * declared_ms) {
+  if (!times.triggered && std::abs(period_ms - declared_ms) > kRateOff * declared_ms) {
     return make_finding(v1::FINDING_LEVEL_WARNING, "camera",
                         text + fmt::format("; the camera promises {:.1f}", 1000.0 / declared_ms),
                         "choose a shorter exposure, a smaller picture, or a lower frame rate");
@@ -143,7 +143,7 @@ v1::Finding judge_window(const TestCaptureTimes& times, nanoseconds exposure, na
       "{:.2f} ms exposures need {:.2f} ms with readout and uncertainty; a picture stands still for {:.2f} ms",
       ms(exposure), ms(needed), ms(std::max(window, nanoseconds(0))));
   if (needed > window) return make_finding(v1::FINDING_LEVEL_PROBLEM, "window", text, advice_for(needed));
-  const nanoseconds sure = needed + times.frame_period;
+  const nanoseconds sure = times.triggered ? needed : needed + times.frame_period;
   if (sure <= window) return make_finding(v1::FINDING_LEVEL_OK, "window", text);
   const double share = ms(window - needed) / ms(times.frame_period);
   return make_finding(

@@ -30,6 +30,7 @@ struct TestCaptureTimes {
   std::vector<StableWindow> windows;  // one a step
   std::vector<FrameTime> frames;
   int hold_refreshes = 2;
+  bool triggered = false;      // each exposure is placed in a picture
   nanoseconds exposure{};      // asked for
   nanoseconds frame_period{};  // as the camera declares it
   nanoseconds readout{};

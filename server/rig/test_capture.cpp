@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <thread>
 
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
+#include "server/rig/exposure_triggers.h"
 
 namespace glasswing {
 namespace {
@@ -18,12 +20,15 @@ constexpr milliseconds kStartLead(300);       // from the command to the first s
 constexpr milliseconds kTail(100);
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 constexpr milliseconds kPoll(10);
+constexpr int kNoStep = -1;
 
 absl::Status load(DisplayLink& display, const std::string& program, const TestCapture& test,
                   std::stop_token stop) {
   v1::LoadProgramRequest request;
   request.set_program(program);
   request.set_hold_refreshes(test.hold_refreshes);
+  // Its report tells when the next one can be exposed.
+  if (test.triggered) request.add_steps()->set_step(kNoStep);
   for (const v1::ProgramStep& step : test.steps) {
     v1::ProgramStep& own = *request.add_steps();
     own.set_step(step.step());
@@ -47,7 +52,7 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
         fmt::format("{} takes a picture only when it is asked for one, and no times can be measured with it",
                     rig.camera->title()));
   }
-  CaptureStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms, random_token());
+  CaptureStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms, random_token(), test.triggered);
   GW_RETURN_IF_ERROR(camera.wait_running(stop, kStarted));
   GW_RETURN_IF_ERROR(rig.exchange_clocks(8));
   const std::string program = fmt::format("trial-{}", monotonic_now().count());
@@ -55,9 +60,20 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
   const nanoseconds start_at = monotonic_now() + kStartLead;
   const std::vector<const DisplayLink*> displays(test.displays.begin(), test.displays.end());
   const nanoseconds step = common_step(displays, test.hold_refreshes);
+  std::optional<ExposureTriggers> triggers;
+  if (test.triggered && ExposureTriggers::are_wanted(rig)) {
+    int monitors = 0;
+    for (const DisplayLink* display : displays) monitors += display->info.monitors_size();
+    triggers.emplace(rig, static_cast<int>(test.steps.size()) + 1, monitors,
+                     step_time(displays, test.hold_refreshes), test.exposure_ms);
+  }
   std::vector<std::unique_ptr<PresentationStream>> streams;
-  for (const DisplayLink* display : displays)
-    streams.push_back(std::make_unique<PresentationStream>(*display, program, start_at, step));
+  for (const DisplayLink* display : displays) {
+    streams.push_back(std::make_unique<PresentationStream>(
+        *display, program, start_at, step, [&triggers, display](const v1::Presentation& replaced) {
+          if (triggers) triggers->note(replaced, *display);
+        }));
+  }
 
   TestCaptureRecord record;
   nanoseconds wanted_until{}, seen_until{}, played_at{}, clocks_at = monotonic_now();
@@ -68,6 +84,7 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
       const std::optional<absl::Status> end = streams[i]->inbox.end();
       for (v1::Presentation& shown : streams[i]->inbox.take()) {
         wanted_until = std::max(wanted_until, rig_time_of(shown, *test.displays[i]).replaced + kTail);
+        if (shown.step() == kNoStep) continue;
         record.shown.push_back({.display = test.displays[i], .presentation = std::move(shown)});
       }
       if (end && !end->ok()) return *end;

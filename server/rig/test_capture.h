@@ -17,6 +17,7 @@ struct TestCapture {
   std::vector<v1::ProgramStep> steps;  // each display shows the stimuli of its own monitors
   int hold_refreshes = 2;
   double exposure_ms = 0.0;
+  bool triggered = false;  // the camera, as in a capture; else it runs freely
 };
 
 struct TestCaptureRecord {

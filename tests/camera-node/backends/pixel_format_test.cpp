@@ -15,6 +15,7 @@ namespace glasswing {
 namespace {
 
 using Kind = PixelFormat::Kind;
+using Packing = PixelFormat::Packing;
 
 RawPicture blank(std::string_view format, int width, int height, size_t stride, size_t bytes) {
   RawPicture picture;
@@ -30,12 +31,23 @@ RawPicture blank(std::string_view format, int width, int height, size_t stride, 
 void put_raw(RawPicture& picture, int x, int y, int code) {
   std::uint8_t* row = picture.planes[0].data() + static_cast<size_t>(y) * picture.stride_bytes;
   const auto at = static_cast<size_t>(x);
-  if (picture.format->packed && picture.format->bits == 10) {
-    row[at / 4 * 5 + at % 4] = static_cast<std::uint8_t>(code >> 2);
-    row[at / 4 * 5 + 4] = static_cast<std::uint8_t>(row[at / 4 * 5 + 4] | (code & 3) << (2 * (at % 4)));
-  } else if (picture.format->packed) {
-    row[at / 2 * 3 + at % 2] = static_cast<std::uint8_t>(code >> 4);
-    row[at / 2 * 3 + 2] = static_cast<std::uint8_t>(row[at / 2 * 3 + 2] | (code & 15) << (4 * (at % 2)));
+  const auto put_bits = [&](size_t first, int value, int count) {  // the lowest first
+    for (size_t i = 0; i < static_cast<size_t>(count); ++i) {
+      std::uint8_t& byte = row[(first + i) / 8];
+      byte = static_cast<std::uint8_t>(byte | (value >> i & 1) << ((first + i) % 8));
+    }
+  };
+  const int bits = picture.format->bits, low_bits = bits - 8;
+  if (picture.format->packing == Packing::kCsi2) {
+    const size_t group = static_cast<size_t>(picture.format->group_px());
+    row[at / group * (group + 1) + at % group] = static_cast<std::uint8_t>(code >> low_bits);
+    put_bits(8 * (at / group * (group + 1) + group) + static_cast<size_t>(low_bits) * (at % group), code,
+             low_bits);
+  } else if (picture.format->packing == Packing::kBits) {
+    put_bits(at * static_cast<size_t>(bits), code, bits);
+  } else if (picture.format->packing == Packing::kGige) {
+    row[at / 2 * 3 + at % 2 * 2] = static_cast<std::uint8_t>(code >> low_bits);
+    put_bits(8 * (at / 2 * 3 + 1) + 4 * (at % 2), code, low_bits);
   } else if (picture.format->bits == 8) {
     row[at] = static_cast<std::uint8_t>(code);
   } else {

@@ -1,0 +1,101 @@
+#include "camera-node/backends/aravis/aravis_device.h"
+
+#include <algorithm>
+
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+struct Found {
+  std::string id, model, serial, address;
+};
+
+std::string text(const char* c) {
+  return c == nullptr ? "" : c;
+}
+
+std::vector<Found> all_devices() {
+  arv_update_device_list();
+  std::vector<Found> found;
+  for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
+    found.push_back({.id = text(arv_get_device_id(i)),
+                     .model = text(arv_get_device_vendor(i)) + " " + text(arv_get_device_model(i)),
+                     .serial = text(arv_get_device_serial_nbr(i)),
+                     .address = text(arv_get_device_address(i))});
+  }
+  return found;
+}
+
+std::vector<std::string> taken(const char** names, guint count) {
+  std::vector<std::string> list;
+  for (guint i = 0; names != nullptr && i < count; ++i) list.emplace_back(names[i]);
+  g_free(names);
+  return list;
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<AravisDevice>> AravisDevice::open(const std::string& wanted) {
+  std::vector<Found> matching;
+  std::string list;
+  for (const Found& each : all_devices()) {
+    list += fmt::format("{}\"{}\" ({}, {})", list.empty() ? "" : ", ", each.id, each.model, each.address);
+    const std::string all = each.id + "\n" + each.model + "\n" + each.serial + "\n" + each.address;
+    if (each.id != wanted && all.find(wanted) == std::string::npos) continue;
+    if (each.id == wanted) matching.clear();
+    matching.push_back(each);
+    if (each.id == wanted) break;
+  }
+  if (matching.size() != 1) {
+    // The list is of all devices up to an exact match, which leaves one.
+    return absl::NotFoundError(
+        fmt::format("{}, which fits {} cameras; Aravis sees {}",
+                    wanted.empty() ? "no --device is named" : fmt::format("--device is \"{}\"", wanted),
+                    matching.size(), list.empty() ? "none" : list));
+  }
+  const std::string& id = matching.front().id;
+  GPtr<ArvCamera> camera;
+  GW_RETURN_IF_ERROR(arv_call("let itself be opened (another program may have it)",
+                              [&](GError** error) { camera.reset(arv_camera_new(id.c_str(), error)); }));
+  if (camera == nullptr) return absl::UnavailableError(fmt::format("camera \"{}\" cannot be opened", id));
+  return std::shared_ptr<AravisDevice>(new AravisDevice(id, std::move(camera)));
+}
+
+AravisDevice::AravisDevice(const std::string& id, GPtr<ArvCamera> camera)
+    : id_(id), camera_(std::move(camera)) {
+  g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost", G_CALLBACK(&note_lost), this);
+}
+
+AravisDevice::~AravisDevice() {
+  g_signal_handlers_disconnect_by_data(arv_camera_get_device(camera_.get()), this);
+}
+
+bool AravisDevice::has(const char* feature) const {
+  const absl::StatusOr<gboolean> there = arv_call("list its features", [&](GError** error) -> gboolean {
+    return arv_camera_is_feature_available(camera_.get(), feature, error);
+  });
+  return there.ok() && *there;
+}
+
+absl::Status AravisDevice::set_if_there(const char* feature, const char* value) const {
+  if (!has(feature)) return absl::OkStatus();
+  return arv_call(fmt::format("set {} to {}", feature, value), [&](GError** error) {
+    arv_device_set_features_from_string(arv_camera_get_device(camera_.get()),
+                                        fmt::format("{}={}", feature, value).c_str(), error);
+  });
+}
+
+std::vector<std::string> AravisDevice::pixel_formats() const {
+  guint count = 0;
+  const char** names = arv_camera_dup_available_pixel_formats_as_strings(camera_.get(), &count, nullptr);
+  return taken(names, count);
+}
+
+std::vector<std::string> AravisDevice::trigger_sources() const {
+  guint count = 0;
+  const char** names = arv_camera_dup_available_trigger_sources(camera_.get(), &count, nullptr);
+  return taken(names, count);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,136 @@
+#include "camera-node/backends/aravis/aravis_run.h"
+
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kBuffers = 10;
+constexpr size_t kMaxWaiting = 32;  // frames not yet taken; beyond that the oldest is dropped
+// The kernel's default loses packets of most frames.
+constexpr guint kMinSocketBuffer_bytes = 2 << 20;
+
+const char* fault_of(ArvBufferStatus status) {
+  switch (status) {
+    case ARV_BUFFER_STATUS_SUCCESS:
+      return nullptr;
+    case ARV_BUFFER_STATUS_TIMEOUT:
+      return "its end did not come in time";
+    case ARV_BUFFER_STATUS_MISSING_PACKETS:
+      return "packets are missing";
+    case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
+      return "packets have wrong numbers";
+    case ARV_BUFFER_STATUS_SIZE_MISMATCH:
+      return "it is larger than announced";
+    default:
+      return "it was broken off";
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<AravisRun>> AravisRun::begin(std::shared_ptr<AravisDevice> device,
+                                                            const RawPicture& blank,
+                                                            const std::string& trigger) {
+  std::unique_ptr<AravisRun> run(new AravisRun(std::move(device), blank, trigger));
+  GW_RETURN_IF_ERROR(run->stream());
+  return run;
+}
+
+absl::Status AravisRun::stream() {
+  ArvCamera* const camera = device_->get();
+  GW_RETURN_IF_ERROR(arv_call(trigger_.empty() ? "run freely" : "wait for triggers", [&](GError** error) {
+    if (trigger_.empty()) {
+      arv_camera_clear_triggers(camera, error);
+    } else {
+      arv_camera_set_trigger(camera, trigger_.c_str(), error);
+    }
+  }));
+  GW_RETURN_IF_ERROR(arv_call("stream", [&](GError** error) {
+    stream_.reset(arv_camera_create_stream(camera, &call_back, this, error));
+  }));
+  GW_ASSIGN_OR_RETURN(const guint payload, arv_call("tell the size of a frame", [&](GError** error) {
+                        return arv_camera_get_payload(camera, error);
+                      }));
+  GW_ASSIGN_OR_RETURN(format_, arv_call("tell its pixel format", [&](GError** error) {
+                        return arv_camera_get_pixel_format(camera, error);
+                      }));
+  if (ARV_IS_GV_STREAM(stream_.get())) {
+    g_object_set(stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
+                 static_cast<gint>(std::max(2 * payload, kMinSocketBuffer_bytes)), "packet-resend",
+                 ARV_GV_STREAM_PACKET_RESEND_ALWAYS, nullptr);
+  }
+  for (int i = 0; i < kBuffers; ++i) arv_stream_push_buffer(stream_.get(), arv_buffer_new(payload, nullptr));
+  return arv_call("start", [&](GError** error) { arv_camera_start_acquisition(camera, error); });
+}
+
+AravisRun::~AravisRun() {
+  arv_camera_stop_acquisition(device_->get(), nullptr);  // fails where the camera is gone
+  stream_.reset();                                       // ends its thread, which uses the other members
+}
+
+void AravisRun::call_back(void* run, ArvStreamCallbackType type, ArvBuffer* buffer) {
+  auto& self = *static_cast<AravisRun*>(run);
+  if (type == ARV_STREAM_CALLBACK_TYPE_START_BUFFER) self.begun_[buffer] = monotonic_now();
+  if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) self.take(buffer);
+}
+
+void AravisRun::take(ArvBuffer* buffer) {
+  Frame frame = copied(buffer);
+  begun_.erase(buffer);
+  arv_stream_push_buffer(stream_.get(), arv_stream_pop_buffer(stream_.get()));
+  const std::lock_guard lock(mutex_);
+  frames_.push_back(std::move(frame));
+  if (frames_.size() > kMaxWaiting) frames_.pop_front();
+  arrived_.notify_all();
+}
+
+AravisRun::Frame AravisRun::copied(ArvBuffer* buffer) const {
+  Frame frame;
+  frame.complete = monotonic_now();
+  const auto begun = begun_.find(buffer);
+  frame.first = begun == begun_.end() ? frame.complete : begun->second;
+  frame.id = arv_buffer_get_frame_id(buffer);
+  frame.stamp = nanoseconds(arv_buffer_get_timestamp(buffer));
+  frame.fault = fault_of(arv_buffer_get_status(buffer));
+  if (frame.fault != nullptr) return frame;
+  const ArvBufferPayloadType payload = arv_buffer_get_payload_type(buffer);
+  if (payload != ARV_BUFFER_PAYLOAD_TYPE_IMAGE && payload != ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA) {
+    frame.fault = "it holds no plain image";
+    return frame;
+  }
+  if (arv_buffer_get_image_width(buffer) != blank_.width_px ||
+      arv_buffer_get_image_height(buffer) != blank_.height_px ||
+      arv_buffer_get_image_pixel_format(buffer) != format_) {
+    frame.fault = "it has another size or pixel format";
+    return frame;
+  }
+  size_t size_bytes = 0;
+  const auto* bytes = static_cast<const std::uint8_t*>(arv_buffer_get_image_data(buffer, &size_bytes));
+  RawPicture picture = blank_;
+  picture.planes.emplace_back(bytes, bytes + size_bytes);
+  frame.picture = std::make_shared<const RawPicture>(std::move(picture));
+  return frame;
+}
+
+std::optional<AravisRun::Frame> AravisRun::next(std::chrono::milliseconds timeout) {
+  std::unique_lock lock(mutex_);
+  arrived_.wait_for(lock, timeout, [this] { return !frames_.empty(); });
+  if (frames_.empty()) return std::nullopt;
+  Frame frame = std::move(frames_.front());
+  frames_.pop_front();
+  return frame;
+}
+
+absl::Status AravisRun::trigger() const {
+  return arv_call("take a trigger",
+                  [&](GError** error) { arv_camera_software_trigger(device_->get(), error); });
+}
+
+std::uint64_t AravisRun::missing_packets() const {
+  return ARV_IS_GV_STREAM(stream_.get())
+             ? arv_stream_get_info_uint64_by_name(stream_.get(), "n_missing_packets")
+             : 0;
+}
+
+}  // namespace glasswing

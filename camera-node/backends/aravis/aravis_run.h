@@ -1,0 +1,65 @@
+// One run of a camera under Aravis: streaming from its creation to its destruction.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "camera-node/backends/aravis/aravis_device.h"
+#include "camera-node/backends/pixel_format.h"
+#include "core/base/time.h"
+
+namespace glasswing {
+
+class AravisRun {
+ public:
+  struct Frame {
+    std::shared_ptr<const RawPicture> picture;
+    std::uint64_t id = 0;         // the camera's number of it
+    nanoseconds stamp{};          // the camera's
+    nanoseconds first{};          // CLOCK_MONOTONIC: its first byte was here
+    nanoseconds complete{};       // CLOCK_MONOTONIC: its last was
+    const char* fault = nullptr;  // null: it is whole; else there is no picture
+  };
+  // `trigger`: the source of triggers; empty: the camera runs freely. `blank`: the properties that all
+  // pictures share.
+  static absl::StatusOr<std::unique_ptr<AravisRun>> begin(std::shared_ptr<AravisDevice> device,
+                                                          const RawPicture& blank,
+                                                          const std::string& trigger);
+  ~AravisRun();
+  AravisRun(const AravisRun&) = delete;
+  AravisRun& operator=(const AravisRun&) = delete;
+
+  std::optional<Frame> next(std::chrono::milliseconds timeout);
+  // Whether its triggers have this source.
+  bool waits_for(std::string_view trigger) const { return trigger_ == trigger; }
+  // Sends a trigger.
+  absl::Status trigger() const;
+  // Packets that never came, since the run began; 0 of a camera without packets.
+  std::uint64_t missing_packets() const;
+  bool lost() const { return device_->lost(); }
+
+ private:
+  AravisRun(std::shared_ptr<AravisDevice> device, const RawPicture& blank, const std::string& trigger)
+      : device_(std::move(device)), blank_(blank), trigger_(trigger) {}
+  absl::Status stream();
+  // On Aravis' thread.
+  static void call_back(void* run, ArvStreamCallbackType type, ArvBuffer* buffer);
+  void take(ArvBuffer* buffer);
+  Frame copied(ArvBuffer* buffer) const;
+
+  const std::shared_ptr<AravisDevice> device_;
+  const RawPicture blank_;
+  const std::string trigger_;
+  ArvPixelFormat format_ = 0;
+  GPtr<ArvStream> stream_;
+  std::map<const ArvBuffer*, nanoseconds> begun_;  // being filled, since when; used by Aravis' thread alone
+  std::mutex mutex_;
+  std::condition_variable arrived_;
+  std::deque<Frame> frames_;  // guarded by mutex_
+};
+
+}  // namespace glasswing

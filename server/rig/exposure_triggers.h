@@ -1,0 +1,39 @@
+// Triggers the camera once in each picture of a program, in the middle of the time in which all monitors show
+// it. A monitor reports when a picture is replaced, which is when the next one begins: its scan-out, lag and
+// settling leave the time to trigger. A trigger that comes too late costs a step its proof, no more.
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <vector>
+
+#include "core/timing/proof.h"
+#include "server/rig/rig_link.h"
+
+namespace glasswing {
+
+class ExposureTriggers {
+ public:
+  // Whether the camera waits for them in captures.
+  static bool are_wanted(const RigLinks& links) { return links.camera_info.trigger() == "software"; }
+  // `links` are borrowed. `pictures`: of the program; the first one is not exposed. `monitor_count`: that
+  // report each.
+  ExposureTriggers(const RigLinks& links, int pictures, int monitor_count, nanoseconds hold,
+                   double exposure_ms);
+  // A display's report of the picture that it has just replaced. Returns once the camera is triggered, if
+  // this is the last monitor's report. From any thread.
+  void note(const v1::Presentation& replaced, const DisplayLink& display);
+
+ private:
+  nanoseconds middle_of(const std::vector<MonitorWindow>& next) const;
+  void expose(nanoseconds at) const;  // rig time
+
+  const RigLinks& links_;
+  const size_t pictures_, monitor_count_;
+  const nanoseconds hold_, length_;  // of a picture; of an exposure, first row to last
+  std::mutex mutex_;
+  std::map<std::string, size_t> reports_;              // by monitor; guarded by mutex_
+  std::map<size_t, std::vector<MonitorWindow>> next_;  // by number, until complete; guarded by mutex_
+};
+
+}  // namespace glasswing
