@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +16,7 @@
 #include "core/cli/help.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
+#include "core/matte/matte_notes.h"
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "solver/methods.h"
@@ -28,8 +31,32 @@ struct Solve {
   std::string archive, matte, method = "gaussian";
   std::vector<std::string> settings;
   int threads = 0;
-  bool as_recorded = false;
+  bool as_recorded = false, json = false;
 };
+
+// What there is to say of the mattes that were written.
+struct Solved {
+  std::vector<std::string> warnings;
+  PixelCount pixels;
+  std::optional<int> frames;  // of a video
+
+  void note(const Matte& matte) {
+    note_warnings(matte.metadata, warnings);
+    pixels += count_pixels(matte);
+  }
+};
+
+void print(const Solve& solve, const Solved& solved) {
+  print_warnings(solved.warnings);
+  if (!solve.json) {
+    print_flagged(solved.pixels);
+    return;
+  }
+  nlohmann::ordered_json written{{"archive", solve.archive}, {"matte", solve.matte}};
+  if (solved.frames) written["frames"] = *solved.frames;
+  add_notes(solved.warnings, solved.pixels, written);
+  std::cout << written.dump(1) << "\n";
+}
 
 // Writes a matte per frame: 0000.exr and so on. Goes on past frames that cannot be solved, and returns the
 // first of their errors.
@@ -49,11 +76,14 @@ absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& ar
         fmt::format("{}: it must be a directory: {}", solve.matte, failed.message()));
   const bool watched = ::isatty(STDERR_FILENO) != 0;
   absl::Status refused;  // the first of them
+  Solved solved{.warnings = {}, .pixels = {}, .frames = 0};
   const absl::Status status =
       solve_video(method, *source, 0, count, solve.threads, {},
                   [&](int frame, const absl::StatusOr<Matte>& matte) -> absl::Status {
                     refused.Update(matte.status());
                     if (!matte.ok()) return absl::OkStatus();
+                    solved.note(*matte);
+                    ++*solved.frames;
                     GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(*matte));
                     if (watched) std::cerr << fmt::format("\rsolved {} of {} frames", frame + 1, count);
                     return write_file_durably(
@@ -61,6 +91,7 @@ absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& ar
                   });
   if (watched) std::cerr << "\n";
   GW_RETURN_IF_ERROR(status);
+  print(solve, solved);
   return refused;
 }
 
@@ -84,12 +115,12 @@ absl::Status solve(const Solve& solve) {
   GW_ASSIGN_OR_RETURN(const Matte matte,
                       solve_archive(*method, *archive, solve.threads, progress, !solve.as_recorded));
   if (watched) std::cerr << "\n";
-  for (const std::string& warning : matte.metadata.warnings())
-    std::cerr << fmt::format("warning: {}\n", warning);
-  if (const std::string flagged = flagged_text(count_pixels(matte)); !flagged.empty())
-    std::cerr << flagged << "\n";
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
-  return write_file_durably(solve.matte, bytes);
+  GW_RETURN_IF_ERROR(write_file_durably(solve.matte, bytes));
+  Solved solved;
+  solved.note(matte);
+  print(solve, solved);
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -101,7 +132,7 @@ void add_solve_command(CLI::App& app, DaemonOptions& daemon) {
                                     GW_RETURN_IF_ERROR(solve(*arguments));
                                     return 0;
                                   });
-  std::string options;
+  std::string options = "Example:\n  glasswing-solver solve out/archives/crystal crystal.exr --json\n\n";
   for (const std::string_view method : kMethods) {
     options += fmt::format("Options of method {}:\n\n", method);
     for (const MethodOption& option : options_of(method))
@@ -118,6 +149,7 @@ void add_solve_command(CLI::App& app, DaemonOptions& daemon) {
   command.add_option("--set", arguments->settings, "NAME=VALUE, an option of the method");
   command.add_flag("--as-recorded", arguments->as_recorded,
                    "leave what the rig did to the frames uncorrected and unsaid (docs/frames.md)");
+  command.add_flag("--json", arguments->json, "print a JSON object: warnings, and what is flagged");
   command.add_option("--threads", arguments->threads, "0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -9,7 +9,6 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/matte_notes.h"
 #include "client/cli/output_file.h"
 #include "client/cli/progress.h"
 #include "client/pictures/commands.h"
@@ -22,6 +21,7 @@
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/footprint/composite_error.h"
+#include "core/matte/matte_notes.h"
 
 namespace glasswing {
 namespace {
@@ -36,7 +36,7 @@ void print_composite(const Client& client, const CompositeArguments& arguments, 
                                       {"height_px", picture.height_px},
                                       {"unsolved_pixels", unsolved},
                                       {"filled", arguments.fill}};
-    if (metadata != nullptr) add_notes(*metadata, pixels, written);
+    if (metadata != nullptr) add_notes(warnings_of(*metadata), pixels, written);
     std::cout << written.dump(1) << "\n";
     return;
   }
@@ -121,7 +121,7 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
     GW_ASSIGN_OR_RETURN(ObjectInFront object,
                         ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kOne));
     metadata = object.metadata();
-    print_warnings(metadata);
+    print_warnings(warnings_of(metadata));
     GW_ASSIGN_OR_RETURN(Backgrounds backgrounds, Backgrounds::open(arguments.backgrounds, object.metadata(),
                                                                    colours, arguments.encoding()));
     colour = backgrounds.colour_of_composite();

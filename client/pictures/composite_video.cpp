@@ -16,6 +16,7 @@
 #include "core/base/status.h"
 #include "core/composite/compositor.h"
 #include "core/footprint/composite_error.h"
+#include "core/matte/matte_notes.h"
 
 namespace glasswing {
 namespace {
@@ -111,7 +112,18 @@ bool same_monitors(const v1::MatteMetadata& a, const v1::MatteMetadata& b) {
   });
 }
 
-absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
+struct Composited {
+  int frames = 0;
+  std::vector<std::string> warnings;  // of the mattes
+  PixelCount pixels;
+
+  void note(const ObjectInFront& object) {
+    note_warnings(object.metadata(), warnings);
+    pixels += object.pixels();
+  }
+};
+
+absl::StatusOr<Composited> composite_mattes(const CompositeArguments& arguments) {
   if (arguments.frame_count > 0) {
     return absl::InvalidArgumentError(
         fmt::format("--frames is for one matte; {} holds a matte for each frame", arguments.matte));
@@ -120,6 +132,7 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
   GW_ASSIGN_OR_RETURN(Output output, Output::create(arguments));
   std::optional<Backgrounds> backgrounds;
   v1::MatteMetadata first;
+  Composited made{.frames = static_cast<int>(files.size()), .warnings = {}, .pixels = {}};
   Progress progress("compositing");
   for (size_t i = 0; i < files.size(); ++i) {
     GW_ASSIGN_OR_RETURN(ObjectInFront object,
@@ -135,14 +148,15 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds->next());
     GW_ASSIGN_OR_RETURN(const ObjectPicture picture, object.composite(*behind));
     GW_RETURN_IF_ERROR(output.add(files[i].stem().string(), picture, backgrounds->colour_of_composite()));
+    made.note(object);
     progress.update(static_cast<double>(i + 1) / static_cast<double>(files.size()),
                     fmt::format("{} of {} frames", i + 1, files.size()));
   }
   GW_RETURN_IF_ERROR(output.finish());
-  return static_cast<int>(files.size());
+  return made;
 }
 
-absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
+absl::StatusOr<Composited> composite_one_matte(const CompositeArguments& arguments) {
   GW_ASSIGN_OR_RETURN(Output output, Output::create(arguments));
   Progress progress("compositing");
   GW_ASSIGN_OR_RETURN(ObjectInFront object,
@@ -164,7 +178,9 @@ absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
     progress.update(all > 0.0 ? std::min((count + 1) / all, 1.0) : 0.0, fmt::format("{} frames", count + 1));
   }
   GW_RETURN_IF_ERROR(output.finish());
-  return count;
+  Composited made{.frames = count, .warnings = {}, .pixels = {}};
+  made.note(object);
+  return made;
 }
 
 }  // namespace
@@ -257,16 +273,20 @@ absl::Status composite_video(const Client& client, const CompositeArguments& arg
     return absl::InvalidArgumentError(
         "--error is of one picture; composite a single frame's matte over stills");
   }
-  GW_ASSIGN_OR_RETURN(const int count, fs::is_directory(arguments.matte) ? composite_mattes(arguments)
-                                                                         : composite_one_matte(arguments));
+  GW_ASSIGN_OR_RETURN(const Composited made, fs::is_directory(arguments.matte)
+                                                 ? composite_mattes(arguments)
+                                                 : composite_one_matte(arguments));
+  print_warnings(made.warnings);
   if (client.json) {
-    const nlohmann::ordered_json written = {
-        {"output", arguments.output}, {"frames", count}, {"filled", arguments.fill}};
+    nlohmann::ordered_json written = {
+        {"output", arguments.output}, {"frames", made.frames}, {"filled", arguments.fill}};
+    add_notes(made.warnings, made.pixels, written);
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format(
-        "{}: {} frames{}\n", arguments.output, count,
+        "{}: {} frames{}\n", arguments.output, made.frames,
         arguments.fill ? ", pixels that are not solved filled from their neighbours" : "");
+    print_flagged(made.pixels);
   }
   return absl::OkStatus();
 }

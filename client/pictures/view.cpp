@@ -7,7 +7,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/matte_notes.h"
 #include "client/cli/output.h"
 #include "client/cli/output_file.h"
 #include "client/pictures/commands.h"
@@ -21,6 +20,7 @@
 #include "core/base/utf8.h"
 #include "core/composite/stmap.h"
 #include "core/matte/matte_file.h"
+#include "core/matte/matte_notes.h"
 
 namespace glasswing {
 namespace {
@@ -80,13 +80,13 @@ absl::Status view(const Client& client, const ViewArguments& arguments) {
   if (client.json) {
     nlohmann::ordered_json written = {
         {"file", arguments.output}, {"width_px", picture.width_px}, {"height_px", picture.height_px}};
-    add_notes(matte.metadata, sampled->pixels, written);
+    add_notes(warnings_of(matte.metadata), sampled->pixels, written);
     std::cout << written.dump(1) << "\n";
   } else {
     print_written(client, arguments.output, picture.width_px, picture.height_px);
     print_flagged(sampled->pixels);
   }
-  print_warnings(matte.metadata);
+  print_warnings(warnings_of(matte.metadata));
   return absl::OkStatus();
 }
 

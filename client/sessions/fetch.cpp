@@ -7,7 +7,6 @@
 #include <optional>
 
 #include "client/cli/interrupt.h"
-#include "client/cli/matte_notes.h"
 #include "client/cli/output.h"
 #include "client/cli/output_file.h"
 #include "client/cli/progress.h"
@@ -18,6 +17,7 @@
 #include "core/base/positioned_file.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/matte/matte_notes.h"
 #include "core/matte/packed_matte.h"
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -118,7 +118,7 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Fetc
                                       {"height_px", matte.height_px}, {"x_px", matte.x0_px},
                                       {"y_px", matte.y0_px},          {"unsolved_rows", whole.unsolved_rows}};
     if (matte.metadata.has_draft()) written["draft"] = json_of(matte.metadata.draft());
-    add_notes(matte.metadata, whole.pixels, written);
+    add_notes(warnings_of(matte.metadata), whole.pixels, written);
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format("{}: the matte of session {}, {}x{}{}\n", arguments.output, arguments.session,
@@ -164,7 +164,7 @@ bool describes_mattes(const v1::Session& session) {
 
 struct Frames {
   int fetched = 0, there_before = 0;
-  std::vector<std::string> warnings;  // of the first fetched matte that has any
+  std::vector<std::string> warnings;
 };
 
 absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& session,
@@ -189,8 +189,7 @@ absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& s
       one.frame = frame;
       GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, request_of(one), path));
       ++frames.fetched;
-      const auto& warnings = whole.outline.metadata.warnings();
-      if (frames.warnings.empty()) frames.warnings.assign(warnings.begin(), warnings.end());
+      note_warnings(whole.outline.metadata, frames.warnings);
     }
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
