@@ -14,6 +14,7 @@
 namespace glasswing {
 namespace {
 
+constexpr int kRoundsBack = 2;                             // a turn blurs the first
 constexpr double kMaxKnock_px = 4.0, kMaxStepLeft = 0.25;  // that is taken back; what may be left of it
 
 // `corrections`, and frames from the knock on moved back.
@@ -64,21 +65,23 @@ absl::Status correct_shifts(const v1::CaptureManifest& manifest, const std::vect
                                    read(moved_back(manifest, report, still, of_all))));
   }
   warning = text_of(knock, time_of(manifest, report, knock.frame));
-  if (can_move) {
+  for (int round = 0; can_move && round < kRoundsBack; ++round) {
     const auto moved = moved_back(manifest, report, still, knock);
     GW_ASSIGN_OR_RETURN(const ComparedFrames compared, compare_frames(manifest, frames, read(moved), false));
     const FrameReport after = report_frames(manifest, compared, compared.beside, {.again = true});
-    const Knock left = step_left(after, knock.frame);
-    if (after.beside > 0 && left.size_px(report.radius_px) < kMaxStepLeft * size_px) {
-      knock.dx_px += left.dx_px;
-      knock.dy_px += left.dy_px;
-      if (knock.turn_rad != 0.0) knock.turn_rad += left.turn_rad;
-      faults.corrections = moved_back(manifest, report, still, knock);
-      faults.disturbance = {};
-      warning +=
-          "; they were moved back, as if it had been the camera: capture again from there for full sharpness";
-      return absl::OkStatus();
-    }
+    Knock left = step_left(after, knock.frame);
+    if (knock.turn_rad == 0.0) left.turn_rad = 0.0;
+    if (after.beside == 0) break;
+    knock.dx_px += left.dx_px;
+    knock.dy_px += left.dy_px;
+    knock.turn_rad += left.turn_rad;
+    if (left.size_px(report.radius_px) >= kMaxStepLeft * size_px) continue;
+    warning =
+        text_of(knock, time_of(manifest, report, knock.frame)) +
+        "; they were moved back, as if it had been the camera: capture again from there for full sharpness";
+    faults.corrections = moved_back(manifest, report, still, knock);
+    faults.disturbance = {};
+    return absl::OkStatus();
   }
   warning += "; capture again from there";
   return absl::OkStatus();

@@ -354,7 +354,7 @@ ShiftCourse shift_course(const FrameReport& report) {
   if (course.knock) {
     const std::vector<Turned> frames = turned(report);
     course.knock->turn_rad = turn_at(report, frames, count_before(report, frames, course.knock->frame));
-  } else if (course.warning.empty()) {
+  } else if (!course.trembles) {  // what turns about another place creeps, of two sweeps
     course.knock = turn_of_session(report);
   }
   if (!course.knock) return course;
