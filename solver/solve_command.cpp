@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -20,6 +21,7 @@
 #include "core/matte/matte_file.h"
 #include "core/method/methods.h"
 #include "core/matte/row_part.h"
+#include "core/matte/matte_notes.h"
 #include "core/pattern/plan.h"
 #include "solver/methods.h"
 #include "solver/ramp/video_layout.h"
@@ -34,7 +36,7 @@ struct Solve {
   std::string archive, matte, rows, method = "gaussian";
   std::vector<std::string> settings;
   int threads = 0;
-  bool as_recorded = false;
+  bool as_recorded = false, json = false;
 };
 
 // Part `number` of `of` equal ones.
@@ -67,6 +69,30 @@ absl::StatusOr<RowRange> range_of(const Share& share, int count, std::string_vie
   return RowRange{.first = first, .count = begin_of(share.number + 1) - first};
 }
 
+// What there is to say of the mattes that were written.
+struct Solved {
+  std::vector<std::string> warnings;
+  PixelCount pixels;
+  std::optional<int> frames;  // of a video
+
+  void note(const Matte& matte) {
+    note_warnings(matte.metadata, warnings);
+    pixels += count_pixels(matte);
+  }
+};
+
+void print(const Solve& solve, const Solved& solved) {
+  print_warnings(solved.warnings);
+  if (!solve.json) {
+    print_flagged(solved.pixels);
+    return;
+  }
+  nlohmann::ordered_json written{{"archive", solve.archive}, {"matte", solve.matte}};
+  if (solved.frames) written["frames"] = *solved.frames;
+  add_notes(solved.warnings, solved.pixels, written);
+  std::cout << written.dump(1) << "\n";
+}
+
 // Writes a matte per frame: 0000.exr and so on. Goes on past frames that cannot be solved, and returns the
 // first of their errors.
 absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& archive, const Solve& solve,
@@ -88,11 +114,14 @@ absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& ar
         fmt::format("{}: it must be a directory: {}", solve.matte, failed.message()));
   const bool watched = ::isatty(STDERR_FILENO) != 0;
   absl::Status refused;  // the first of them
+  Solved solved{.warnings = {}, .pixels = {}, .frames = 0};
   const absl::Status status = solve_video(
       method, *source, frames.first, frames.count, solve.threads, {},
       [&](int frame, const absl::StatusOr<Matte>& matte) -> absl::Status {
         refused.Update(matte.status());
         if (!matte.ok()) return absl::OkStatus();
+        solved.note(*matte);
+        ++*solved.frames;
         GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(*matte));
         if (watched)
           std::cerr << fmt::format("\rsolved {} of {} frames", frame - frames.first + 1, frames.count);
@@ -101,6 +130,7 @@ absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& ar
       });
   if (watched) std::cerr << "\n";
   GW_RETURN_IF_ERROR(status);
+  print(solve, solved);
   return refused;
 }
 
@@ -129,10 +159,6 @@ absl::Status solve(const Solve& solve) {
   GW_ASSIGN_OR_RETURN(Matte matte,
                       solve_archive(*method, *archive, solve.threads, progress, !solve.as_recorded, rows));
   if (watched) std::cerr << "\n";
-  for (const std::string& warning : matte.metadata.warnings())
-    std::cerr << fmt::format("warning: {}\n", warning);
-  if (const std::string flagged = flagged_text(count_pixels(matte)); !flagged.empty())
-    std::cerr << flagged << "\n";
   if (rows) {
     mark_part({.archive = archive_digest(archive->manifest()),
                .computes = computes(solve.method),
@@ -141,7 +167,11 @@ absl::Status solve(const Solve& solve) {
               matte.metadata);
   }
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
-  return write_file_durably(solve.matte, bytes);
+  GW_RETURN_IF_ERROR(write_file_durably(solve.matte, bytes));
+  Solved solved;
+  solved.note(matte);
+  print(solve, solved);
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -163,6 +193,7 @@ void add_solve_command(CLI::App& app, DaemonOptions& daemon) {
   command.footer(options +
                  "Examples:\n"
                  "  glasswing-solver solve archives/vase vase.exr --set modes=2\n"
+                 "  glasswing-solver solve archives/vase vase.exr --json\n"
                  "  glasswing-solver solve archives/vase --rows 3/8 -o part-3.exr");
   command.add_option("archive", arguments->archive, "folder with manifest.json")->required();
   command
@@ -179,6 +210,7 @@ void add_solve_command(CLI::App& app, DaemonOptions& daemon) {
   command.add_option("--set", arguments->settings, "NAME=VALUE, an option of the method");
   command.add_flag("--as-recorded", arguments->as_recorded,
                    "leave what the rig did to the frames uncorrected and unsaid (docs/frames.md)");
+  command.add_flag("--json", arguments->json, "print a JSON object: warnings, and what is flagged");
   command.add_option("--threads", arguments->threads, "0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

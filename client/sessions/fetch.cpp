@@ -6,11 +6,14 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "core/cli/interrupt.h"
+#include "core/cli/output.h"
+#include "core/cli/output_file.h"
+#include "core/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/matte_input.h"
-#include "compositing/view/matte_notes.h"
 #include "core/base/file.h"
 #include "core/base/positioned_file.h"
 #include "core/base/status.h"
@@ -19,6 +22,7 @@
 #include "core/cli/output.h"
 #include "core/cli/output_file.h"
 #include "core/cli/progress.h"
+#include "core/matte/matte_notes.h"
 #include "core/matte/packed_matte.h"
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -119,7 +123,7 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Fetc
                                       {"height_px", matte.height_px}, {"x_px", matte.x0_px},
                                       {"y_px", matte.y0_px},          {"unsolved_rows", whole.unsolved_rows}};
     if (matte.metadata.has_draft()) written["draft"] = json_of(matte.metadata.draft());
-    add_notes(matte.metadata, whole.pixels, written);
+    add_notes(warnings_of(matte.metadata), whole.pixels, written);
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format("{}: the matte of session {}, {}x{}{}\n", arguments.output, arguments.session,
@@ -165,7 +169,7 @@ bool describes_mattes(const v1::Session& session) {
 
 struct Frames {
   int fetched = 0, there_before = 0;
-  std::vector<std::string> warnings;  // of the first fetched matte that has any
+  std::vector<std::string> warnings;
 };
 
 absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& session,
@@ -190,8 +194,7 @@ absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& s
       one.frame = frame;
       GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, request_of(one), path));
       ++frames.fetched;
-      const auto& warnings = whole.outline.metadata.warnings();
-      if (frames.warnings.empty()) frames.warnings.assign(warnings.begin(), warnings.end());
+      note_warnings(whole.outline.metadata, frames.warnings);
     }
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }

@@ -91,6 +91,7 @@ void print_details(const v1::Session& session) {
     row(&tile == &session.quarantined(0) ? "failed" : "",
         fmt::format("tile {}, {} {} to {}: {}", tile.tile(), is_video(session) ? "frames" : "rows",
                     tile.first(), tile.first() + tile.count() - 1, tile.error()));
+  for (const std::string& warning : session.matte_warnings()) row("warning", warning);
   if (session.matte_ready() && session.state() != v1::SESSION_STATE_DONE)
     row("matte", "the matte of the previous solve can be fetched");
   row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged{}", session.pixel_count(),

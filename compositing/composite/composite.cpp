@@ -12,13 +12,13 @@
 #include "compositing/composite/sequence.h"
 #include "compositing/picture/picture.h"
 #include "compositing/picture/video_file.h"
-#include "compositing/view/matte_notes.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/cli/output_file.h"
 #include "core/cli/progress.h"
 #include "core/footprint/composite_error.h"
+#include "core/matte/matte_notes.h"
 
 namespace glasswing {
 namespace {
@@ -34,7 +34,7 @@ void print_composite(const CommandLine& command_line, const CompositeArguments& 
                                       {"height_px", picture.height_px},
                                       {"unsolved_pixels", unsolved},
                                       {"filled", arguments.fill}};
-    if (metadata != nullptr) add_notes(*metadata, pixels, written);
+    if (metadata != nullptr) add_notes(warnings_of(*metadata), pixels, written);
     std::cout << written.dump(1) << "\n";
     return;
   }
@@ -119,7 +119,7 @@ absl::Status composite_still(const CommandLine& command_line, const CompositeArg
     GW_ASSIGN_OR_RETURN(ObjectInFront object,
                         ObjectInFront::create(arguments.matte, arguments, ObjectInFront::Pictures::kOne));
     metadata = object.metadata();
-    print_warnings(metadata);
+    print_warnings(warnings_of(metadata));
     GW_ASSIGN_OR_RETURN(Backdrop backdrop, Backdrop::open(arguments.backgrounds, object.metadata(), colours,
                                                           arguments.encoding()));
     colour = backdrop.colour_of_composite();
@@ -143,15 +143,18 @@ absl::Status composite_still(const CommandLine& command_line, const CompositeArg
 }
 
 absl::Status composite_frames(const CommandLine& command_line, const CompositeArguments& arguments) {
-  GW_ASSIGN_OR_RETURN(const int count, composite_sequence(arguments));
+  GW_ASSIGN_OR_RETURN(const Composited made, composite_sequence(arguments));
+  print_warnings(made.warnings);
   if (command_line.json) {
-    const nlohmann::ordered_json written = {
-        {"output", arguments.output}, {"frames", count}, {"filled", arguments.fill}};
+    nlohmann::ordered_json written = {
+        {"output", arguments.output}, {"frames", made.frames}, {"filled", arguments.fill}};
+    add_notes(made.warnings, made.pixels, written);
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format(
-        "{}: {} frames{}\n", arguments.output, count,
+        "{}: {} frames{}\n", arguments.output, made.frames,
         arguments.fill ? ", pixels that are not solved filled from their neighbours" : "");
+    print_flagged(made.pixels);
   }
   return absl::OkStatus();
 }

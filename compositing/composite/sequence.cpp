@@ -13,6 +13,7 @@
 #include "core/base/status.h"
 #include "core/cli/output_file.h"
 #include "core/cli/progress.h"
+#include "core/matte/matte_notes.h"
 
 namespace glasswing {
 namespace {
@@ -46,7 +47,12 @@ bool same_monitors(const v1::MatteMetadata& a, const v1::MatteMetadata& b) {
   });
 }
 
-absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
+void note(const ObjectInFront& object, Composited& made) {
+  note_warnings(object.metadata(), made.warnings);
+  made.pixels += object.pixels();
+}
+
+absl::StatusOr<Composited> composite_mattes(const CompositeArguments& arguments) {
   if (arguments.frame_count > 0) {
     return absl::InvalidArgumentError(
         fmt::format("--frames is for one matte; {} holds a matte for each frame", arguments.matte));
@@ -54,6 +60,7 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const std::vector<fs::path> files, mattes_in(arguments.matte));
   GW_ASSIGN_OR_RETURN(Sink sink, Sink::create(arguments));
   std::optional<Backdrop> backdrop;
+  Composited made{.frames = static_cast<int>(files.size()), .warnings = {}, .pixels = {}};
   v1::MatteMetadata first;
   Progress progress("compositing");
   for (size_t i = 0; i < files.size(); ++i) {
@@ -69,15 +76,16 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
     }
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backdrop->next());
     GW_ASSIGN_OR_RETURN(const ObjectPicture picture, object.composite(*behind));
+    note(object, made);
     GW_RETURN_IF_ERROR(sink.add(files[i].stem().string(), picture, backdrop->colour_of_composite()));
     progress.update(static_cast<double>(i + 1) / static_cast<double>(files.size()),
                     fmt::format("{} of {} frames", i + 1, files.size()));
   }
   GW_RETURN_IF_ERROR(sink.finish());
-  return static_cast<int>(files.size());
+  return made;
 }
 
-absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
+absl::StatusOr<Composited> composite_one_matte(const CompositeArguments& arguments) {
   GW_ASSIGN_OR_RETURN(Sink sink, Sink::create(arguments));
   Progress progress("compositing");
   GW_ASSIGN_OR_RETURN(ObjectInFront object,
@@ -99,7 +107,9 @@ absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
     progress.update(all > 0.0 ? std::min((count + 1) / all, 1.0) : 0.0, fmt::format("{} frames", count + 1));
   }
   GW_RETURN_IF_ERROR(sink.finish());
-  return count;
+  Composited made{.frames = count, .warnings = {}, .pixels = {}};
+  note(object, made);
+  return made;
 }
 
 }  // namespace
@@ -110,7 +120,7 @@ bool is_video(const CompositeArguments& arguments) {
          (!output.has_extension() && output != kStandardOutput) || arguments.frame_count > 0;
 }
 
-absl::StatusOr<int> composite_sequence(const CompositeArguments& arguments) {
+absl::StatusOr<Composited> composite_sequence(const CompositeArguments& arguments) {
   if (!arguments.error.empty()) {
     return absl::InvalidArgumentError(
         "--error is of one picture; composite a single frame's matte over stills");

@@ -10,7 +10,6 @@
 #include "compositing/picture/picture.h"
 #include "compositing/view/commands.h"
 #include "compositing/view/contact_sheet.h"
-#include "compositing/view/matte_notes.h"
 #include "compositing/view/matte_panels.h"
 #include "compositing/view/sampled_matte.h"
 #include "core/base/file.h"
@@ -21,6 +20,7 @@
 #include "core/cli/output_file.h"
 #include "core/composite/stmap.h"
 #include "core/matte/matte_file.h"
+#include "core/matte/matte_notes.h"
 
 namespace glasswing {
 namespace {
@@ -80,13 +80,13 @@ absl::Status view(const CommandLine& command_line, const ViewArguments& argument
   if (command_line.json) {
     nlohmann::ordered_json written = {
         {"file", arguments.output}, {"width_px", picture.width_px}, {"height_px", picture.height_px}};
-    add_notes(matte.metadata, sampled->pixels, written);
+    add_notes(warnings_of(matte.metadata), sampled->pixels, written);
     std::cout << written.dump(1) << "\n";
   } else {
     print_written(command_line, arguments.output, picture.width_px, picture.height_px);
     print_flagged(sampled->pixels);
   }
-  print_warnings(matte.metadata);
+  print_warnings(warnings_of(matte.metadata));
   return absl::OkStatus();
 }
 

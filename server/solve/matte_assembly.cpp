@@ -8,6 +8,8 @@
 #include "core/base/fault_point.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/matte/matte_notes.h"
+#include "core/matte/packed_matte.h"
 #include "server/sessions/session_state.h"
 #include "server/solve/join_tiles.h"
 #include "server/solve/verified_mattes.h"
@@ -41,6 +43,12 @@ absl::Status not_solved(const v1::Session& session) {
       first.first() + first.count() - 1, first.error(), session.name()));
 }
 
+absl::Status note_warnings_of(const PositionedFile& file, std::vector<std::string>& warnings) {
+  GW_ASSIGN_OR_RETURN(const PackedMatteReader matte, PackedMatteReader::open(file));
+  note_warnings(matte.outline().metadata, warnings);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 MatteAssembly::MatteAssembly(const SolveStores& stores, SolveClock& clock)
@@ -72,12 +80,13 @@ absl::Status MatteAssembly::finish(const std::string& name) {
   if (waits_for_store(session)) answers_again(name);
   if (!counts.rests()) return absl::OkStatus();
   absl::Status made;
+  std::vector<std::string> warnings;
   if (counts.quarantined > 0) {
     GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
     name_quarantined(tiles, session);
     made = not_solved(session);
   } else {
-    made = assemble(session);
+    made = assemble(session, warnings);
   }
   if (absl::IsUnavailable(made)) return made;
   SessionStore::Edit edit = stores_.sessions.edit();
@@ -93,6 +102,7 @@ absl::Status MatteAssembly::finish(const std::string& name) {
   v1::Session settled = *now;
   *settled.mutable_quarantined() = session.quarantined();
   count_tiles(counts, settled);
+  if (made.ok()) settled.mutable_matte_warnings()->Assign(warnings.begin(), warnings.end());
   return settle(edit, std::move(settled), made);
 }
 
@@ -104,7 +114,7 @@ void MatteAssembly::answers_again(const std::string& name) {
   edit.show(*now);
 }
 
-absl::Status MatteAssembly::assemble(const v1::Session& session) {
+absl::Status MatteAssembly::assemble(const v1::Session& session, std::vector<std::string>& warnings) {
   if (!is_solved_by_frames(session)) {
     const auto made = [&]() -> absl::Status {
       GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
@@ -115,6 +125,7 @@ absl::Status MatteAssembly::assemble(const v1::Session& session) {
         GW_RETURN_IF_ERROR(join_tiles(tiles, directory, file));
         // As it will be read. A matte that was fetched so far is not replaced by one that cannot be.
         GW_RETURN_IF_ERROR(VerifiedMattes().open(unfinished).status());
+        GW_RETURN_IF_ERROR(note_warnings_of(file, warnings));
         return place_file_durably(unfinished, stores_.mattes.next(session.name()));
       }();
       std::error_code ignored;
@@ -124,9 +135,23 @@ absl::Status MatteAssembly::assemble(const v1::Session& session) {
     fault_point("matte written");
     return made;
   }
-  if (session.refused_frames().empty()) return absl::OkStatus();
+  if (session.refused_frames().empty()) return note_warnings_of_frames(session, warnings);
   return absl::FailedPreconditionError(fmt::format("no matte can be made of {} of its frames; {}",
                                                    session.refused_frames_size(), session.refusal()));
+}
+
+absl::Status MatteAssembly::note_warnings_of_frames(v1::Session session,
+                                                    std::vector<std::string>& warnings) const {
+  GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
+  note_solved_frames(tiles, session);
+  for (const int frame : session.solved_frames()) {
+    const fs::path path = has_frame_files(session) ? stores_.mattes.next(session.name(), frame)
+                                                   : stores_.mattes.next(session.name());
+    // A damaged one is told where it is fetched.
+    if (const absl::StatusOr<PositionedFile> file = PositionedFile::open(path); file.ok())
+      note_warnings_of(*file, warnings).IgnoreError();
+  }
+  return absl::OkStatus();
 }
 
 absl::Status MatteAssembly::settle(SessionStore::Edit& edit, v1::Session session, const absl::Status& made) {

@@ -7,6 +7,7 @@
 #include <stop_token>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "server/solve/session_queue.h"
 #include "server/solve/solve_clock.h"
@@ -26,8 +27,10 @@ class MatteAssembly {
   void run(std::stop_token stop);
   // OK too where tiles are still awaited. UNAVAILABLE: the job store does not answer; try again.
   absl::Status finish(const std::string& name);
-  // Joins a session's tiles, which are all done. FAILED_PRECONDITION: some of its frames were refused.
-  absl::Status assemble(const v1::Session& session);
+  // Joins a session's tiles, which are all done, and notes what their mattes warn of. FAILED_PRECONDITION:
+  // some of its frames were refused.
+  absl::Status assemble(const v1::Session& session, std::vector<std::string>& warnings);
+  absl::Status note_warnings_of_frames(v1::Session session, std::vector<std::string>& warnings) const;
   // The job store does, for which the session waited.
   void answers_again(const std::string& name);
   absl::Status settle(SessionStore::Edit& edit, v1::Session session, const absl::Status& made);

@@ -15,6 +15,7 @@
 #include "solver/frames/light_changes.h"
 #include "solver/frames/object_motion.h"
 #include "solver/frames/quarters.h"
+#include "solver/frames/second_step.h"
 #include "solver/frames/shift_correction.h"
 #include "solver/frames/shift_course.h"
 #include "solver/frames/steady_light.h"
@@ -96,6 +97,8 @@ absl::StatusOr<FrameFaults> find_faults(const v1::CaptureManifest& manifest, con
       faults.warnings.assign(1, std::move(text));
     }
     if (more || (sweeps && faults.corrections != nullptr)) continue;
+    for (std::string& text : second_step_warnings(manifest, compared))
+      faults.warnings.push_back(std::move(text));
     if (sweeps) faults.maps = std::make_shared<const StageMaps>(std::move(compared.maps));
     break;
   }

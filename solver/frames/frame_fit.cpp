@@ -13,14 +13,15 @@ namespace {
 constexpr double kGainPrior = 1.0;
 constexpr double kOffsetPrior = 0.3, kFlatOffsetPrior = 1e-4;  // of pictures with and without dark parts
 constexpr double kMaxGainSd = 0.005, kMaxOffsetSd = 0.002;     // of what counts as measured
-constexpr double kShiftPrior_px = 2.0;
+constexpr double kShiftPrior_px = 2.0, kTurnPrior_rad = 0.02;
 constexpr double kPlaceError_px = 0.02;
 constexpr double kCut = 4.0;  // standard deviations, of Tukey's biweight
-constexpr int kRounds = 4;
-constexpr double kSettled = 1e-5;    // of gains, light, and px: a thirtieth of what noise moves
-constexpr double kSameLight = 1e-6;  // of a solid without noise, whose gain and offset are the same
-constexpr size_t kDarkPixels = 400;  // pixels beyond a stripe's light, which tell of nothing but its offset
-constexpr double kReshow_px = 0.05;  // derivatives hold this far
+constexpr int kRounds = 4, kTurnRounds = 5;
+constexpr double kCertainTurn = 4.0;  // standard deviations of a step, of which another round may follow
+constexpr double kSettled = 1e-5;     // of gains, light, and px: a thirtieth of what noise moves
+constexpr double kSameLight = 1e-6;   // of a solid without noise, whose gain and offset are the same
+constexpr size_t kDarkPixels = 400;   // pixels beyond a stripe's light, which tell of nothing but its offset
+constexpr double kReshow_px = 0.05;   // derivatives hold this far
 
 }  // namespace
 
@@ -47,6 +48,26 @@ FrameFit::Recorded FrameFit::recorded(double light) const {
   return {.light = sd * (t * above + normal_density(t)), .by_light = above};
 }
 
+inline FrameFit::Rest FrameFit::rest_of(std::span<const float> light, size_t lit, size_t l, double h,
+                                        double slope2) const {
+  const auto lanes = static_cast<size_t>(samples_.lanes_per_pixel);
+  const size_t lane = seen_.view.pixels()[lit].pixel * lanes + l, at = lit * lanes + l;
+  Rest rest{.channel = static_cast<size_t>(samples_.channel[lane])};
+  const auto k = static_cast<Eigen::Index>(rest.channel);
+  rest.whole = static_cast<double>(seen_.contrast[at]) * picture_.level(static_cast<int>(rest.channel));
+  const Recorded expected =
+      recorded(static_cast<double>(seen_.black[at]) + at_[k] * rest.whole * h + at_[kChannels + k]);
+  rest.by_light = expected.by_light;
+  rest.rest = static_cast<double>(light[lane]) - expected.light;
+  const double variance =
+      noise_sd_ * noise_sd_ + kPlaceError_px * kPlaceError_px * slope2 * rest.whole * rest.whole;
+  const double z2 = rest.rest * rest.rest / (variance * scale_ * scale_);
+  if (!(z2 < kCut * kCut)) return rest;
+  rest.part = 1.0 - z2 / (kCut * kCut);
+  rest.weight = rest.part * rest.part / variance;
+  return rest;
+}
+
 FrameFit::Sums FrameFit::sums(std::span<const float> light) const {
   Sums sums;
   for (size_t c = 0; c < kChannels; ++c) {
@@ -62,29 +83,52 @@ FrameFit::Sums FrameFit::sums(std::span<const float> light) const {
     if (std::isnan(shown.h) || (shown.h == 0.0 && picture_.is_stripe() && i % dark_step != 0)) continue;
     const double by_dx = -(shown.by_x * lit.x_by_x + shown.by_y * lit.y_by_x),
                  by_dy = -(shown.by_x * lit.x_by_y + shown.by_y * lit.y_by_y);
-    const double place = kPlaceError_px * kPlaceError_px * (by_dx * by_dx + by_dy * by_dy);
     const double h = shown.h + by_dx * dx + by_dy * dy;
     for (size_t l = 0; l < lanes; ++l) {
-      const size_t lane = lit.pixel * lanes + l, at = i * lanes + l;
-      const auto c = static_cast<size_t>(samples_.channel[lane]);
-      const auto k = static_cast<Eigen::Index>(c);
-      const double whole = static_cast<double>(seen_.contrast[at]) * picture_.level(static_cast<int>(c));
-      const Recorded expected =
-          recorded(static_cast<double>(seen_.black[at]) + at_[k] * whole * h + at_[kChannels + k]);
-      const double rest = static_cast<double>(light[lane]) - expected.light;
-      const double variance = noise_sd_ * noise_sd_ + place * whole * whole;
-      const double z2 = rest * rest / (variance * scale_ * scale_);
-      if (!(z2 < kCut * kCut)) continue;
-      const double part = 1.0 - z2 / (kCut * kCut), weight = part * part / variance;
+      const Rest own = rest_of(light, i, l, h, by_dx * by_dx + by_dy * by_dy);
+      if (own.weight == 0.0) continue;
+      const double moved = at_[static_cast<Eigen::Index>(own.channel)] * own.whole;
       const Eigen::Vector4d by =
-          expected.by_light * Eigen::Vector4d(whole * h, 1.0, at_[k] * whole * by_dx, at_[k] * whole * by_dy);
-      sums.normal[c].noalias() += weight * by * by.transpose();
-      sums.right[c].noalias() += weight * rest * by;
-      sums.chi_square += weight * rest * rest;
-      sums.count += part * part;
+          own.by_light * Eigen::Vector4d(own.whole * h, 1.0, moved * by_dx, moved * by_dy);
+      sums.normal[own.channel].noalias() += own.weight * by * by.transpose();
+      sums.right[own.channel].noalias() += own.weight * own.rest * by;
+      sums.chi_square += own.weight * own.rest * own.rest;
+      sums.count += own.part * own.part;
     }
   }
   return sums;
+}
+
+void FrameFit::measure_turn(std::span<const float> light, FrameMeasure& measure) const {
+  const Eigen::Vector3d prior(kShiftPrior_px, kShiftPrior_px, kTurnPrior_rad);
+  Eigen::Vector3d at(at_[kShift] - shown_dx_px_, at_[kShift + 1] - shown_dy_px_, 0.0);
+  // What lies far off counts little, and more with each round.
+  for (int round = 0; round < kTurnRounds; ++round) {
+    Eigen::Matrix3d normal = prior.cwiseAbs2().cwiseInverse().asDiagonal();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (size_t i = 0; i < shown_.size(); ++i) {
+      const ShownLight& shown = shown_[i];
+      if (shown.by_x == 0.0 && shown.by_y == 0.0) continue;
+      const LitPixel& lit = seen_.view.pixels()[i];
+      const SessionSamples::Pixel& place = samples_.pixels[lit.pixel];
+      const double by_dx = -(shown.by_x * lit.x_by_x + shown.by_y * lit.y_by_x),
+                   by_dy = -(shown.by_x * lit.x_by_y + shown.by_y * lit.y_by_y);
+      const Eigen::Vector3d by_move(
+          by_dx, by_dy, by_dy * (place.x - samples_.middle_x_px) - by_dx * (place.y - samples_.middle_y_px));
+      for (size_t l = 0; l < static_cast<size_t>(samples_.lanes_per_pixel); ++l) {
+        const Rest own = rest_of(light, i, l, shown.h + by_move.dot(at), by_dx * by_dx + by_dy * by_dy);
+        const double moved = own.by_light * at_[static_cast<Eigen::Index>(own.channel)] * own.whole;
+        normal.noalias() += own.weight * moved * moved * by_move * by_move.transpose();
+        right.noalias() += own.weight * own.rest * moved * by_move;
+      }
+    }
+    const Eigen::LDLT<Eigen::Matrix3d> solver(normal);
+    const Eigen::Vector3d step = solver.solve(right);
+    at += step;
+    measure.turn_rad = at[2];
+    measure.turn_sd_rad = scale_ * std::sqrt(solver.solve(Eigen::Vector3d::UnitZ())[2]);
+    if (std::abs(step[2]) < kCertainTurn * measure.turn_sd_rad) break;
+  }
 }
 
 FrameMeasure FrameFit::fit(std::span<const float> light, const std::array<double, kChannels>& offset) {
@@ -141,6 +185,7 @@ FrameMeasure FrameFit::fit(std::span<const float> light, const std::array<double
     measure.xx = precision(0, 0);
     measure.xy = precision(0, 1);
     measure.yy = precision(1, 1);
+    measure_turn(light, measure);
   }
   return measure;
 }

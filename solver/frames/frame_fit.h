@@ -57,6 +57,17 @@ class FrameFit {
   };
   Recorded recorded(double light) const;
   Sums sums(std::span<const float> light) const;
+  // What is left of the light at a lane of a lit pixel, where that moves by `slope2`, h squared for each px
+  // squared.
+  struct Rest {
+    size_t channel = 0;
+    double whole = 0.0, by_light = 1.0;  // of white; of what the camera records
+    double rest = 0.0, part = 0.0;       // how much it counts: 0 to 1,
+    double weight = 0.0;                 // over its variance
+  };
+  Rest rest_of(std::span<const float> light, size_t lit, size_t l, double h, double slope2) const;
+  // With the shift once more, of which it may be a part.
+  void measure_turn(std::span<const float> light, FrameMeasure& measure) const;
 
   const SessionSamples& samples_;
   const SeenMonitor& seen_;

@@ -35,6 +35,8 @@ constexpr double kMinMeans = 0.15;               // difference of two pictures' 
 constexpr size_t kMinFlares = 8;                 // pictures
 constexpr double kFlareExplained = 4.0;          // what flare explains over what it does not
 
+}  // namespace
+
 std::vector<int> by_time(const v1::CaptureManifest& manifest) {
   std::vector<int> order(static_cast<size_t>(manifest.frames_size()));
   std::iota(order.begin(), order.end(), 0);
@@ -44,6 +46,8 @@ std::vector<int> by_time(const v1::CaptureManifest& manifest) {
     std::ranges::stable_sort(order, {}, [&](int i) { return manifest.frames(i).exposure_start_ns(); });
   return order;
 }
+
+namespace {
 
 // By the median of the slopes between points that lie apart (Theil and Sen).
 struct SteadyLine {
@@ -81,6 +85,7 @@ class Reporter {
       : manifest_(manifest), samples_(compared.samples), noise_sd_(compared.noise_sd), removed_(removed) {
     report_.frames.resize(static_cast<size_t>(manifest.frames_size()));
     report_.order = by_time(manifest);
+    report_.radius_px = std::hypot(samples_.middle_x_px, samples_.middle_y_px);
     const bool full = grays_say_full(beside);
     for (std::vector<float>& light : samples_.light) clipped_.push_back(count_as_full(beside, full, light));
     report_.before.resize(report_.frames.size());

@@ -1,11 +1,12 @@
 // What a session's frames have in common and in what they differ, before any fit: each frame of a picture
 // that is known, against the empty stage beside the object,
 //
-//   light_f(p) = black(p) + o_f + g_f contrast(p) h_f(p - d_f) + sum over k = 1, 2, 3 of a_k light_(f-k)(p)
+//   light_f(p) = black(p) + o_f + g_f contrast(p) h_f(p - d_f(p)) + sum over k = 1, 2, 3 of a_k
+//   light_(f-k)(p)
 //
-// with the gain g and the offset o of each channel, the shift d of what the camera sees, in its pixels, and
-// shares a of what is left of the last pictures. Flare is light in proportion to the picture's mean:
-// o_f = e mean_f.
+// with the gain g and the offset o of each channel, the shift d of what the camera sees, in its pixels, which
+// turns about the picture's middle, and shares a of what is left of the last pictures. Flare is light in
+// proportion to the picture's mean: o_f = e mean_f.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -31,8 +32,9 @@ struct FrameMeasure {
   bool dark = false;  // the picture has dark parts, which tell its offset from its gain
   // The shift, and the inverse of its covariance: a stripe tells of one direction. 0: of other pictures.
   double dx_px = 0.0, dy_px = 0.0;
-  double xx = 0.0, xy = 0.0, yy = 0.0;   // px^-2
-  std::array<double, kChannels> mean{};  // light of the whole picture, with its flare
+  double xx = 0.0, xy = 0.0, yy = 0.0;       // px^-2
+  double turn_rad = 0.0, turn_sd_rad = 0.0;  // clockwise; sd 0: not measured
+  std::array<double, kChannels> mean{};      // light of the whole picture, with its flare
 };
 
 // A number with its standard deviation.
@@ -44,6 +46,7 @@ struct FrameReport {
   size_t beside = 0;                 // pixels beside the object that were compared; 0: nothing was measured
   std::vector<FrameMeasure> frames;  // by index in the manifest
   std::vector<int> order;            // of all frames, by time
+  double radius_px = 0.0;            // of the picture, from its middle to its corners
   std::vector<std::array<int, kGhosts>> before;  // the last frames of each, the latest first; -1: none
   std::array<Measured, kGhosts> ghost;
   Measured flare;
@@ -69,6 +72,9 @@ struct ComparedFrames {
 absl::StatusOr<ComparedFrames> compare_frames(const v1::CaptureManifest& manifest,
                                               const std::vector<int>& frames, const LightReader& read,
                                               bool sweeps);
+
+// Indices of frames as they followed each other; as in the manifest where some have no times.
+std::vector<int> by_time(const v1::CaptureManifest& manifest);
 
 // `beside`, cut into four quarters of the picture that have as many pixels each.
 std::array<std::vector<bool>, 4> quarters_of(const SessionSamples& samples, const std::vector<bool>& beside);

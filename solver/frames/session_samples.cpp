@@ -27,6 +27,8 @@ absl::StatusOr<SessionSamples> sample_frames(const v1::CaptureManifest& manifest
                                              const std::vector<int>& frames, const LightReader& read) {
   SessionSamples samples;
   samples.light.resize(static_cast<size_t>(manifest.frames_size()));
+  samples.middle_x_px = 0.5 * (manifest.camera().width_px() - 1);
+  samples.middle_y_px = 0.5 * (manifest.camera().height_px() - 1);
   const bool mosaic = !manifest.camera().mosaic().empty();
   const std::vector<int> columns = places(manifest.camera().width_px(), kMaxColumns, mosaic);
   for (const int y : places(manifest.camera().height_px(), kMaxRows, mosaic)) {

@@ -15,8 +15,9 @@ struct SessionSamples {
     int x = 0, y = 0;
   };
   std::vector<Pixel> pixels;
-  int lanes_per_pixel = kChannels;  // 1: of a mosaic
-  std::vector<int> channel;         // by lane
+  double middle_x_px = 0.0, middle_y_px = 0.0;  // of the picture, as a pixel's place
+  int lanes_per_pixel = kChannels;              // 1: of a mosaic
+  std::vector<int> channel;                     // by lane
   // By frame of the manifest and lane: light, NaN where saturated. Empty: not read.
   std::vector<std::vector<float>> light;
 

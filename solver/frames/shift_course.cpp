@@ -9,6 +9,7 @@
 #include <functional>
 #include <map>
 #include <numbers>
+#include <span>
 #include <vector>
 
 #include "core/base/median.h"
@@ -95,6 +96,90 @@ std::string words_of(double dx_px, double dy_px) {
   if (std::abs(dy_px) >= 0.03)
     parts.push_back(fmt::format("{:.2f} px {}", std::abs(dy_px), dy_px > 0.0 ? "down" : "up"));
   return fmt::format("{}", fmt::join(parts, " and "));
+}
+
+// Frames that tell by how much the picture is turned.
+struct Turned {
+  int frame = 0;
+  std::ptrdiff_t place = 0;  // in the order of time
+  double turn_rad = 0.0, precision = 0.0;
+};
+
+std::vector<Turned> turned(const FrameReport& report) {
+  std::vector<Turned> frames;
+  // Model errors are alike in all frames: none counts for more than 0.01 px at the corners.
+  const double least_sd_rad = 0.01 / std::max(report.radius_px, 1.0);
+  for (std::ptrdiff_t i = 0; i < std::ssize(report.order); ++i) {
+    const FrameMeasure& measure = report.frames[static_cast<size_t>(report.order[static_cast<size_t>(i)])];
+    if (!measure.measured || !(measure.turn_sd_rad > 0.0)) continue;
+    const double sd_rad = std::max(measure.turn_sd_rad, least_sd_rad);
+    frames.push_back({.frame = report.order[static_cast<size_t>(i)],
+                      .place = i,
+                      .turn_rad = measure.turn_rad,
+                      .precision = 1.0 / (sd_rad * sd_rad)});
+  }
+  return frames;
+}
+
+double turn_of(std::span<const Turned> frames) {
+  double sum = 0.0, precision = 0.0;
+  for (const Turned& own : frames) {
+    sum += own.precision * own.turn_rad;
+    precision += own.precision;
+  }
+  return sum / precision;
+}
+
+// By how much frames lie off such a step, a standard deviation.
+double scatter_of(std::span<const Turned> before, std::span<const Turned> after) {
+  std::vector<double> rests;
+  for (const std::span<const Turned> side : {before, after}) {
+    const double turn_rad = turn_of(side);
+    for (const Turned& own : side) rests.push_back(std::abs(own.turn_rad - turn_rad));
+  }
+  return 1.4826 * median(rests);
+}
+
+// The turn from the frames before this place in time to the others; 0 if it is not certain.
+double turn_at(const FrameReport& report, const std::vector<Turned>& frames, size_t at) {
+  if (at < kStretch || at + kStretch > frames.size()) return 0.0;
+  const std::span<const Turned> before = std::span(frames).first(at), after = std::span(frames).subspan(at);
+  const double turn_rad = turn_of(after) - turn_of(before);
+  const double least_rad = std::max(kMoved_px / report.radius_px, kMovedErrors * scatter_of(before, after));
+  return std::abs(turn_rad) > least_rad ? turn_rad : 0.0;
+}
+
+size_t count_before(const FrameReport& report, const std::vector<Turned>& frames, int frame) {
+  const auto place = std::ranges::find(report.order, frame) - report.order.begin();
+  return static_cast<size_t>(
+      std::ranges::count_if(frames, [&](const Turned& own) { return own.place < place; }));
+}
+
+// The step that explains most of the turns.
+std::optional<Knock> turn_of_session(const FrameReport& report) {
+  const std::vector<Turned> frames = turned(report);
+  if (frames.size() < 4 * kStretch) return std::nullopt;
+  double sum = 0.0, precision = 0.0, best = 0.0;
+  for (const Turned& own : frames) {
+    sum += own.precision * own.turn_rad;
+    precision += own.precision;
+  }
+  size_t at = 0;
+  double sum_before = 0.0, precision_before = 0.0;
+  for (size_t i = 1; i < frames.size(); ++i) {
+    sum_before += frames[i - 1].precision * frames[i - 1].turn_rad;
+    precision_before += frames[i - 1].precision;
+    const double sum_after = sum - sum_before, precision_after = precision - precision_before;
+    const double explained =
+        sum_before * sum_before / precision_before + sum_after * sum_after / precision_after;
+    if (explained > best) {
+      best = explained;
+      at = i;
+    }
+  }
+  const double turn_rad = turn_at(report, frames, at);
+  if (turn_rad == 0.0) return std::nullopt;
+  return Knock{.frame = frames[at].frame, .turn_rad = turn_rad};
 }
 
 // By how much frames that show the same direction differ from those beside them, px, rms.
@@ -200,9 +285,7 @@ double scatter_px(const std::vector<Placed>& frames, const std::function<Place(s
   return 1.4826 * median(rests_px);
 }
 
-}  // namespace
-
-ShiftCourse shift_course(const FrameReport& report) {
+ShiftCourse course_of_shifts(const FrameReport& report) {
   const std::vector<Placed> frames = placed(report);
   if (frames.size() < 4 * kStretch) return {};
   const double moved_px = std::max(kMoved_px, kMovedErrors * usual_error_px(frames));
@@ -235,15 +318,9 @@ ShiftCourse shift_course(const FrameReport& report) {
   const bool known = before.sd_px < kSurePlace_px && after.sd_px < kSurePlace_px;
   // What the model of the pictures lacks follows the pictures, not time.
   const double rest_px = scatter_px(frames, course);
-  if (known && knock.size_px() > std::max(0.8 * size, kExplains * rest_px) &&
-      rest_px < kBetter * scatter_px(frames, even_course(frames))) {
-    return {.warning = fmt::format(
-                "from frame {} on everything lies {}: the camera, the monitor or the table was touched",
-                knock.frame, words_of(knock.dx_px, knock.dy_px)),
-            .knock = knock,
-            .trembles = false,
-            .moved_px = knock.size_px()};
-  }
+  if (known && knock.shift_px() > std::max(0.8 * size, kExplains * rest_px) &&
+      rest_px < kBetter * scatter_px(frames, even_course(frames)))
+    return {.warning = text_of(knock), .knock = knock, .trembles = false, .moved_px = knock.shift_px()};
   const Place creep = creep_of(frames);
   const double length_px = std::hypot(creep.x_px, creep.y_px);
   const bool alike = creep.x_px * x + creep.y_px * y > kSameCreep * length_px * size;
@@ -257,6 +334,35 @@ ShiftCourse shift_course(const FrameReport& report) {
           .moved_px = length_px};
 }
 
+}  // namespace
+
+std::string text_of(const Knock& knock, const std::string& when) {
+  std::vector<std::string> parts;
+  if (const std::string shift = words_of(knock.dx_px, knock.dy_px); !shift.empty())
+    parts.push_back("lies " + shift);
+  if (knock.turn_rad != 0.0) {
+    parts.push_back(fmt::format("is turned by {:.2g}° {}",
+                                std::abs(knock.turn_rad) * 180.0 / std::numbers::pi,
+                                knock.turn_rad > 0.0 ? "clockwise" : "counter-clockwise"));
+  }
+  return fmt::format("from frame {}{} on everything {}: the camera, the monitor or the table was touched",
+                     knock.frame, when, fmt::join(parts, " and "));
+}
+
+ShiftCourse shift_course(const FrameReport& report) {
+  ShiftCourse course = course_of_shifts(report);
+  if (course.knock) {
+    const std::vector<Turned> frames = turned(report);
+    course.knock->turn_rad = turn_at(report, frames, count_before(report, frames, course.knock->frame));
+  } else if (!course.trembles) {  // what turns about another place creeps, of two sweeps
+    course.knock = turn_of_session(report);
+  }
+  if (!course.knock) return course;
+  course.warning = text_of(*course.knock);
+  course.moved_px = course.knock->size_px(report.radius_px);
+  return course;
+}
+
 Knock step_left(const FrameReport& report, int frame) {
   const std::vector<Placed> frames = placed(report);
   const auto place_in_time = [&](int own) {
@@ -265,7 +371,11 @@ Knock step_left(const FrameReport& report, int frame) {
   const auto at = static_cast<size_t>(std::ranges::count_if(
       frames, [&](const Placed& own) { return place_in_time(own.frame) < place_in_time(frame); }));
   const Place before = place_of(frames, 0, at), after = place_of(frames, at, frames.size());
-  return {.frame = frame, .dx_px = after.x_px - before.x_px, .dy_px = after.y_px - before.y_px};
+  Knock left{.frame = frame, .dx_px = after.x_px - before.x_px, .dy_px = after.y_px - before.y_px};
+  const std::vector<Turned> turns = turned(report);
+  if (const size_t first = count_before(report, turns, frame); first > 0 && first < turns.size())
+    left.turn_rad = turn_of(std::span(turns).subspan(first)) - turn_of(std::span(turns).first(first));
+  return left;
 }
 
 }  // namespace glasswing

@@ -1,5 +1,5 @@
-// How what the camera sees moved during a session, from the shifts of its frames (frame_report.h): a step, a
-// creep or a tremble.
+// How what the camera sees moved during a session, from the shifts and turns of its frames (frame_report.h):
+// a step, a creep or a tremble.
 #pragma once
 
 #include <cmath>
@@ -10,12 +10,18 @@
 
 namespace glasswing {
 
-// From this frame on, in time, everything lies that much to the right and below.
+// From this frame on, in time, everything lies that much to the right and below, turned clockwise about the
+// picture's middle.
 struct Knock {
   int frame = -1;
-  double dx_px = 0.0, dy_px = 0.0;
-  double size_px() const { return std::hypot(dx_px, dy_px); }
+  double dx_px = 0.0, dy_px = 0.0, turn_rad = 0.0;
+  double shift_px() const { return std::hypot(dx_px, dy_px); }
+  // Of the corner that moved most, or nearly.
+  double size_px(double radius_px) const { return shift_px() + std::abs(turn_rad) * radius_px; }
 };
+
+// For users: how far, and the likely cause; `when`: " (83 s after the first)", or nothing.
+std::string text_of(const Knock& knock, const std::string& when = "");
 
 struct ShiftCourse {
   std::string warning;  // for users: which frames, how far, and the likely cause
@@ -24,7 +30,8 @@ struct ShiftCourse {
   double moved_px = 0.0;  // by which frames lie apart
 };
 
-// Neither if nothing moved by 0.1 px, by ten errors of one frame, or by more than frames lie off the course.
+// Neither if nothing moved by 0.1 px, at the picture's corners if it turned, by ten errors of one frame, or
+// by more than frames lie off the course.
 ShiftCourse shift_course(const FrameReport& report);
 
 // The step from the frames before this one to the others.

@@ -22,9 +22,9 @@ struct FrameCorrection {
   std::array<float, 3> gain{1.0f, 1.0f, 1.0f}, offset{};  // by channel
   std::array<int, 3> before{-1, -1, -1};                  // frames whose ghosts it has, the latest first
   GrayFrames grays;                                       // tell what is saturated; none: it stays so
-  float dx_px = 0.0f,
-        dy_px = 0.0f;  // by which everything lies right of where the other frames have it, and below
-  bool is_moved() const { return dx_px != 0.0f || dy_px != 0.0f; }
+  // What other frames have at (x, y) lies at (x + dx - turn y, y + dy + turn x), px from the top left one.
+  float dx_px = 0.0f, dy_px = 0.0f, turn_rad = 0.0f;
+  bool is_moved() const { return dx_px != 0.0f || dy_px != 0.0f || turn_rad != 0.0f; }
 };
 
 struct FrameCorrections {

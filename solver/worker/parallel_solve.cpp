@@ -87,7 +87,7 @@ absl::StatusOr<FrameStack> PreparedSolve::light_row(
     const std::vector<std::array<float, 3>>& brightness,
     const std::shared_ptr<const FrameCorrections>& corrections) const {
   const std::vector<int> frames = with_needed(wanted, corrections.get(), frames_needed());
-  const int moved = registration_reach(corrections.get());
+  const int moved = registration_reach(corrections.get(), manifest_.camera().width_px());
   const int reach = interpolated_ ? kInterpolationReach : moved;
   const int first = std::max(row - reach, 0), end = std::min(row + reach + 1, manifest_.camera().height_px());
   FrameStack stack{.width_px = manifest_.camera().width_px(),
@@ -145,8 +145,9 @@ absl::Status PreparedSolve::map_stage(const RowReader& read,
 int PreparedSolve::margin_rows() const {
   const bool mosaic = !manifest_.camera().mosaic().empty();
   const int bad = faults_.bad_pixels.empty() ? 0 : filled_reach(mosaic);
-  const int reach = std::max(bad + registration_reach(faults_.corrections.get()),
-                             faults_.disturbance.moved_px > 0.0 ? kDisturbedReach : 0);
+  const int reach =
+      std::max(bad + registration_reach(faults_.corrections.get(), manifest_.camera().width_px()),
+               faults_.disturbance.moved_px > 0.0 ? kDisturbedReach : 0);
   return reach + (interpolated_ ? kInterpolationReach : mosaic ? kMosaicReach : 0);
 }
 
@@ -206,7 +207,8 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
   const int band_count = (row_count + band_rows - 1) / band_rows;
   // Every so-manyth column alone cannot be filled or moved: drafts are not.
   const bool fills = column_step == 1 && !faults_.bad_pixels.empty();
-  const int moved = column_step == 1 ? registration_reach(faults_.corrections.get()) : 0;
+  const int moved =
+      column_step == 1 ? registration_reach(faults_.corrections.get(), manifest_.camera().width_px()) : 0;
   const int reach = moved + (fills ? filled_reach(!manifest_.camera().mosaic().empty()) : 0);
   std::vector<std::optional<absl::StatusOr<Matte>>> bands(static_cast<size_t>(band_count));
   std::atomic<int> next = 0, done = 0;

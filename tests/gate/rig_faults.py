@@ -162,6 +162,34 @@ def moved(light, shown, shifts):
     return np.stack([shifted(one, *shift) if np.any(shift) else one for one, shift in zip(light, shifts)])
 
 
+def sheared(picture: np.ndarray, axis: int, shifts: np.ndarray) -> np.ndarray:
+    """Each row (axis 1) or column (axis 0) moved along itself by its own shift: as shifted()."""
+    length = picture.shape[axis]
+    whole = np.roll(np.concatenate([picture, np.flip(picture, axis)], axis), length // 2, axis)
+    along, across = [None, None, None], [None, None, None]
+    along[axis], across[1 - axis] = slice(None), slice(None)
+    phase = np.fft.fftfreq(2 * length)[tuple(along)] * shifts[tuple(across)]
+    moved = np.real(np.fft.ifft(np.fft.fft(whole, axis=axis) * np.exp(-2j * np.pi * phase), axis=axis))
+    return np.take(np.roll(moved, -(length // 2), axis), np.arange(length), axis)
+
+
+def turn(light, shown, degrees, _rng):
+    """A knock that turns the picture clockwise about its middle, to first order."""
+    height, width = light.shape[1:3]
+    angle = np.radians(degrees)
+    down, left = angle * (np.arange(width) - (width - 1) / 2), -angle * (np.arange(height) - (height - 1) / 2)
+    return np.stack([sheared(sheared(one, 0, down), 1, left) if part > 0.5 else one
+                     for one, part in zip(light, shown.part)])
+
+
+def two_steps(light, shown, share, _rng):
+    """A rolling shutter whose lower rows are open while the next picture is there: the last by this share of their
+    exposure."""
+    height = light.shape[1]
+    rows = (share * np.clip(2 * (np.arange(height) + 0.5) / height - 1, 0, 1))[:, None, None]
+    return (1 - rows) * light + rows * np.concatenate([light[1:], light[-1:]])
+
+
 def object_moved(light, shown, size, rng, mask):
     """After the first sweep, over a stage that stays where it is: the pictures without the object are not known for
     stripes, so what lies beside the object is continued from the unmoved picture."""
@@ -218,7 +246,7 @@ def black_level(light, shown, level, _rng):
 
 FAULTS = {name: function for name, function in list(globals().items())
           if callable(function) and getattr(function, "__module__", "") == __name__ and name not in
-          ("read_png", "unfilter", "write_png", "shifted", "Shown", "each", "direction", "moved")}
+          ("read_png", "unfilter", "write_png", "shifted", "sheared", "Shown", "each", "direction", "moved")}
 
 
 @functools.lru_cache(maxsize=1)

@@ -2,8 +2,8 @@
 """rig_faults_table.py SCENE [FAULT=STRENGTH[+FAULT=STRENGTH]...]...
 
 Solves a rendered scene with faults of a rig (rig_faults.py), and prints for each: dB of the composites inside the object
-(of all photographs' squared errors), the share of pixels that are wrong by more than 0.05 and how many of those are
-flagged, and the warnings. GLASSWING_BIN: the programs; GLASSWING_SOLVER: another solver; GLASSWING_SOLVE: further arguments of
+(of all photographs' squared errors), the rms of these errors over those that the matte states where it states one (z), the
+share of pixels that are wrong by more than 0.05 and how many of those are flagged, and the warnings. GLASSWING_BIN: the programs; GLASSWING_SOLVER: another solver; GLASSWING_SOLVE: further arguments of
 `glasswing-solver solve` (default: none); ROWS=FIRST:END: only these rows of the picture; SEED: of the faults."""
 
 import os
@@ -28,12 +28,10 @@ def run(*words: object) -> str:
     return done.stderr
 
 
-def flags_of(matte: pathlib.Path) -> np.ndarray | None:
-    try:
-        import glasswing
-    except ImportError:
-        return None
-    return np.asarray(glasswing.Matte.read(matte).flags)
+try:
+    import glasswing
+except ImportError:  # neither flags nor z
+    glasswing = None
 
 
 def outcome(scene: pathlib.Path, faults: list[tuple[str, float]], seed: int) -> tuple[str, list[str]]:
@@ -48,7 +46,8 @@ def outcome(scene: pathlib.Path, faults: list[tuple[str, float]], seed: int) -> 
         except RuntimeError as refused:
             return "refused", [str(refused)]
         inside = rig_faults.read_png(scene / "mask_true.png")[ROWS, :, 0] > 0.5
-        squares, wrong = [], np.zeros(inside.shape, bool)
+        squares, squares_of_z, wrong = [], [], np.zeros(inside.shape, bool)
+        solved = glasswing and glasswing.Matte.read(matte)
         for seen in sorted((scene / "ref").glob("*_obj.png")):
             photograph = seen.name[: -len("_obj.png")]
             picture = directory / "picture.png"
@@ -57,10 +56,15 @@ def outcome(scene: pathlib.Path, faults: list[tuple[str, float]], seed: int) -> 
             error = rig_faults.read_png(picture) - rig_faults.read_png(seen)[ROWS]
             wrong |= (np.abs(error) > WRONG).any(-1)
             squares.append((error[inside] ** 2).mean())
+            if solved:
+                behind = rig_faults.read_png(scene / f"stim/photo_{photograph}.png").astype(np.float32)
+                stated = np.asarray(solved.error({name: behind for name in list(solved.monitors)[:1]}))
+                squares_of_z.append(np.square(error / stated)[inside & (stated > 0).all(-1)])
         text = f"{-10 * np.log10(np.mean(squares)):5.1f} dB, {100 * wrong.mean():5.2f} % wrong"
-        flags = flags_of(matte)
-        if flags is not None and wrong.any():
-            text += f", {100 * (flags[wrong] != 0).mean():3.0f} % of them flagged"
+        if solved:
+            text += f", z {np.sqrt(np.mean(np.concatenate(squares_of_z))):4.1f}"
+        if solved and wrong.any():
+            text += f", {100 * (np.asarray(solved.flags)[wrong] != 0).mean():3.0f} % of them flagged"
         return text, [line for line in said.splitlines() if line.startswith("warning: ")]
 
 

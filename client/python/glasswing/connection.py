@@ -131,6 +131,10 @@ def _dial(settings: Settings) -> grpc.Channel:
         ("grpc.max_reconnect_backoff_ms", 1000),
         ("grpc.use_local_subchannel_pool", 1),
         ("grpc.enable_http_proxy", 0),
+        # A call to a machine that vanished ends within 30 s.
+        ("grpc.keepalive_time_ms", 20000),
+        ("grpc.keepalive_timeout_ms", 10000),
+        ("grpc.http2.max_pings_without_data", 0),
     ]
     if (settings.certificate is None) != (settings.key is None):
         raise InvalidInput("certificate and key belong together; give both or neither")

@@ -186,6 +186,8 @@ class SessionInfo:
     refused_frames: tuple[int, ...]
     refusal: str
     """Why one of the refused frames cannot be solved; else empty."""
+    matte_warnings: tuple[str, ...]
+    """What ``Matte.warnings`` of the mattes says, each once."""
     allowed_actions: frozenset[Action]
     """The calls that the server would accept now."""
     draft: Draft | None
@@ -232,6 +234,7 @@ class SessionInfo:
             solved_frames=tuple(message.solved_frames),
             refused_frames=tuple(message.refused_frames),
             refusal=message.refusal,
+            matte_warnings=tuple(message.matte_warnings),
             allowed_actions=frozenset(map(Action, message.allowed_actions)),
             draft=Draft(message.draft.image_count, message.draft.planned_image_count) if message.HasField("draft") else None,
             copies=tuple(copy.node for copy in message.copies),

@@ -24,7 +24,10 @@ export const surroundedShow: MakeShow = (canvas, description, rays) => {
     canvasLabel:
       "The object in an environment. Left and right arrow keys turn it, plus and minus change its light, 0 puts it back.",
     accept: "image/*,.hdr,.exr",
-    open: async (file, name) => scene.setEnvironment(await openEnvironment(file, name, scene.mostPictureSide)),
+    open: async (file, name) => {
+      const environment = await openEnvironment(file, name, scene.mostPictureSide);
+      return () => scene.setEnvironment(environment);
+    },
     paint: (kind) => scene.setEnvironment(paintEnvironment(kind as BuiltInEnvironment)),
   };
 };

@@ -2,6 +2,7 @@
 import { checkedDescription, readWebMatte } from "../src/light/web_matte";
 import { surroundedShow } from "./environment";
 import { pictureShow } from "./picture";
+import { Newest } from "./newest";
 import "./player.css";
 import { got, type Show } from "./show";
 
@@ -20,12 +21,11 @@ function addControls(show: Show): void {
   const choice = document.createElement("select");
   choice.setAttribute("aria-label", show.choiceLabel);
   for (const name of [...show.offered, ...show.builtIn]) choice.add(new Option(name.replace(/\.[a-z]+$/, ""), name));
-  const choose = async (name: string): Promise<void> => {
-    canvas.ariaBusy = "true";
-    if (show.offered.includes(name)) await show.open(await (await got(name)).blob(), name);
-    else show.paint(name);
-  };
-  choice.onchange = () => void choose(choice.value).catch(fail);
+  const choose = (name: string): void =>
+    void put(async () =>
+      show.offered.includes(name) ? show.open(await (await got(name)).blob(), name) : () => show.paint(name),
+    );
+  choice.onchange = () => choose(choice.value);
   const label = document.createElement("label");
   label.textContent = show.ownLabel;
   const own = document.createElement("input");
@@ -35,19 +35,23 @@ function addControls(show: Show): void {
   label.append(own);
   controls.append(choice, label);
   controls.hidden = false;
-  void choose(choice.value).catch(fail);
+  choose(choice.value);
 }
 
-async function open(show: Show, file: File): Promise<void> {
+const newest = new Newest();
+
+/** Shows what loads, unless something else is asked for meanwhile. */
+async function put(load: () => Promise<() => void>): Promise<void> {
   canvas.ariaBusy = "true";
   try {
-    await show.open(file, file.name);
-    say("");
+    await newest.show(load, (show) => (show(), say("")));
   } catch (error) {
     canvas.ariaBusy = "false";
     fail(error);
   }
 }
+
+const open = (show: Show, file: File): Promise<void> => put(() => show.open(file, file.name));
 
 async function begin(): Promise<void> {
   const description = checkedDescription(await (await got("matte.json")).json());

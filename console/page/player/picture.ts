@@ -26,7 +26,7 @@ export const pictureShow: MakeShow = (canvas, description, matte) => {
     accept: "image/*",
     open: async (file, name) => {
       const image = await openPicture(file, name, stage.mostPictureSide);
-      put(() => image);
+      return () => put(() => image);
     },
     paint: (kind) => put((width, height) => paint(kind as BuiltIn, width, height, "#2f7d8c")),
   };

@@ -11,7 +11,8 @@ export interface Show {
   canvasLabel: string;
   /** Of a visitor's own file. */
   accept: string;
-  open: (file: Blob, name: string) => Promise<void>;
+  /** What it gives shows the file. */
+  open: (file: Blob, name: string) => Promise<() => void>;
   paint: (builtIn: string) => void;
 }
 

@@ -88,6 +88,8 @@ class SessionTest(unittest.TestCase):
         self.assertEqual(shown["state"], f"SESSION_STATE_{info.state.name}")
         self.assertEqual((shown["step_count"], shown["proven_count"]), (info.steps, info.steps_proven))
         self.assertEqual(shown["pixel_count"], str(self.matte.coverage.size))
+        self.assertEqual(tuple(shown.get("matte_warnings", ())), self.matte.warnings)
+        self.assertEqual(info.matte_warnings, self.matte.warnings)
         object_pixels = self.matte.coverage > 0
         self.assertEqual(shown["object_pixel_count"], str(np.count_nonzero(object_pixels)))
         self.assertEqual(shown["flagged_pixel_count"], str(np.count_nonzero(self.matte.flags[object_pixels])))

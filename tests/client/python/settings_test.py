@@ -1,13 +1,18 @@
-"""The sources of the server's address and the certificates, and which connections are refused."""
+"""The sources of the server's address and the certificates, and which connections are refused, or end."""
 
+import contextlib
 import os
 import pathlib
+import socket
 import tempfile
+import threading
 import unittest
 import unittest.mock
 
 import glasswing
+from glasswing.connection import Connection
 from glasswing.settings import load_settings
+from glasswing.v1 import session_service_pb2, session_service_pb2_grpc
 
 
 class SettingsTest(unittest.TestCase):
@@ -52,6 +57,24 @@ class SettingsTest(unittest.TestCase):
         self.refused(glasswing.InvalidInput, "config.toml: ")
         self.environment({"GLASSWING_CONFIG": "/nonexistent/file"})
         self.refused(glasswing.NotFound, "/nonexistent/file")
+
+    def test_a_call_to_a_machine_that_vanished_ends(self):
+        with socket.create_server(("127.0.0.1", 0)) as listener, contextlib.ExitStack() as connections:
+
+            def accept() -> None:
+                peer = connections.enter_context(listener.accept()[0])
+                peer.sendall(bytes([0, 0, 0, 4, 0, 0, 0, 0, 0]))  # HTTP/2's first frame, of settings, and nothing after it
+
+            peer = threading.Thread(target=accept)
+            peer.start()
+            settings = load_settings(f"127.0.0.1:{listener.getsockname()[1]}", None, None, None)
+            connection = Connection(settings, timeout=90.0)
+            self.addCleanup(connection.close)
+            get = connection.stub(session_service_pb2_grpc.SessionServiceStub).GetSession
+            with self.assertRaises(glasswing.Unavailable) as caught:
+                connection.call(get, session_service_pb2.GetSessionRequest(name="s"))
+            self.assertIn("does not answer", str(caught.exception))
+            peer.join()
 
     def test_another_machine_needs_tls(self):
         for server in ("rig.example:7440", "10.0.0.7:7440", "[2001:db8::1]:7440", "127.example.org:7440"):

@@ -1,8 +1,15 @@
 #include "core/service/service.h"
 
+#include <arpa/inet.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 
+#include <array>
+#include <string>
+#include <thread>
+
+#include "core/base/descriptor.h"
 #include "core/base/time.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "tests/support/status.h"
@@ -60,6 +67,30 @@ TEST(ServiceHost, ReflectsOnlyIfAskedTo) {
   EXPECT_EQ(reflection_code(*reflecting), grpc::StatusCode::OK);
   // One server of a process with it does not give it to the next.
   EXPECT_EQ(reflection_code(*ServiceHost::start({}, {}).value()), grpc::StatusCode::UNIMPLEMENTED);
+}
+
+TEST(Dial, ACallToAMachineThatVanishedEnds) {
+  const Descriptor listener(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  sockaddr_in address{
+      .sin_family = AF_INET, .sin_port = 0, .sin_addr = {htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
+  socklen_t size = sizeof address;
+  ASSERT_EQ(::bind(listener.get(), reinterpret_cast<sockaddr*>(&address), size), 0);
+  ASSERT_EQ(::listen(listener.get(), 1), 0);
+  ASSERT_EQ(::getsockname(listener.get(), reinterpret_cast<sockaddr*>(&address), &size), 0);
+  Descriptor connection;
+  // HTTP/2's first frame, of settings, and nothing after it.
+  const std::jthread peer([&] {
+    constexpr std::array<char, 9> kSettings{0, 0, 0, 4};
+    connection = Descriptor(::accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC));
+    ::send(connection.get(), kSettings.data(), kSettings.size(), MSG_NOSIGNAL);
+  });
+  const auto stub = v1::ClockService::NewStub(dial("127.0.0.1:" + std::to_string(ntohs(address.sin_port))));
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::seconds(90));
+  v1::ExchangeResponse response;
+  const grpc::Status status = stub->Exchange(&context, {}, &response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE) << status.error_message();
+  EXPECT_NE(status.error_message().find("keepalive"), std::string::npos) << status.error_message();
 }
 
 TEST(Status, CodesCrossTheWireUnchanged) {

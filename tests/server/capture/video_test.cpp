@@ -1,5 +1,6 @@
 // A video on a simulated rig that loses frames, from the capture to the mattes of its frames.
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -204,6 +205,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
   EXPECT_EQ(read_file(*server.solves().matte("s", solved.front())).value(),
             IdleSolver::matte(solved.front(), 2.0f));
+  EXPECT_THAT(session.matte_warnings(), testing::UnorderedElementsAre("even", "odd"));
 
   // A finished solve stays until the next one finishes. Frames without a possible matte fail the session once
   // all others are solved.

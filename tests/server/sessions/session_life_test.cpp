@@ -202,6 +202,7 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   EXPECT_EQ(first.state(), v1::SESSION_STATE_DONE) << first.reason();
   EXPECT_TRUE(first.matte_ready());
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
+  EXPECT_THAT(first.matte_warnings(), testing::ElementsAre("mark 1"));
 
   // An unknown option, or a value that it does not take, is refused before anything changes.
   const auto refused = [&](const std::string& option, const std::string& value) {
@@ -245,6 +246,7 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE) << session.reason();
   EXPECT_EQ(session.method(), "hierarchical");
   EXPECT_EQ(marks(), Marks(3.0f, 4.0f));
+  EXPECT_THAT(session.matte_warnings(), testing::ElementsAre("mark 3"));
 
   // A solve that names no method is by the plan's, whatever the last one used.
   session = solve("");

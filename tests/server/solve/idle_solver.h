@@ -18,7 +18,7 @@
 
 namespace glasswing {
 
-// A solver that computes nothing: each frame's matte names its frame.
+// A solver that computes nothing: each frame's matte names its frame, and warns of its parity.
 class IdleSolver {
  public:
   explicit IdleSolver(Server& server) : service_(server), host_(ServiceHost::start({}, {&service_}).value()) {
@@ -59,6 +59,7 @@ class IdleSolver {
     matte.metadata.set_width_px(5);
     matte.metadata.set_height_px(4);
     matte.metadata.set_frame(frame);
+    matte.metadata.add_warnings(frame % 2 == 0 ? "even" : "odd");
     matte.foreground(0, 0) = {mark, mark, mark};
     return encode_matte(matte).value();
   }
@@ -93,13 +94,14 @@ class IdleSolver {
     writer->WritesDone();
     return writer->Finish();
   }
-  // A matte of the tile's rows.
+  // A matte of the tile's rows, which warns of its mark.
   static std::string rows(const v1::ClaimTileResponse& tile, int width_px, int height_px, float mark) {
     Matte matte(0, tile.first_row(), width_px, tile.row_count(), 1);
     matte.metadata.set_format_version(1);
     matte.metadata.add_monitors()->set_name("back");
     matte.metadata.set_width_px(width_px);
     matte.metadata.set_height_px(height_px);
+    matte.metadata.add_warnings(fmt::format("mark {}", mark));
     for (int y = 0; y < tile.row_count(); ++y) matte.foreground(0, y) = {mark, mark, mark};
     return encode_matte(matte).value();
   }

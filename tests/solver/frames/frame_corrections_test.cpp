@@ -25,6 +25,7 @@ struct View {
   int border_px = 0;                     // of the camera's picture, black
   int reach_x_px = 12, reach_y_px = 12;  // of the object, from its middle,
   int object_x_px = 32;                  // which lies there
+  double turn_rad = 0.0;                 // of the camera's picture, clockwise
 };
 // A pixel and a bit: what flat pixels show beats with the camera's, as no smooth footprint does.
 constexpr View kFar{.scale = 1.03, .border_px = 4, .reach_x_px = 20, .reach_y_px = 14};
@@ -54,8 +55,9 @@ double seen(const View& view, const v1::Stimulus& stimulus, int x, int y) {
   if (std::min({x, y, kWidth - 1 - x, kHeight - 1 - y}) < view.border_px) return 0.0;
   double sum = 0.0;
   for (int i = 0; i < 16; ++i) {
-    const double x_px = kWidth / 2 + view.scale * (x + (i % 4 + 0.5) / 4.0 - kWidth / 2),
-                 y_px = kHeight / 2 + view.scale * (y + (i / 4 + 0.5) / 4.0 - kHeight / 2);
+    const double right = x + (i % 4 + 0.5) / 4.0 - kWidth / 2, down = y + (i / 4 + 0.5) / 4.0 - kHeight / 2;
+    const double x_px = kWidth / 2 + view.scale * (right + view.turn_rad * down),
+                 y_px = kHeight / 2 + view.scale * (down - view.turn_rad * right);
     sum += shown(stimulus, x_px, y_px) / 16.0;
   }
   return sum;
@@ -105,8 +107,9 @@ void add_areas(Session& session, bool object) {
   }
 }
 
-// `moved_px`: by which the object lies further right in the last sweep.
-Session clean_session(const View& view = {}, int moved_px = 0) {
+// `moved_px`: by which the object lies further right in the last sweep; `turn_rad`: by which the picture is
+// turned from its stripe at 10 px on.
+Session clean_session(const View& view = {}, int moved_px = 0, double turn_rad = 0.0) {
   Session session{.manifest = {}, .frames = {}, .view = view};
   v1::Monitor& monitor = *session.manifest.add_monitors();
   monitor.set_name("back");
@@ -125,6 +128,7 @@ Session clean_session(const View& view = {}, int moved_px = 0) {
       stripe.set_sigma_px(4.0);
       stripe.set_peak(1.0);
       stripe.set_r_px(r_px);
+      if (phi_deg == 90.0 && r_px == 10.0) session.view.turn_rad = turn_rad;
       add(session, true, stripe);
     }
   }
@@ -328,6 +332,45 @@ TEST(FrameFaults, ALampIsSubtracted) {
   EXPECT_EQ(faults.corrections->of_frame[90].offset[1], 0.0f);
   ASSERT_EQ(faults.warnings.size(), 1u);
   EXPECT_EQ(faults.warnings[0].find("frames 70 to 79 are up to 0.05"), 0u) << faults.warnings[0];
+}
+
+TEST(FrameFaults, APictureThatTurnedIsSaid) {
+  for (const double turn_rad : {0.01, -0.02}) {  // 0.4 and 0.8 px at the corners
+    const FrameFaults faults = faults_of(clean_session({}, 0, turn_rad));
+    ASSERT_EQ(faults.warnings.size(), 1u);
+    EXPECT_EQ(faults.warnings[0].find("from frame 98 on everything is turned by "), 0u) << faults.warnings[0];
+    EXPECT_NE(faults.warnings[0].find(turn_rad > 0.0 ? "° clockwise" : "° counter-clockwise"),
+              std::string::npos)
+        << faults.warnings[0];
+    EXPECT_GT(faults.disturbance.moved_px, 0.1);  // it is not moved back here
+  }
+}
+
+// A rolling shutter exposes its rows one after the other: the last while the next picture is there, or the
+// first while the last one still is.
+TEST(FrameFaults, RowsThatShowTwoPicturesAreSaid) {
+  constexpr double kShare = 0.12;
+  for (const int way : {1, -1}) {
+    Session session = clean_session();
+    const std::vector<Picture> clean = session.frames;
+    for (size_t f = 1; f + 1 < clean.size(); ++f) {
+      const Picture& other = clean[way > 0 ? f + 1 : f - 1];
+      for (size_t at = 0; at < clean[f].size(); ++at) {
+        const double row = (static_cast<double>(at / kWidth) + 0.5) / kHeight,
+                     late = way > 0 ? row : 1.0 - row;
+        const double share = kShare * std::max(0.0, 2.0 * late - 1.0);
+        session.frames[f][at] = (1.0 - share) * clean[f][at] + share * other[at];
+      }
+    }
+    const FrameFaults faults = faults_of(session);
+    // Of the last sixth 10 %, in the mean.
+    const std::string said =
+        way > 0 ? "the last 24 of 48 rows of frames show the next picture, too, 10 % of it"
+                : "the first 24 of 48 rows of frames show the previous picture, too, 10 % of it";
+    EXPECT_TRUE(std::ranges::any_of(faults.warnings, [&](const std::string& warning) {
+      return warning.starts_with(said);
+    })) << (faults.warnings.empty() ? "nothing" : faults.warnings[0]);
+  }
 }
 
 TEST(FrameFaults, AnObjectThatMovedIsSaid) {

@@ -13,17 +13,21 @@ namespace {
 constexpr int kSteps = 30;  // of a sweep
 constexpr double kError_px = 0.003;
 
+constexpr double kRadius_px = 400.0;  // of the picture, and usual of what is seen of it: half
+constexpr double kTurnError_rad = kError_px / (0.5 * kRadius_px);
+
 struct Shift {
-  double dx_px = 0.0, dy_px = 0.0;
+  double dx_px = 0.0, dy_px = 0.0, turn_rad = 0.0;
 };
 
 // `part`: of the session; `miss_px`: what a sweep sees beside that, and `error_px` a frame.
 FrameReport report_of(const std::function<Shift(double part)>& shift,
                       const std::array<double, 4>& miss_px = {}, double error_px = kError_px) {
   std::mt19937 random(5);
-  std::normal_distribution<double> noise(0.0, error_px);
+  std::normal_distribution<double> noise(0.0, error_px), turn_noise(0.0, kTurnError_rad);
   FrameReport report;
   report.beside = 1000;
+  report.radius_px = kRadius_px;
   const std::array<double, 4> angles_deg{0.0, 90.0, 45.0, -45.0};
   for (size_t sweep = 0; sweep < angles_deg.size(); ++sweep) {
     const double angle = angles_deg[sweep] * std::numbers::pi / 180.0, cos = std::cos(angle),
@@ -38,7 +42,9 @@ FrameReport report_of(const std::function<Shift(double part)>& shift,
                                .dy_px = seen_px * sin,
                                .xx = precision * cos * cos,
                                .xy = precision * cos * sin,
-                               .yy = precision * sin * sin});
+                               .yy = precision * sin * sin,
+                               .turn_rad = own.turn_rad + turn_noise(random),
+                               .turn_sd_rad = kTurnError_rad});
       report.order.push_back(frame);
     }
   }
@@ -61,6 +67,22 @@ TEST(ShiftCourse, AKnockIsDatedAndMeasured) {
     EXPECT_NEAR(course.knock->dx_px, size.dx_px, 0.005);
     EXPECT_NEAR(course.knock->dy_px, size.dy_px, 0.005);
     EXPECT_EQ(course.warning.find("from frame 75 on everything lies"), 0u) << course.warning;
+  }
+}
+
+// A turn is seen in every sweep, so it is dated whatever the shift.
+TEST(ShiftCourse, ATurnIsDatedAndMeasured) {
+  constexpr double kTurn_rad = 0.0007;  // 0.04 degrees: 0.28 px at the corners
+  for (const Shift size : {Shift{0.0, 0.0, kTurn_rad}, Shift{-0.4, 0.3, -kTurn_rad}}) {
+    const ShiftCourse course =
+        shift_course(report_of([&](double part) { return part < 0.625 ? Shift() : size; }));
+    ASSERT_TRUE(course.knock) << course.warning;
+    EXPECT_EQ(course.knock->frame, 75);
+    EXPECT_NEAR(course.knock->turn_rad, size.turn_rad, 0.5 * kTurnError_rad);
+    EXPECT_NE(course.warning.find(size.turn_rad > 0.0 ? "is turned by 0.04° clockwise"
+                                                      : "is turned by 0.04° counter-clockwise"),
+              std::string::npos)
+        << course.warning;
   }
 }
 

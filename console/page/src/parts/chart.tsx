@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import type uPlot from "uplot";
 import { colourOf, useDark } from "./colours";
-import { ticksTo, timeStepOf } from "./ticks";
+import { rangeOf, ticksTo, timeStepOf } from "./ticks";
 
 export interface ChartLine {
   label: string;
@@ -67,10 +67,7 @@ function optionsOf(props: ChartProps, width: number): uPlot.Options {
     ],
     scales: {
       y: {
-        range: (_, low, high) =>
-          low === high
-            ? [low - Math.abs(low || 1), high + Math.abs(high || 1)]
-            : [low - 0.1 * (high - low), high + 0.1 * (high - low)],
+        range: (_, low, high) => rangeOf(low, high),
       },
     },
     series: [

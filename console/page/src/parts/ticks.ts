@@ -15,6 +15,13 @@ export function timeStepOf(span_s: number, max: number): number {
   return kTimes_s.find((step) => span_s / step <= max) ?? 3600 * stepOf(span_s / 3600, max);
 }
 
+/** The range of an axis for values from `low` to `high`, null without any; what is never negative gets no negative end. */
+export function rangeOf(low: number | null, high: number | null): [number, number] {
+  if (low === null || high === null) return [0, 1];
+  const room = low === high ? Math.abs(low) || 1 : 0.1 * (high - low);
+  return [low < 0 ? low - room : Math.max(0, low - room), high + room];
+}
+
 /** Multiples of `step` from 0 to `last`. */
 export function ticksTo(last: number, step: number): number[] {
   return Array.from({ length: Math.floor(last / step) + 1 }, (_, i) => i * step);

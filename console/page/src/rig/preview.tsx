@@ -45,7 +45,7 @@ function usePreview(
   const [live, setLive] = useState(false);
   const [preparation, setPreparation] = useState<PreviewResponseJson["preparation"]>();
   const [error, setError] = useState<unknown>();
-  const [focus, setFocus] = useState<[number[], number[]]>([[], []]);
+  const [focus, setFocus] = useState<[number[], (number | null)[]]>([[], []]);
   useEffect(() => {
     if (!on || node === undefined) return;
     setError(undefined);
@@ -72,7 +72,7 @@ function usePreview(
         );
         return [
           [...times.slice(from), now],
-          [...values.slice(from), Number(picture.focus ?? 0)],
+          [...values.slice(from), picture.focusHint ? null : Number(picture.focus ?? 0)],
         ];
       });
     };

@@ -43,6 +43,7 @@ function showpiece(session: SessionJson): Promise<Showpiece | undefined> {
 export function Thumbnail({ session }: { session: SessionJson }) {
   const box = useRef<HTMLSpanElement>(null);
   const [shown, setShown] = useState<Showpiece>();
+  const [failure, setFailure] = useState("");
   const { name = "", archiveAddress, provenCount = 0 } = session;
   const hasFrames = Boolean(archiveAddress) && provenCount > 0 && !isCapturing(session);
   useEffect(() => {
@@ -52,8 +53,8 @@ export function Thumbnail({ session }: { session: SessionJson }) {
       if (!seen.some(({ isIntersecting }) => isIntersecting)) return;
       watch.disconnect();
       showpiece(session).then(
-        (piece) => gone || setShown(piece),
-        () => undefined, // the row says what it can without it
+        (piece) => gone || (setShown(piece), setFailure("")),
+        (error: unknown) => gone || setFailure(error instanceof Error ? error.message : String(error)),
       );
     });
     watch.observe(box.current!);
@@ -61,11 +62,17 @@ export function Thumbnail({ session }: { session: SessionJson }) {
   }, [name, hasFrames, provenCount]);
   return (
     <span ref={box} class="thumbnail">
-      {shown && (
+      {failure && (
+        <span class="note" title={`No picture: ${failure}`}>
+          no picture
+        </span>
+      )}
+      {shown && !failure && (
         <img
           src={`/frames/${name}/${shown.file}.jpg?width=${kWidth_px}`}
           alt=""
           loading="lazy"
+          onError={() => setFailure("the node that holds the frames did not send it")}
           style={{ "--shape": shown.shape }}
         />
       )}
