@@ -10,11 +10,7 @@ namespace glasswing {
 
 std::vector<CameraBackend> camera_backends() {
   return {
-      sim_backend(),
-      libcamera_backend(),
-      aravis_backend(),
-      folder_backend(),
-      replay_backend(),
+      sim_backend(), libcamera_backend(), aravis_backend(), folder_backend(), replay_backend(),
   };
 }
 

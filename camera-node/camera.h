@@ -23,7 +23,8 @@ struct CapturedFrame {
 };
 
 // tests/camera-node/backends/camera_contract.h tests what every backend guarantees. describe() and
-// take_picture() and trigger() may be called from any thread at any time, the others from one thread at a time.
+// take_picture() and trigger() may be called from any thread at any time, the others from one thread at a
+// time.
 class Camera {
  public:
   virtual ~Camera() = default;

@@ -9,8 +9,8 @@
 
 #include "camera-node/backends/libcamera_camera.h"
 #include "camera-node/backends/sim_camera.h"
-#include "core/daemon/daemon.h"
 #include "camera-node/camera_backend.h"
+#include "core/daemon/daemon.h"
 
 namespace glasswing {
 

@@ -8,9 +8,9 @@
 #include "client/rig/commands.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/matte_input.h"
+#include "client/solve/commands.h"
 #include "compositing/commands.h"
 #include "core/cli/completion.h"
-#include "client/solve/commands.h"
 
 namespace glasswing {
 

@@ -1,8 +1,9 @@
 #include "server/server_options.h"
 
-#include "core/daemon/daemon_options.h"
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include "core/daemon/daemon_options.h"
 
 namespace glasswing {
 

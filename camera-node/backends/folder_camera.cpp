@@ -8,8 +8,8 @@
 #include <cmath>
 
 #include "core/base/checksum.h"
-#include "core/base/run_program.h"
 #include "core/base/file.h"
+#include "core/base/run_program.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/frame/image_file.h"

@@ -6,10 +6,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "core/cli/interrupt.h"
-#include "core/cli/output.h"
-#include "core/cli/output_file.h"
-#include "core/cli/progress.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/sessions/commands.h"

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "core/cli/output.h"
-#include "core/cli/output_file.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/cli/settings.h"
@@ -14,6 +12,7 @@
 #include "core/base/status.h"
 #include "core/cli/help.h"
 #include "core/cli/output.h"
+#include "core/cli/output_file.h"
 #include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/session_service.grpc.pb.h"

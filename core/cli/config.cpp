@@ -121,6 +121,8 @@ absl::Status Config::read(const fs::path& path) {
           fmt::format("{}there is no key {}; there are {}", place, key, fmt::join(kKeys, ", ")));
     if (!seen.insert(key).second)
       return absl::InvalidArgumentError(fmt::format("{}{} is there a second time", place, key));
+    const auto setting = std::ranges::find(settings_, key, &Setting::key);
+    if (setting == settings_.end()) continue;
     setting->value =
         setting->type == "FILE" && !value.empty() ? (path.parent_path() / value).string() : value;
     setting->from = path.string();

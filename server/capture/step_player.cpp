@@ -14,8 +14,8 @@
 #include "core/service/service.h"
 #include "server/capture/patch_learning.h"
 #include "server/capture/rig_watch.h"
-#include "server/sessions/session_state.h"
 #include "server/rig/exposure_triggers.h"
+#include "server/sessions/session_state.h"
 
 namespace glasswing {
 namespace {
@@ -61,7 +61,8 @@ class ProgramFeeds {
     }
     for (const DisplayLink* display : displays_) {
       feeds_.push_back(std::make_unique<PresentationStream>(
-          *display, program, start_at, step, [this, display](const v1::Presentation& replaced) {
+          *display, program, start_at, step,
+          [this, display](const v1::Presentation& replaced) {
             if (triggers_) triggers_->note(replaced, *display);
           },
           hold_last));

@@ -1,5 +1,5 @@
-// EXPECT_OK(x) and ASSERT_OK(x): x is an absl::Status, an absl::StatusOr or a grpc::Status that is OK. A failure prints
-// its message.
+// EXPECT_OK(x) and ASSERT_OK(x): x is an absl::Status, an absl::StatusOr or a grpc::Status that is OK. A
+// failure prints its message.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -9,13 +9,17 @@
 
 namespace glasswing::test {
 
-inline std::string message_of(const absl::Status& status) { return status.ToString(); }
+inline std::string message_of(const absl::Status& status) {
+  return status.ToString();
+}
 template <typename T>
 std::string message_of(const absl::StatusOr<T>& result) {
   return result.status().ToString();
 }
 template <typename T>
-  requires requires(const T& status) { status.error_message(); }
+requires requires(const T& status) {
+  status.error_message();
+}
 std::string message_of(const T& status) {
   return std::to_string(static_cast<int>(status.error_code())) + ": " + status.error_message();
 }

@@ -1,10 +1,9 @@
-#include "compositing/composite/backdrop.h"
-
 #include <fmt/format.h>
 #include <half.h>
 
 #include <nlohmann/json.hpp>
 
+#include "compositing/composite/backdrop.h"
 #include "core/base/file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"

@@ -1,11 +1,10 @@
-#include "compositing/composite/sequence.h"
-
 #include <fmt/format.h>
 #include <webp/demux.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "compositing/composite/sequence.h"
 #include "compositing/picture/video_file.h"
 #include "core/base/file.h"
 #include "core/matte/matte_file.h"
