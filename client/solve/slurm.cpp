@@ -23,6 +23,7 @@
 #include "core/cli/progress.h"
 #include "core/import/foreign_manifest.h"
 #include "core/matte/row_part.h"
+#include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"

@@ -224,7 +224,7 @@ TEST_F(Completion, FishOffersWhatMayFollow) {
 
 // zsh completes only in an interactive shell, so this runs one on a pseudo-terminal.
 TEST_F(Completion, ZshOffersWhatMayFollow) {
-  const std::string script = write("_glasswing", std::string(completion_script("zsh")));
+  const std::string script = write("_glasswing", completion_script("zsh", "glasswing"));
   EXPECT_EQ(output_of("zsh -n " + script), "");
   const std::string driver = write("driver.zsh", R"zsh(
 zmodload zsh/zpty
