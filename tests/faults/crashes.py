@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pathlib
 import resource
 import signal
+import subprocess
 import time
 from collections.abc import Callable, Set
 
@@ -12,8 +14,8 @@ import grpc
 from glasswing.v1 import session_pb2
 
 from case import CannotBeDone, Cases, Report, struck
-from daemon import Daemon
-from lab import SESSION, until
+from daemon import BIN, Daemon
+from lab import SESSION, glasswing, until
 from ledger import fetch_matte
 from postgres import NotInstalled, Postgres
 from stage import Stage
@@ -95,6 +97,30 @@ def _add_kills() -> None:
 
 
 _add_kills()
+
+
+@case("crashes.points", 'SIGKILL of the server at "matte put"', "all requests succeed when repeated")
+def kill_while_a_matte_is_put(stage: Stage) -> Report:
+    """The matte was solved elsewhere, as a part of all rows."""
+    part = stage.work / "part.exr"
+    solve = [str(BIN / "glasswing-solver"), "solve", str(stage.exported()), "--rows", "1/1", "-o", str(part)]
+    subprocess.run(solve, check=True, capture_output=True, timeout=120.0)
+    server = stage.lab.server
+    server.end()
+    server.start("matte put=kill@1")
+    until(stage.answers, "all answer")
+    server.ends.clear()
+    _until_done(stage, lambda: put_parts(stage, part))
+    struck(server.ends == [-signal.SIGKILL], f'{server.name} never passed "matte put"')
+    stage.ledger.matte(SESSION, fetch_matte(stage.lab, SESSION))
+    stage.ledger.check()
+    server.end()
+    server.start()
+    return Report()
+
+
+def put_parts(stage: Stage, part: pathlib.Path) -> None:
+    glasswing(stage.lab.address, "solve", SESSION, "--from", str(part))
 
 
 @case("crashes.moments", "SIGKILL of server and camera node at 20 moments while frames are sent", "everything acknowledged is there")

@@ -14,7 +14,7 @@ from glasswing.v1 import archive_pb2, archive_service_pb2 as archives
 from glasswing.v1 import session_service_pb2 as sessions
 
 from daemon import Daemon
-from lab import SESSION, Lab, until
+from lab import SESSION, Lab, glasswing, until
 from ledger import Ledger, fetch_matte
 
 _CHUNK = 1 << 20
@@ -45,6 +45,13 @@ class Stage:
             self.lab.add_solver().start()
         self.put(SESSION)
         self.solve(SESSION)
+
+    def exported(self) -> pathlib.Path:
+        """The lab's session as an archive, exported once."""
+        directory = self.work / "exported"
+        if not directory.exists():
+            glasswing(self.lab.address, "export", SESSION, str(directory))
+        return directory
 
     def name(self) -> str:
         """A name that no session has yet."""

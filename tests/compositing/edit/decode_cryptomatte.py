@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "client" / "blender" / "glasswing_blender"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "compositing" / "hosts" / "blender" / "glasswing_blender"))
 import exr  # noqa: E402
 
 

@@ -17,7 +17,7 @@ import sys
 
 import numpy as np
 
-ROOT = pathlib.Path(__file__).resolve().parents[3]
+ROOT = pathlib.Path(__file__).resolve().parents[4]
 BIN = pathlib.Path(os.environ.setdefault("GLASSWING_BIN", str(ROOT / "build/release/bin")))
 sys.path[:0] = [str(BIN.parent / "python"), str(ROOT / "tests/gate")]
 import glasswing  # noqa: E402

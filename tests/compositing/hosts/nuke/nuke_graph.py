@@ -29,7 +29,7 @@ import sys
 
 import numpy as np
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "python"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "client" / "python"))
 import exr_reader  # noqa: E402
 
 RGBA = ("rgba.red", "rgba.green", "rgba.blue", "rgba.alpha")
