@@ -48,8 +48,7 @@ absl::StatusOr<std::unique_ptr<Hook>> Hook::create(const HookOptions& options) {
   if (events.empty()) events.insert(kEvents.begin(), kEvents.end());
   for (const std::string_view event : kEvents) happened(event);
   for (const char* outcome : {"done", "failed", "dropped"}) ran(outcome);
-  return std::unique_ptr<Hook>(
-      new Hook(absl::StrSplit(options.command, ' ', absl::SkipEmpty()), std::move(events), options.limit));
+  return std::unique_ptr<Hook>(new Hook(command_words(options.command), std::move(events), options.limit));
 }
 
 Hook::Hook(std::vector<std::string> words, std::set<std::string> events, std::chrono::milliseconds limit)
