@@ -23,7 +23,7 @@ timeout 60 /usr/lib/apt/apt-helper download-file "${mirror%/}/dists/bookworm/InR
 echo "== the packages"
 cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || fail "cpack"
 packages=("$work"/packages/*.deb)
-((${#packages[@]} == 11)) || fail "${packages[*]} are not eleven packages"
+((${#packages[@]} == 12)) || fail "${packages[*]} are not twelve packages"
 names=() depends=()
 for package in "${packages[@]}"; do
   names+=("$(dpkg-deb -f "$package" Package)")
@@ -73,11 +73,11 @@ units=(glasswing-server glasswing-console glasswing-display glasswing-camera gla
 inside sh -c 'systemd-analyze verify --man=no /usr/lib/systemd/system/glasswing-*.service' 2>"$work/complaints" || fail "$(cat "$work/complaints")"
 ! grep glasswing "$work/complaints" || fail "systemd reports a problem"
 version=$("$bin/glasswing" --version)
-for program in glasswing "${units[@]}"; do
+for program in glasswing glasswing-compositing "${units[@]}"; do
   [[ $(inside "$program" --version) == "$version" ]] || fail "$program is not $version"
   inside "$program" --help >"$work/help" || fail "$program --help"
   section=8
-  [[ $program != glasswing ]] || section=1
+  [[ ! $program =~ ^glasswing(-compositing)?$ ]] || section=1
   inside zgrep -q '^\.TH' "/usr/share/man/man$section/$program.$section.gz" || fail "$program has no manual page"
 done
 for page in "$build/man/glasswing"/glasswing-*.1 glasswing-demo.1 glasswing-local-rig.1; do
