@@ -5,10 +5,8 @@ execute_process(COMMAND git -C ${CPACK_GLASSWING_SOURCE_DIR} log -1 --format=%cd
 set(CPACK_DEBIAN_PACKAGE_VERSION ${CPACK_GLASSWING_VERSION}+${commit})
 foreach(name ${CPACK_COMPONENTS_ALL})
   string(TOUPPER ${name} component)
-  string(REPLACE THIS_VERSION ${CPACK_DEBIAN_PACKAGE_VERSION} CPACK_DEBIAN_${component}_PACKAGE_DEPENDS
-                 "${CPACK_DEBIAN_${component}_PACKAGE_DEPENDS}")
-endforeach()
-foreach(relation REPLACES BREAKS)
-  string(REPLACE THIS_VERSION ${CPACK_DEBIAN_PACKAGE_VERSION} CPACK_DEBIAN_CONSOLE_PACKAGE_${relation}
-                 "${CPACK_DEBIAN_CONSOLE_PACKAGE_${relation}}")
+  foreach(relation DEPENDS REPLACES BREAKS)
+    string(REPLACE THIS_VERSION ${CPACK_DEBIAN_PACKAGE_VERSION} CPACK_DEBIAN_${component}_PACKAGE_${relation}
+                   "${CPACK_DEBIAN_${component}_PACKAGE_${relation}}")
+  endforeach()
 endforeach()
