@@ -88,12 +88,16 @@ export function modesOf(matte: MatteData, pixel: number, channel: number): Mode[
   return modes;
 }
 
-/** The first of a pixel's modes with the largest weight in a channel. */
+/** Weights above this, which no object has, do not count: such a mode's light is that of others, less what they have too much. */
+const kMaxWeight = Math.fround(1.05);
+
+/** The first of a pixel's modes with the largest plausible weight in a channel (core/composite/stmap.h). */
 export function strongestMode(matte: MatteData, pixel: number, channel: number): Mode | undefined {
   const at = pixel * matte.modeChannels + Math.min(channel, matte.modeChannels - 1);
   let best = -1;
   for (let m = matte.firstMode[at]!; m < matte.firstMode[at + 1]!; ++m) {
-    if (best < 0 || matte.modes[m * kStride]! > matte.modes[best * kStride]!) best = m;
+    const weight = matte.modes[m * kStride]!;
+    if (weight > 0 && weight <= kMaxWeight && (best < 0 || weight > matte.modes[best * kStride]!)) best = m;
   }
   return best < 0 ? undefined : modeAt(matte, best);
 }
