@@ -24,6 +24,7 @@ until_true() { # SECONDS COMMAND...: repeats the command until it succeeds; fail
   done
 }
 up() { (($(glasswing nodes --json | grep -c '"up": true') == $1)); } # COUNT: that many nodes are up
+prepared() { ! glasswing nodes --json | grep -q '"preparation"'; } # every camera has told the server that it is ready
 field() { # NAME [FILE]: its first value in JSON
   sed -n "s/.*\"$1\": \"\{0,1\}\([^\",]*\)\"\{0,1\},\{0,1\}\$/\1/p" "${@:2}" | head -n 1
 }

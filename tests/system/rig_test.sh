@@ -14,7 +14,7 @@ camera() { # OPTIONS...
   camera=$!
 }
 stop() { kill "$1" && wait "$1" || true; }
-ready() { until_true 20 up 2 && until_true 20 grep -q "light from" "$work/camera.log" || fail "the rig did not come up"; }
+ready() { until_true 20 up 2 && until_true 20 prepared || fail "the rig did not come up"; }
 
 lag=7.3 settle=4  # ms; the display declares less
 truth=(--lag-ms 3 --settle-ms 1 --true-lag-ms "$lag" --true-settle-ms "$settle" --patch-rows 8)

@@ -78,7 +78,7 @@ echo "== with --stage manual, resume starts the video"
 "$bin/glasswing-camera" --listen "127.0.0.1:$((port + 2))" --server "$server" --name camera-1 --data "$work/camera" --stage manual \
   --size 72x60 --scene glass --tap "127.0.0.1:$((port + 1))" >"$work/camera.log" 2>&1 &
 until_true 20 up 2 || fail "not all nodes came up"
-until_true 20 grep -q "light from" "$work/camera.log" || fail "the camera does not see the monitor"
+until_true 20 prepared || fail "the camera is not ready: $(glasswing nodes)"
 refused "take the object off the stage, then: glasswing resume hand" glasswing capture "$work/plan.txtpb" --session hand --watch
 glasswing resume hand >/dev/null
 refused "place the object on the stage; to start the video: glasswing resume hand" glasswing watch hand

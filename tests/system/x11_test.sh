@@ -13,7 +13,7 @@ until_true 10 test -S "/tmp/.X11-unix/X$screen" || fail "Xvfb did not start"
   --size 96x72 --scene crystal --tap "127.0.0.1:$((port + 1))" >"$work/camera.log" 2>&1 &
 "$bin/glasswing-solver" --server "$server" >"$work/solver.log" 2>&1 &
 until_true 20 up 3 || fail "not all nodes came up"
-until_true 20 grep -q "light from" "$work/camera.log" || fail "the camera does not see the monitor"
+until_true 20 prepared || fail "the camera is not ready: $(glasswing nodes)"
 
 glasswing capture "$root/deploy/plans/quick.txtpb" --session x --watch || fail "not captured"
 glasswing solve x --watch || fail "not solved"
