@@ -35,7 +35,7 @@ inline MonitorSize pattern_size_of(const ScreenInfo& screen) {
 
 // ScreenInfo::patch_rows of a display's monitors.
 struct PatchRows {
-  // Implicit: of every monitor.
+  // NOLINTNEXTLINE(google-explicit-constructor): a number alone is of every monitor
   PatchRows(int rows = 0) : of_all(rows) {}
   int of(const std::string& monitor) const {
     const auto own = of_one.find(monitor);

@@ -66,7 +66,7 @@ absl::StatusOr<bool> truth_of(const std::string& name, const std::string& text) 
 
 // Sets a field of Stimulus from its cell.
 absl::Status set_field(const Field& field, const std::string& text, v1::Stimulus& stimulus) {
-  const google::protobuf::Reflection& reflection = *stimulus.GetReflection();
+  const google::protobuf::Reflection& reflection = *v1::Stimulus::GetReflection();
   const std::string& name = field.name();
   constexpr double kAny = std::numeric_limits<double>::max();
   switch (field.cpp_type()) {

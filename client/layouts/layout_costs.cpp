@@ -92,16 +92,17 @@ double LayoutCosts::complement_error(int photograph) {
 
 std::vector<double> LayoutCosts::costs_of_bars(size_t axis, int first, int bits, bool pairs) {
   const int shots = pairs ? 2 : 1;
+  const auto bit_of = [&](int look) { return look / shots; };
   std::vector<double> octaves;  // of edges on a line, those of the coarsest bars for all
   for (int i = 0; i < bits * shots; ++i) {
     const PatternView::Look& look = view_.look(first + i);
     if (look.has_bars() && look.edges[axis] >= 1.0 && look.density[axis] <= kMaxDensity)
-      octaves.push_back(std::log2(look.edges[axis]) - i / shots);
+      octaves.push_back(std::log2(look.edges[axis]) - bit_of(i));
   }
   const double coarsest = octaves.empty() ? 0.0 : median(octaves);
   std::vector<double> costs;
   for (int i = 0; i < bits * shots; ++i)
-    costs.push_back(cost_of(view_.look(first + i), axis, std::exp2(coarsest + i / shots)));
+    costs.push_back(cost_of(view_.look(first + i), axis, std::exp2(coarsest + bit_of(i))));
   costs.front() += 2.0 * square(std::max(0.0, coarsest - kMostAtCoarsest));
   for (int i = 0; i + 1 < bits * shots; i += shots) {
     const PatternView::Look &one = view_.look(first + i), &other = view_.look(first + i + 1);

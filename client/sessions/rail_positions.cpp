@@ -22,13 +22,13 @@ constexpr std::chrono::seconds kMoveTimeout(90);  // the rail may take a minute
 absl::StatusOr<RailPositions> parse_rail_positions(std::string_view option, const std::string& text) {
   RailPositions positions;
   std::string_view rest = text;
-  if (const size_t colon = rest.find(':'); colon != rest.npos) {
+  if (const size_t colon = rest.find(':'); colon != std::string_view::npos) {
     positions.monitor = rest.substr(0, colon);
     rest.remove_prefix(colon + 1);
   }
   for (bool more = true; more;) {
     const size_t comma = rest.find(',');
-    more = comma != rest.npos;
+    more = comma != std::string_view::npos;
     const std::string_view number = rest.substr(0, comma);
     if (more) rest.remove_prefix(comma + 1);
     double mm = 0.0;

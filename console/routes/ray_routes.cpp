@@ -25,7 +25,7 @@ absl::StatusOr<std::array<RayDepth, 2>> depths_in(const Request& request) {
   const std::array<const char*, 2> names = {"near", "far"};
   for (size_t i = 0; i < 2; ++i) {
     depths[i].session = request.get_param_value(names[i]);
-    depths[i].pose = request.get_param_value(fmt::format("{}_pose", names[i]).c_str());
+    depths[i].pose = request.get_param_value(fmt::format("{}_pose", names[i]));
     if (depths[i].session.empty())
       return absl::InvalidArgumentError(fmt::format("{} is \"\"; it must name a session", names[i]));
     if (depths[i].pose.empty()) depths[i].pose = depths[i].session;

@@ -71,8 +71,9 @@ SampledMonitor sampled(const MappedArchive& archive, const std::string& name, co
                          .frames = std::vector<std::array<SampledMonitor::Takes, 3>>(frames.size())};
   const double corner2 = 0.25 * (1.0 * width * width + 1.0 * height * height);
   for (size_t i = 0; i < pixels.size(); i += every) {
-    const double x = static_cast<double>(pixels[i] % static_cast<size_t>(width)) + 0.5 - 0.5 * width;
-    const double y = static_cast<double>(pixels[i] / static_cast<size_t>(width)) + 0.5 - 0.5 * height;
+    const int column = static_cast<int>(pixels[i] % width), row = static_cast<int>(pixels[i] / width);
+    const double x = column + 0.5 - 0.5 * width;
+    const double y = row + 0.5 - 0.5 * height;
     monitor.radius2.push_back((x * x + y * y) / corner2);
   }
   for (size_t j = 0; j < frames.size(); ++j) {

@@ -158,7 +158,7 @@ Candidates candidates_for(const CLI::App& program, const std::vector<std::string
   std::string typed = words.back();
   const CLI::Option* option = cursor.option;
   if (const size_t equals = typed.find('=');
-      option == nullptr && typed.starts_with("--") && equals != typed.npos) {
+      option == nullptr && typed.starts_with("--") && equals != std::string::npos) {
     option = find_option(*cursor.command, typed.substr(0, equals));
     if (option == nullptr) return {};
     typed.erase(0, equals + 1);

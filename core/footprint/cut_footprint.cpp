@@ -101,8 +101,10 @@ std::vector<ReachedPixel> reached_pixels(const Footprint& mode, const MonitorExt
   if (columns <= 0 || rows <= 0) return pixels;
   const std::vector<NormalShare> cells =
       NormalOnRectangles(density).cells(left, 1.0, columns, top, 1.0, rows);
-  for (int i = 0; i < columns * rows; ++i)
-    pixels.push_back({left + i % columns + 0.5, top + i / columns + 0.5, cells[i]});
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column)
+      pixels.push_back({left + column + 0.5, top + row + 0.5, cells[row * columns + column]});
+  }
   return pixels;
 }
 

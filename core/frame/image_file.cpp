@@ -391,8 +391,10 @@ absl::Status stretch(int white, CodedPhotograph& photograph) {
   const int largest = *std::ranges::max_element(photograph.codes.samples) / step;
   if (largest > white)
     return absl::InvalidArgumentError(fmt::format("its largest code is {}, above white, {}", largest, white));
-  for (std::uint16_t& sample : photograph.codes.samples)
-    sample = code16_of(static_cast<float>(sample / step) / static_cast<float>(white));
+  for (std::uint16_t& sample : photograph.codes.samples) {
+    const int code = sample / step;
+    sample = code16_of(static_cast<float>(code) / static_cast<float>(white));
+  }
   // Codes of fewer bits may stand at the upper end: 65520 is 4095, 12 bits.
   const auto ones = static_cast<unsigned>(white) >> std::countr_zero(static_cast<unsigned>(white));
   photograph.bits = std::bit_width(std::has_single_bit(ones + 1) ? ones : static_cast<unsigned>(white));

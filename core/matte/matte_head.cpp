@@ -58,7 +58,7 @@ struct Parts {
 absl::StatusOr<Parts> checked_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
   const int part_count = matte_part_count(file), modes = part_count - static_cast<int>(kFirstModePart);
   if (modes < 1 || modes > kMaxModes) return absl::DataLossError("it does not have the parts of a matte");
-  const Imath::Box2i window = file.header(0).dataWindow();
+  const Imath::Box2i& window = file.header(0).dataWindow();
   constexpr int kMaxSide = kMaxSide_px;
   if (window.isEmpty() || window.min.x < 0 || window.min.y < 0 || window.max.x >= kMaxSide ||
       window.max.y >= kMaxSide) {

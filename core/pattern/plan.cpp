@@ -432,6 +432,38 @@ std::vector<double> exposures_of(const v1::Plan& plan) {
   return {plan.exposure_ms().begin(), plan.exposure_ms().end()};
 }
 
+// Those of the rig that the plan uses.
+absl::StatusOr<std::vector<v1::Monitor>> monitors_of(const v1::Plan& plan,
+                                                     const std::vector<v1::Monitor>& rig) {
+  std::vector<v1::Monitor> used;
+  for (const v1::PlanMonitor& wanted : plan.monitors()) {
+    const auto found =
+        std::find_if(rig.begin(), rig.end(), [&](const v1::Monitor& m) { return m.name() == wanted.name(); });
+    if (found == rig.end()) {
+      std::string names;
+      for (const v1::Monitor& monitor : rig) names += (names.empty() ? "" : ", ") + monitor.name();
+      return absl::InvalidArgumentError(
+          fmt::format("the plan uses monitor \"{}\"; the rig has: {}", wanted.name(), names));
+    }
+    const int width = wanted.has_width_px() ? wanted.width_px() : found->width_px();
+    const int height = wanted.has_height_px() ? wanted.height_px() : found->height_px();
+    if (width != found->width_px() || height != found->height_px()) {
+      return absl::InvalidArgumentError(fmt::format("the plan says monitor \"{}\" is {}x{}; it is {}x{}",
+                                                    wanted.name(), width, height, found->width_px(),
+                                                    found->height_px()));
+    }
+    used.push_back(*found);
+  }
+  if (plan.monitors().empty()) used = rig;
+  if (used.empty()) return absl::InvalidArgumentError("the rig has no monitor");
+  if (is_video(plan) && used.size() > 1) {
+    return absl::InvalidArgumentError(fmt::format(
+        "a video is of one monitor; the rig has {}: name one in the plan, monitors {{ name: \"{}\" }}",
+        used.size(), used.front().name()));
+  }
+  return used;
+}
+
 }  // namespace
 
 absl::StatusOr<v1::Plan> parse_plan(std::string_view text, const std::string& file_name) {
@@ -485,33 +517,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
   GW_RETURN_IF_ERROR(check_plan(plan));
   const absl::Status too_many = absl::InvalidArgumentError(
       fmt::format("the plan has more than {} steps; use wider sweeps or larger step_px", kMaxSteps));
-  std::vector<v1::Monitor> used;
-  for (const v1::PlanMonitor& wanted : plan.monitors()) {
-    const auto found =
-        std::find_if(rig.begin(), rig.end(), [&](const v1::Monitor& m) { return m.name() == wanted.name(); });
-    if (found == rig.end()) {
-      std::string names;
-      for (const v1::Monitor& monitor : rig) names += (names.empty() ? "" : ", ") + monitor.name();
-      return absl::InvalidArgumentError(
-          fmt::format("the plan uses monitor \"{}\"; the rig has: {}", wanted.name(), names));
-    }
-    const int width = wanted.has_width_px() ? wanted.width_px() : found->width_px();
-    const int height = wanted.has_height_px() ? wanted.height_px() : found->height_px();
-    if (width != found->width_px() || height != found->height_px()) {
-      return absl::InvalidArgumentError(fmt::format("the plan says monitor \"{}\" is {}x{}; it is {}x{}",
-                                                    wanted.name(), width, height, found->width_px(),
-                                                    found->height_px()));
-    }
-    used.push_back(*found);
-  }
-  if (plan.monitors().empty()) used = rig;
-  if (used.empty()) return absl::InvalidArgumentError("the rig has no monitor");
-  if (is_video(plan) && used.size() > 1) {
-    return absl::InvalidArgumentError(fmt::format(
-        "a video is of one monitor; the rig has {}: name one in the plan, monitors {{ name: \"{}\" }}",
-        used.size(), used.front().name()));
-  }
-
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> used, monitors_of(plan, rig));
   const std::vector<double> exposures_ms = exposures_of(plan);
   std::vector<Step> steps;
   const auto add_steps = [&](const std::vector<v1::Stimulus>& stimuli, bool object, int round) {

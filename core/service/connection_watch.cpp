@@ -159,7 +159,7 @@ void ConnectionWatch::drop(const std::string& peer, std::int64_t bytes) {
   // Resets the connection, and drops what was received but not read. After shutdown() alone the peer could
   // wait for minutes with what it has still to send.
   const sockaddr nobody{.sa_family = AF_UNSPEC, .sa_data = {}};
-  ::connect(connections_.at(peer).fd, &nobody, sizeof nobody);
+  static_cast<void>(::connect(connections_.at(peer).fd, &nobody, sizeof nobody));
   connections_.erase(peer);
   looks_to_trim_ = 4 * kLooksBetweenTrims;
 }

@@ -69,6 +69,25 @@ PhasorMeter::Solver PhasorMeter::solver_of(const Wave& wave, const std::vector<b
   return solver;
 }
 
+// Equal weights: weights from noisy samples would favour samples that noise made darker.
+MergedSample PhasorMeter::solve(const Solver& solver, const Samples& of, double peak, double mean,
+                                Phasor& phasor) {
+  std::array<double, 3> found{};
+  for (size_t k = 0; k < 3; ++k) found[k] = solver.row[of.samples.size()][k] * mean;
+  double variance = 0.0, count = 0.0;
+  for (size_t i = 0; i < of.samples.size(); ++i) {
+    if (!of.used[i]) continue;
+    for (size_t k = 0; k < 3; ++k) found[k] += solver.row[i][k] * of.samples[i].radiance;
+    variance += of.samples[i].variance;
+    count += 1.0;
+  }
+  variance /= count;
+  const double scale = 2.0 / peak;
+  phasor = {.value = {scale * found[1], scale * found[2]},
+            .sd = scale * std::sqrt(0.5 * variance * (solver.covariance[1] + solver.covariance[2]))};
+  return {.radiance = found[0], .variance = variance * solver.covariance[0]};
+}
+
 void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, const SampleNoise& noise,
                           Spectrum& spectrum) const {
   const size_t c = channel;
@@ -81,35 +100,15 @@ void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, co
     spectrum.saturated = spectrum.saturated || sample.saturated;
     if (!sample.saturated) line.add(light, sample.radiance, sample.variance);
   };
-  std::vector<MergedSample> samples;
-  std::vector<bool> used;
+  Samples seen;
   const auto load = [&](const Wave& wave) {
-    samples.clear();
-    used.clear();
+    seen.samples.clear();
+    seen.used.clear();
     for (const Shot& shot : wave.shots) {
-      samples.push_back(merge(stack, shot, index, noise));
-      used.push_back(!samples.back().saturated);
+      seen.samples.push_back(merge(stack, shot, index, noise));
+      seen.used.push_back(!seen.samples.back().saturated);
     }
-    return std::ranges::find(used, false) == used.end();
-  };
-  // Equal weights: weights from noisy samples would favour samples that noise made darker.
-  const auto solve = [&](size_t w, const Solver& solver, double mean) {
-    const Wave& wave = monitor_.waves[w];
-    std::array<double, 3> found{};
-    for (size_t k = 0; k < 3; ++k) found[k] = solver.row[samples.size()][k] * mean;
-    double variance = 0.0, count = 0.0;
-    for (size_t i = 0; i < samples.size(); ++i) {
-      if (!used[i]) continue;
-      for (size_t k = 0; k < 3; ++k) found[k] += solver.row[i][k] * samples[i].radiance;
-      variance += samples[i].variance;
-      count += 1.0;
-    }
-    variance /= count;
-    const double scale = 2.0 / wave.peak[c];
-    spectrum.phasors[w] = {
-        .value = {scale * found[1], scale * found[2]},
-        .sd = scale * std::sqrt(0.5 * variance * (solver.covariance[1] + solver.covariance[2]))};
-    return MergedSample{.radiance = found[0], .variance = variance * solver.covariance[0]};
+    return std::ranges::find(seen.used, false) == seen.used.end();
   };
   for (const Solid& solid : monitor_.solids) add_solid(solid.shot, solid.light[c]);
   add_solid(black_, 0.0);
@@ -122,21 +121,24 @@ void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, co
       cut.push_back(w);
       continue;
     }
-    const MergedSample mean = solve(w, solvers_[w], 0.0);
+    const MergedSample mean = solve(solvers_[w], seen, wave.peak[c], 0.0, spectrum.phasors[w]);
     // Beside bars, solids tell it: other people's displays are seldom linear.
     if (!coded || !line.known()) line.add(0.5 * wave.peak[c], mean.radiance, mean.variance);
-    for (size_t i = 0; i < samples.size(); ++i) {
+    for (size_t i = 0; i < seen.samples.size(); ++i) {
       const std::complex<double> turn = std::polar(0.5 * wave.peak[c], -wave.phase_rad[i]);
-      const double left = samples[i].radiance - mean.radiance - std::real(spectrum.phasors[w].value * turn);
+      const double left =
+          seen.samples[i].radiance - mean.radiance - std::real(spectrum.phasors[w].value * turn);
       spectrum.residual += left * left;
     }
-    spectrum.degrees += static_cast<int>(samples.size()) - 3;
+    spectrum.degrees += static_cast<int>(seen.samples.size()) - 3;
   }
   for (const size_t w : cut) {
     const Wave& wave = monitor_.waves[w];
     load(wave);
-    const Solver solver = solver_of(wave, used, line.known());
-    if (solver.solvable) solve(w, solver, line.known() ? line.at(0.5 * wave.peak[c]) : 0.0);
+    const Solver solver = solver_of(wave, seen.used, line.known());
+    if (!solver.solvable) continue;
+    const double mean = line.known() ? line.at(0.5 * wave.peak[c]) : 0.0;
+    solve(solver, seen, wave.peak[c], mean, spectrum.phasors[w]);
   }
   spectrum.saturated = spectrum.saturated || !cut.empty();
   set_level(line, spectrum);

@@ -66,6 +66,14 @@ class PhasorMeter {
     std::array<double, 3> covariance{};      // its diagonal, for samples of variance 1
     bool solvable = false;
   };
+  // Of one wave, by phase.
+  struct Samples {
+    std::vector<MergedSample> samples;
+    std::vector<bool> used;  // not saturated
+  };
+  // The phasor, and the wave's mean. `mean`: known beforehand, for a solver that takes it.
+  static MergedSample solve(const Solver& solver, const Samples& of, double peak, double mean,
+                            Phasor& phasor);
   // `mean_known`: adds a row for a sample that is the mean.
   static Solver solver_of(const Wave& wave, const std::vector<bool>& used, bool mean_known);
 

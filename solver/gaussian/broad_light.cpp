@@ -38,10 +38,11 @@ BroadLight::BroadLight(const SampleLayout& layout, std::span<const LitArea> area
   }
   for (const double width : kWidths) {
     for (int i = 0; i < kAcross * kDown; ++i) {
+      const int column = i % kAcross, row = i / kAcross;
       const double variance = width * side_px * width * side_px;
       Template own{.mode = {.weight = 1.0,
-                            .x_px = (i % kAcross + 0.5) * extent.width_px / kAcross,
-                            .y_px = (i / kAcross + 0.5) * extent.height_px / kDown,
+                            .x_px = (column + 0.5) * extent.width_px / kAcross,
+                            .y_px = (row + 0.5) * extent.height_px / kDown,
                             .xx_px2 = variance,
                             .xy_px2 = 0.0,
                             .yy_px2 = variance},

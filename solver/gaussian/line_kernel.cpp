@@ -200,7 +200,8 @@ void DoubleGram(const Row* p, Row* gram) {
 }
 
 // Levenberg-Marquardt, each lane with its own damping.
-void FitDouble(std::span<const LineWindow> windows, std::span<DoubleFit> fits) {
+void FitDouble(  // NOLINT(readability-function-size): see CONTRIBUTING.md
+    std::span<const LineWindow> windows, std::span<DoubleFit> fits) {
   const D d;
   const size_t lanes = hn::Lanes(d);
   static thread_local const std::unique_ptr<Batch> kept = std::make_unique<Batch>();

@@ -1,6 +1,7 @@
 #include "solver/live/camera_stream.h"
 
 #include <cstring>
+#include <utility>
 
 #include "core/base/status.h"
 #include "core/service/service.h"
@@ -58,7 +59,7 @@ void CameraStream::read() {
                 response.chunk().size());
     filled_bytes += response.chunk().size();
     if (filled_bytes < size_bytes) continue;
-    frame.samples = std::move(samples);
+    frame.samples = std::exchange(samples, nullptr);
     frame.came = monotonic_now();
     const std::lock_guard lock(mutex_);
     newest_ = frame;

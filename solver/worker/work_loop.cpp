@@ -12,6 +12,7 @@
 #include <mutex>
 #include <optional>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "core/base/checksum.h"
@@ -399,7 +400,7 @@ absl::Status WorkLoop::run() {
       next = *std::move(claimed);
       if (next->claim.survey_rows().empty()) start(*next);
     }
-    std::unique_ptr<OwnTile> tile = std::move(next);
+    std::unique_ptr<OwnTile> tile = std::exchange(next, nullptr);
     busy = std::chrono::steady_clock::now();
     if (tile->claim.survey_rows().empty()) {
       next = work_on(std::move(tile));
