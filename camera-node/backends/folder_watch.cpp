@@ -29,7 +29,7 @@ absl::Status FolderWatch::scan(nanoseconds now) {
       continue;
     if (there.size() == kMaxFiles) {
       return absl::FailedPreconditionError(
-          fmt::format("{} has more than {} files; let new pictures come into an empty folder",
+          fmt::format("{} has more than {} files; use an empty folder for new pictures",
                       directory_.string(), kMaxFiles));
     }
     there.insert(name);

@@ -26,7 +26,7 @@ CameraBackend replay_backend() {
           .add_options =
               [archive](CLI::App& app) {
                 app.add_option("--archive", *archive,
-                               "replay: directory of the session archive to show again");
+                               "replay: directory of the session archive to replay");
               },
           .open = [archive](const CameraSettings& settings) { return open_replay(*archive, settings); }};
 }

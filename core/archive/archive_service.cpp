@@ -27,7 +27,7 @@ absl::Status check_import(ArchiveStore& store, const grpc::AuthContext& caller,
   if (request.import_token().empty() && is_operator) return absl::OkStatus();
   if (store.is_import(request.session(), request.import_token())) return absl::OkStatus();
   return absl::PermissionDeniedError(
-      fmt::format("the import of session \"{}\" has ended here, or another one has begun; begin it again",
+      fmt::format("the import of session \"{}\" has ended, or another one has begun; begin it again",
                   request.session()));
 }
 

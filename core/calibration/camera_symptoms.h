@@ -1,5 +1,5 @@
 // Detects problems in the frames of a camera's calibration: automatic exposure, gain or white balance,
-// flickering light, clipped codes. Findings are texts for people, with advice.
+// flickering light, clipped codes. Findings are displayable texts, with advice.
 #pragma once
 
 #include <absl/status/status.h>

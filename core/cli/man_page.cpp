@@ -131,7 +131,7 @@ absl::Status write_page(const CLI::App& command, const std::string& title, const
   text += commands(command, page, section) + options("ARGUMENTS", positionals_of(command)) +
           options("OPTIONS", options_of(command));
   if (!above.empty())
-    text += fmt::format(".PP\nThe options of {}({}) can be given, too.\n", bold(above), section);
+    text += fmt::format(".PP\nThe options of {}({}) also apply.\n", bold(above), section);
   text += more;
   if (!footer.examples.empty()) {
     text += ".SH EXAMPLES\n.nf\n";

@@ -1,4 +1,4 @@
-// What happens to sessions that people want to be told of.
+// Notable events of sessions.
 #pragma once
 
 #include <array>
@@ -25,7 +25,7 @@ struct Event {
 // Not thread-safe.
 class SessionEvents {
  public:
-  // A session as it is when watching begins.
+  // A session's state when watching begins.
   void know(const v1::Session& session) { seen_[session.name()] = seen(session); }
   // What happened between the last change of this session and this one. A session that is not known is new.
   std::vector<Event> events_of(const v1::Session& session);

@@ -46,7 +46,7 @@ absl::StatusOr<v1::Session> SessionControl::retake(const v1::ResumeSessionReques
   for (const v1::StepRange& range : request.retake()) {
     if (range.first() >= 0 && range.first() <= range.last() && range.last() < session.step_count()) continue;
     return absl::InvalidArgumentError(
-        fmt::format("steps {}-{} are to be captured again; session \"{}\" has steps 0-{}", range.first(),
+        fmt::format("steps {}-{} were requested; session \"{}\" has steps 0-{}", range.first(),
                     range.last(), session.name(), session.step_count() - 1));
   }
   if (is_capturing(session))
