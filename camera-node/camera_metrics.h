@@ -22,9 +22,9 @@ inline const CameraMetrics& camera_metrics() {
       .missing_packets = counter("glasswing_camera_missing_packets_total",
                                  "Packets of frames that did not arrive, even when requested again."),
       .kept = counter("glasswing_frames_kept_total", "Proven frames that were written to archives."),
-      .refused =
-          counter("glasswing_frames_refused_total", "Frames whose pixels show a different id from their "
-                                                    "step's."),
+      .refused = counter("glasswing_frames_refused_total",
+                         "Frames whose pixels show a different id from their "
+                         "step's."),
   };
   return metrics;
 }

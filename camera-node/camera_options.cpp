@@ -21,10 +21,10 @@ void add_camera_choice(CLI::App& app, CameraOptions& camera) {
   app.add_option("--server", camera.server, "host:port of glasswing-server, to register with");
   app.add_option("--name", camera.settings.name, "this node's name in the rig")->capture_default_str();
   app.add_option("--data", camera.data, "directory for the archives")->required();
-  app.add_option(
-         "--reserve", camera.reserve_mb,
-         "MB of disk space to leave free: a capture that would need them waits for space. Default: 2 % of the "
-         "disk, but at least 1000, or a tenth of a small disk")
+  app.add_option("--reserve", camera.reserve_mb,
+                 "MB of disk space to leave free: a capture that would need them waits for space. Default: 2 "
+                 "% of the "
+                 "disk, but at least 1000, or a tenth of a small disk")
       ->check(CLI::Range(0.0, 1e9));
   std::vector<std::string> names;
   for (const CameraBackend& backend : camera.backends) names.emplace_back(backend.name);
@@ -41,10 +41,10 @@ void add_shared_options(CLI::App& app, CameraOptions& camera) {
   app.add_option("--fps", settings.frame_rate_hz,
                  "frames per second; default: 200 for sim, otherwise the camera's own")
       ->check(CLI::Range(1.0, 1000.0));
-  app.add_option(
-      "--format", settings.format,
-      "pixel format; libcamera: such as SRGGB10 or YUYV, default: the best available; aravis: such as Mono12p "
-      "or BayerRG8, default: as set on the camera");
+  app.add_option("--format", settings.format,
+                 "pixel format; libcamera: such as SRGGB10 or YUYV, default: the best available; aravis: "
+                 "such as Mono12p "
+                 "or BayerRG8, default: as set on the camera");
   app.add_option("--gain", settings.gain,
                  "libcamera: gain that frames must report: analogue, times digital in processed formats; "
                  "default: 1; aravis: in the camera's unit, often dB; default: as set on the camera");

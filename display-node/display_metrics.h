@@ -14,8 +14,7 @@ struct DisplayMetrics {
 inline const DisplayMetrics& display_metrics() {
   static const DisplayMetrics metrics{
       .steps_shown = counter("glasswing_steps_shown_total", "Steps shown on the monitors."),
-      .steps_late =
-          counter("glasswing_steps_late_total", "Steps shown on a monitor a refresh or more late."),
+      .steps_late = counter("glasswing_steps_late_total", "Steps shown on a monitor a refresh or more late."),
   };
   return metrics;
 }

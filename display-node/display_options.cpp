@@ -50,7 +50,8 @@ void add_screen_options(CLI::App& app, DisplayOptions& display) {
       "range and position, mm on its own scale; sim: START is the monitor's normal place; repeat for more");
   app.add_option(
       "--rail-command", display.rail_command,
-      "a program that moves a rail, such as \"move-stage /dev/ttyUSB0 {mm}\", and exits with success within a "
+      "a program that moves a rail, such as \"move-stage /dev/ttyUSB0 {mm}\", and exits with success within "
+      "a "
       "minute, when it has arrived; no shell is involved; {mm} is the position and {monitor} the monitor's "
       "name");
 }
@@ -76,10 +77,10 @@ void add_true_light_options(CLI::App& app, DisplayOptions& display) {
          "fraction of a primary's light that each of the other two channels gets; the primary keeps the rest")
       ->check(CLI::Range(0.0, 0.3))
       ->capture_default_str();
-  app.add_option(
-         "--true-falloff", display.panel.falloff,
-         "fraction of the light at a monitor's centre that is missing in its corners; grows with the distance "
-         "squared")
+  app.add_option("--true-falloff", display.panel.falloff,
+                 "fraction of the light at a monitor's centre that is missing in its corners; grows with the "
+                 "distance "
+                 "squared")
       ->check(CLI::Range(0.0, 0.9))
       ->capture_default_str();
   app.add_option(
@@ -179,10 +180,10 @@ void add_display_options(CLI::App& app, DaemonOptions& daemon, DisplayOptions& d
   add_listen_options(app, daemon.listen);
   display.backends = display_backends();
   add_screen_options(app, display);
-  app.add_option(
-         "--bits", display.bits,
-         "of a code; sim: 8 to 16, default 16, which is ideal: calibrated monitors have 8 to 12; x11, kms: 8, "
-         "or 10 if the screen supports it, default 8")
+  app.add_option("--bits", display.bits,
+                 "of a code; sim: 8 to 16, default 16, which is ideal: calibrated monitors have 8 to 12; "
+                 "x11, kms: 8, "
+                 "or 10 if the screen supports it, default 8")
       ->check(CLI::Range(8, 16));
   for (const DisplayBackend& backend : display.backends)
     display.backend_options.add(app, backend.name, backend.add_options);

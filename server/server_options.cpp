@@ -19,9 +19,10 @@ void add_server_options(CLI::App& app, DaemonOptions& daemon, ServerProgramOptio
                  "seconds after which a silent solver's tile is given to another")
       ->check(CLI::Range(1.0, 3600.0))
       ->capture_default_str();
-  app.add_option("--least-tile", server.store.min_tile_seconds,
-                 "seconds of work in the smallest tiles: smaller tiles lose less when a solver dies, but more "
-                 "are handed out")
+  app.add_option(
+         "--least-tile", server.store.min_tile_seconds,
+         "seconds of work in the smallest tiles: smaller tiles lose less when a solver dies, but more "
+         "are handed out")
       ->check(CLI::Range(0.01, 2.0))
       ->capture_default_str();
   app.add_option("--hook", server.hook.command,

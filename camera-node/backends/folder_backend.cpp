@@ -29,10 +29,10 @@ void add_folder_options(CLI::App& app, FolderOptions& options) {
       ->capture_default_str();
   app.add_option("--exposure-ms", options.exposure_ms, "folder: exposure of pictures that do not record it")
       ->check(CLI::Range(0.01, 3.6e6));
-  app.add_option(
-      "--curve", options.curve,
-      "folder: response of pictures that are not raw: srgb, linear, gamma:G, or unknown; default: srgb with 8 "
-      "bits, linear with 16");
+  app.add_option("--curve", options.curve,
+                 "folder: response of pictures that are not raw: srgb, linear, gamma:G, or unknown; default: "
+                 "srgb with 8 "
+                 "bits, linear with 16");
 }
 
 absl::StatusOr<OpenedCamera> open_folder(const FolderOptions& options, const CameraSettings& settings) {

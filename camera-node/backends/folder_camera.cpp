@@ -42,7 +42,8 @@ absl::StatusOr<std::string> read_limited(const fs::path& path) {
   std::error_code error;
   const std::int64_t size = fs::file_size(path, error);
   if (!error && size > kMaxRawBytes)
-    return absl::DataLossError(fmt::format("it has {} bytes; the maximum for a picture is {}", size, kMaxRawBytes));
+    return absl::DataLossError(
+        fmt::format("it has {} bytes; the maximum for a picture is {}", size, kMaxRawBytes));
   return read_file(path);
 }
 
@@ -80,12 +81,12 @@ absl::Status FolderCamera::find_first() {
   }
   const std::lock_guard lock(mutex_);
   if (!found) {
-    const std::string advice =
-        words_.empty() ? "take one with the settings for the capture, then start again"
-                       : "switch on the camera, and try the command by hand";
-    return absl::FailedPreconditionError(fmt::format(
-        "{} {} no picture from which to learn the properties of the camera's pictures{}; {}", options_.directory.string(),
-        words_.empty() ? "holds" : "got", problem_.empty() ? "" : ": " + problem_, advice));
+    const std::string advice = words_.empty() ? "take one with the settings for the capture, then start again"
+                                              : "switch on the camera, and try the command by hand";
+    return absl::FailedPreconditionError(
+        fmt::format("{} {} no picture from which to learn the properties of the camera's pictures{}; {}",
+                    options_.directory.string(), words_.empty() ? "holds" : "got",
+                    problem_.empty() ? "" : ": " + problem_, advice));
   }
   first_ = *std::move(found);
   first_->image = nullptr;

@@ -154,15 +154,15 @@ absl::Status LibcameraCamera::learn_format() {
   }
   const std::unique_ptr<libcamera::CameraConfiguration> chosen = configuration(*camera);
   if (chosen == nullptr) {
-    return absl::InvalidArgumentError(
-        fmt::format("camera \"{}\" does not accept its own format {}; it has {}", id_, format_->name, list()));
+    return absl::InvalidArgumentError(fmt::format(
+        "camera \"{}\" does not accept its own format {}; it has {}", id_, format_->name, list()));
   }
   const libcamera::StreamConfiguration& stream = chosen->at(0);
   size_ = {static_cast<int>(stream.size.width), static_cast<int>(stream.size.height)};
   if (options_.size && *options_.size != size_) {
     return absl::InvalidArgumentError(fmt::format(
-        "--size is {}x{}; camera \"{}\" would change it to {} in {}, and supports {}", options_.size->width_px,
-        options_.size->height_px, id_, stream.size.toString(), format_->name,
+        "--size is {}x{}; camera \"{}\" would change it to {} in {}, and supports {}",
+        options_.size->width_px, options_.size->height_px, id_, stream.size.toString(), format_->name,
         listed(stream.formats().sizes(stream.pixelFormat),
                [](const auto& size) { return size.toString(); })));
   }

@@ -49,10 +49,10 @@ absl::StatusOr<SensorCurve> parse_response(const std::string& text) {
 }
 
 void add_scene_options(CLI::App& app, SimOptions& camera) {
-  app.add_option(
-         "--scene", camera.sim.scene,
-         "sim: crystal, glass, brushed, wobble (a moving drop of water), wobble-lit (with a lamp's highlight) "
-         "or none")
+  app.add_option("--scene", camera.sim.scene,
+                 "sim: crystal, glass, brushed, wobble (a moving drop of water), wobble-lit (with a lamp's "
+                 "highlight) "
+                 "or none")
       ->capture_default_str();
   app.add_option("--tap", camera.taps,
                  "sim: host:port of a display node whose light it sees; repeat for more");
@@ -144,8 +144,9 @@ void add_disturbance_options(CLI::App& app, SimOptions& camera) {
                  "sim: fraction of the light that is lost as the monitors warm up, with a time constant of 2 "
                  "min")
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--true-flare", d.flare, "sim: fraction of each picture's light that its lens spreads "
-                                          "evenly")
+  app.add_option("--true-flare", d.flare,
+                 "sim: fraction of each picture's light that its lens spreads "
+                 "evenly")
       ->check(CLI::Range(0.0, 1.0));
   app.add_option("--true-bad-pixels", d.bad_pixels,
                  "sim: fraction of its samples that are dead or stuck, chosen by --seed")

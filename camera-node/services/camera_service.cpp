@@ -22,7 +22,8 @@ constexpr std::chrono::seconds kMaxTriggerLead(1);
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
 constexpr std::chrono::seconds kAskPause(1);            // between responses while no picture has arrived
-constexpr std::chrono::milliseconds kPreparationPause(200);  // between responses while the camera is preparing
+constexpr std::chrono::milliseconds kPreparationPause(
+    200);  // between responses while the camera is preparing
 
 // The sensor's highest code, scaled to 16 bits.
 std::uint16_t full_scale_of(const v1::Camera& camera) {

@@ -58,10 +58,10 @@ absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const Pho
 absl::Status check_raw(const PhotographList& list) {
   const bool linear = list.response.empty() || list.response == "linear";
   if (linear && list.black == 0.0 && !list.white) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      fmt::format("{}: {} is a raw file, which is linear and contains its own black and white: omit response, "
-                  "black and white",
-                  list.path.string(), list.manifest.frames(0).file()));
+  return absl::InvalidArgumentError(fmt::format(
+      "{}: {} is a raw file, which is linear and contains its own black and white: omit response, "
+      "black and white",
+      list.path.string(), list.manifest.frames(0).file()));
 }
 
 std::string mosaic_text(const std::string& mosaic) {
@@ -158,8 +158,8 @@ FrameSource source_of(v1::CaptureManifest manifest, const fs::path& directory) {
 }  // namespace
 
 std::string missing_text(const fs::path& directory, std::int64_t count) {
-  return fmt::format("{} lacks {} of its numbers; the video continues across the gaps",
-                     directory.string(), count);
+  return fmt::format("{} lacks {} of its numbers; the video continues across the gaps", directory.string(),
+                     count);
 }
 
 absl::StatusOr<FrameSource> archive_source(const fs::path& directory) {

@@ -173,8 +173,8 @@ class Reader {
     const std::vector<std::string> cells = split(line, '\t');
     if (columns_.empty()) return read_header(cells);
     if (cells.size() != columns_.size()) {
-      return bad(fmt::format("it has {} tab-separated cells; the header row has {}", cells.size(),
-                             columns_.size()));
+      return bad(
+          fmt::format("it has {} tab-separated cells; the header row has {}", cells.size(), columns_.size()));
     }
     v1::Frame frame;
     frame.set_step(-1);

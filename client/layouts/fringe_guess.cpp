@@ -214,7 +214,8 @@ class FringeSettler {
       layout_.backward = *evidence_.facts.backward;
     } else if ((forward > 0) == (backward > 0)) {
       return absl::InvalidArgumentError(
-          "the direction of the fringes beside the bars cannot be determined; pass --shift forward or --shift "
+          "the direction of the fringes beside the bars cannot be determined; pass --shift forward or "
+          "--shift "
           "backward");
     } else {
       layout_.backward = backward > 0;

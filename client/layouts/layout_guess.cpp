@@ -16,7 +16,8 @@ namespace glasswing {
 namespace {
 
 constexpr double kMinLit = 0.002;  // of the frame
-constexpr double kMargin = 5.0;    // by which the next best interpretation must be worse: a likelihood ratio of 150
+constexpr double kMargin =
+    5.0;  // by which the next best interpretation must be worse: a likelihood ratio of 150
 // The maximum cost of the right layout: a little for each photograph, and everything for one in eight.
 constexpr double kUsual = 0.6, kBadShare = 0.125;
 constexpr int kMaxDoublings = 6;  // of a cell, which a question proposes
@@ -261,8 +262,7 @@ LayoutGuess guess_layout(const StackSamples& samples, const std::vector<std::str
                                        files.size(), samples.width_px, samples.height_px,
                                        100.0 * view.lit_share()));
   if (view.lit_share() < kMinLit) {
-    result.layout =
-        unsettled(fmt::format("less than {} % of the frame shows the patterns", 100.0 * kMinLit));
+    result.layout = unsettled(fmt::format("less than {} % of the frame shows the patterns", 100.0 * kMinLit));
   } else {
     result.layout = Guesser(view, files, monitor, facts, result.reasons).guess();
   }

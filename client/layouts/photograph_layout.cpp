@@ -88,8 +88,10 @@ absl::Status set_fringes(const LayoutOptions& options, PhotographLayout& layout)
                            options.steps ? std::to_string(*options.steps) : "not given", kMinSteps,
                            kMaxSteps));
   }
-  if (!options.periods) return bad("fringes need --periods, the number of fringes along a side, such as "
-                                   "1,8,64");
+  if (!options.periods)
+    return bad(
+        "fringes need --periods, the number of fringes along a side, such as "
+        "1,8,64");
   layout.steps = *options.steps;
   layout.phase_deg = options.phase_deg.value_or(0.0);
   if (!(std::abs(layout.phase_deg) <= 360.0))

@@ -52,7 +52,8 @@ double LiveFigures::frames_per_second() const {
 std::string LiveFigures::line() const {
   const Spread latency = spread_of(from_middle_ms_);
   return fmt::format(
-      "{} frames, {:.1f} a second; latency {:.0f} ms (95 %: {:.0f}, worst {:.0f}) from the exposure's middle; "
+      "{} frames, {:.1f} a second; latency {:.0f} ms (95 %: {:.0f}, worst {:.0f}) from the exposure's "
+      "middle; "
       "{} skipped; {} px of the object, {} flagged",
       frames(), frames_per_second(), latency.median, latency.p95, latency.worst,
       newest_.frames_passed_over() - passed_over_before_, newest_.object_pixel_count(),

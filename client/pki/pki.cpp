@@ -165,7 +165,8 @@ void add_pki_commands(CLI::App& app, Client& client) {
   issue_command.footer(
       "ROLE determines what its owner may do: operator (runs sessions) or viewer (views them) for people; "
       "server, display, camera\nor solver for programs, several for a machine that runs several; console for "
-      "the console's own certificate. HOST is a name or address under which others call the\nmachine; default: NAME. Existing files are not replaced.\n\n"
+      "the console's own certificate. HOST is a name or address under which others call the\nmachine; "
+      "default: NAME. Existing files are not replaced.\n\n"
       "Examples:\n"
       "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5\n"
       "  glasswing pki issue certificates console:console=rig.lab,localhost,127.0.0.1\n"

@@ -238,10 +238,10 @@ void add_capture_command(CLI::App& app, Client& client) {
   command.add_flag("--adapt", arguments->adapt,
                    "after the plan's images show further ones, chosen by what is still uncertain, until the "
                    "object is known well enough; then solve it");
-  command.add_option(
-      "--target-error", arguments->target_error,
-      "with --adapt: stop when 95 % of the object's pixels are expected to be this good: 42dB of a composite, "
-      "or 0.1px on the monitor; default: 40dB");
+  command.add_option("--target-error", arguments->target_error,
+                     "with --adapt: stop when 95 % of the object's pixels are expected to be this good: 42dB "
+                     "of a composite, "
+                     "or 0.1px on the monitor; default: 40dB");
   command
       .add_option("--at-most", arguments->at_most,
                   fmt::format("with --adapt: stop at this many images; default: {}", kDefaultAtMost))

@@ -103,8 +103,8 @@ absl::Status check_range(const RailPositions& positions, const std::string& moni
   for (const double position_mm : positions.mm) {
     if (position_mm >= rail.min_mm() && position_mm <= rail.max_mm()) continue;
     return absl::InvalidArgumentError(
-        fmt::format("--rail-mm has {}; the rail of monitor \"{}\" goes from {} to {} mm", position_mm, monitor,
-                    rail.min_mm(), rail.max_mm()));
+        fmt::format("--rail-mm has {}; the rail of monitor \"{}\" goes from {} to {} mm", position_mm,
+                    monitor, rail.min_mm(), rail.max_mm()));
   }
   return absl::OkStatus();
 }

@@ -253,10 +253,11 @@ absl::Status fetch(const Client& client, const FetchArguments& arguments) {
   if (frames) {
     if (to_directory || (!fs::path(arguments.output).has_extension() && arguments.output != kStandardOutput))
       return fetch_video(client, server, found.session(), arguments);
-    return absl::InvalidArgumentError(fmt::format(
-        "session {} is a video of {} frames; -o is {}: it must be a directory (end a new one in /), or select "
-        "one frame with --frame",
-        arguments.session, found.session().frame_count(), arguments.output));
+    return absl::InvalidArgumentError(
+        fmt::format("session {} is a video of {} frames; -o is {}: it must be a directory (end a new one in "
+                    "/), or select "
+                    "one frame with --frame",
+                    arguments.session, found.session().frame_count(), arguments.output));
   }
   FetchArguments still = arguments;
   if (to_directory) {

@@ -180,10 +180,9 @@ void add_fsck_command(CLI::App& app, Client& client) {
   auto rig = std::make_shared<bool>(false);
   CLI::Option* directory = command.get_option("directory")->required(false);
   command
-      .add_flag(
-          "--rig", *rig,
-          "while the rig runs: compare the server's catalogue with the nodes' archives, and verify its "
-          "mattes")
+      .add_flag("--rig", *rig,
+                "while the rig runs: compare the server's catalogue with the nodes' archives, and verify its "
+                "mattes")
       ->excludes(directory)
       ->excludes("--repair");
   command.callback([&client, arguments, rig] {

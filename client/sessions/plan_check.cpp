@@ -67,8 +67,8 @@ absl::Status check(const Client& client, const PlanCheckArguments& arguments) {
   for (const std::string& warning : warnings) std::cerr << fmt::format("warning: {}\n", printable(warning));
   if (is_video(plan)) {
     std::cout << fmt::format(
-        "{} is valid: a video of {} frames, {} frames of the empty stage before it, {} refreshes per frame\n", path,
-        ramp_frames_of(plan.ramp()), empty_ramp_frames_of(plan.ramp()), hold_refreshes_of(plan));
+        "{} is valid: a video of {} frames, {} frames of the empty stage before it, {} refreshes per frame\n",
+        path, ramp_frames_of(plan.ramp()), empty_ramp_frames_of(plan.ramp()), hold_refreshes_of(plan));
     return absl::OkStatus();
   }
   std::vector<std::string> parts{plan.method()};

@@ -73,7 +73,8 @@ absl::StatusOr<Estimate> estimate_of(const v1::Plan& plan, const absl::StatusOr<
   } else {
     camera.set_width_px(monitors[0].width_px());
     camera.set_height_px(monitors[0].height_px());
-    estimate.assumed.push_back(fmt::format("the camera is assumed to have as many pixels as {}", monitors[0].name()));
+    estimate.assumed.push_back(
+        fmt::format("the camera is assumed to have as many pixels as {}", monitors[0].name()));
   }
   GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(plan, monitors));
   add_cost(plan, steps, estimate.cost);

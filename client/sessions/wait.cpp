@@ -53,7 +53,8 @@ absl::StatusOr<v1::Session> at_rest(const Peer<v1::SessionService>& server, cons
     if (!again) return status_from(status, server.title);
     if (code == grpc::StatusCode::DEADLINE_EXCEEDED) continue;
     static std::once_flag told;
-    std::call_once(told, [&] { std::cerr << fmt::format("the {} does not answer; waiting for it\n", server.title); });
+    std::call_once(
+        told, [&] { std::cerr << fmt::format("the {} does not answer; waiting for it\n", server.title); });
     std::this_thread::sleep_until(std::min<Clock::time_point>(until, Clock::now() + kAskAgain));
   }
 }
@@ -105,10 +106,12 @@ absl::Status wait(Client& client, const WaitArguments& arguments) {
 }  // namespace
 
 void add_wait_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("wait", "Wait until sessions come to rest, without showing "
-                                                  "progress.");
+  CLI::App& command = *app.add_subcommand("wait",
+                                          "Wait until sessions come to rest, without showing "
+                                          "progress.");
   command.footer(
-      "Prints a line for each session when it comes to rest. Exit status 0: all are then captured or done; 1: "
+      "Prints a line for each session when it comes to rest. Exit status 0: all are then captured or done; "
+      "1: "
       "one is paused, failed or cancelled, or does not exist; 124: the time is up. If the server restarts "
       "meanwhile, it waits for it.\n\n"
       "Examples:\n"

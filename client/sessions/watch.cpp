@@ -137,8 +137,9 @@ absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name
     const grpc::Status status = reader->Finish();
     if (heard && status.ok()) return response.session();  // the server ends the stream when the session rests
     if (interrupted()) {
-      return absl::CancelledError(fmt::format(
-          "session {} continues; glasswing watch {} shows it, glasswing cancel {} ends it", name, name, name));
+      return absl::CancelledError(
+          fmt::format("session {} continues; glasswing watch {} shows it, glasswing cancel {} ends it", name,
+                      name, name));
     }
     const bool renew = heard && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
     if (!renew) return status_from(status, server.title);
@@ -173,7 +174,8 @@ absl::Status follow_to_outcome(const Client& client, const std::string& name, Go
 
 void add_watch_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "watch", "Show a session's progress until it comes to rest; succeeds only if it is then captured or "
+      "watch",
+      "Show a session's progress until it comes to rest; succeeds only if it is then captured or "
       "done.");
   command.footer("Example:\n  glasswing watch vase");
   auto name = std::make_shared<std::string>();

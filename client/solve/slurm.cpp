@@ -180,13 +180,13 @@ absl::Status follow(const std::string& job, const SlurmSolve& solve, const Desk&
                                 queue.waiting));
     if (missing.empty()) return absl::OkStatus();
     if (ended) {
-      return absl::FailedPreconditionError(fmt::format(
-          "parts {} of job {} ended without a result; see {}. The same command solves them again",
-          array_of(missing), job, desk.log(fmt::to_string(missing.front()))));
+      return absl::FailedPreconditionError(
+          fmt::format("parts {} of job {} ended without a result; see {}. The same command solves them again",
+                      array_of(missing), job, desk.log(fmt::to_string(missing.front()))));
     }
     if (interrupted()) {
-      return absl::CancelledError(
-          fmt::format("job {0} continues; the same command fetches its result, and scancel {0} ends it", job));
+      return absl::CancelledError(fmt::format(
+          "job {0} continues; the same command fetches its result, and scancel {0} ends it", job));
     }
     if (Clock::now() - asked >= kAskEvery) {
       asked = Clock::now();

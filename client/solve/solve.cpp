@@ -93,9 +93,10 @@ void add_cluster_options(CLI::App& command, SolveArguments& arguments) {
       ->capture_default_str()
       ->needs(on);
   command
-      .add_option("--directory", slurm.directory,
-                  "directory for parts and logs, on a disk shared by all machines; default: glasswing-SESSION "
-                  "here")
+      .add_option(
+          "--directory", slurm.directory,
+          "directory for parts and logs, on a disk shared by all machines; default: glasswing-SESSION "
+          "here")
       ->check(output_directory())
       ->needs(on);
   command

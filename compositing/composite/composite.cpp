@@ -97,8 +97,8 @@ absl::Status check_matte_options(const CompositeArguments& arguments) {
                                       std::pair{arguments.lossless, "--lossless"}}) {
     if (given) {
       return absl::InvalidArgumentError(fmt::format(
-          "{} is for rays; {} is not a rays file: glasswing rays makes one from mattes at two depths",
-          option, arguments.matte));
+          "{} is for rays; {} is not a rays file: glasswing rays makes one from mattes at two depths", option,
+          arguments.matte));
     }
   }
   if (!arguments.backgrounds.pictures.empty()) return absl::OkStatus();
@@ -151,9 +151,8 @@ absl::Status composite_frames(const CommandLine& command_line, const CompositeAr
     add_notes(made.warnings, made.pixels, written);
     std::cout << written.dump(1) << "\n";
   } else {
-    std::cout << fmt::format(
-        "{}: {} frames{}\n", arguments.output, made.frames,
-        arguments.fill ? ", unsolved pixels filled from their neighbours" : "");
+    std::cout << fmt::format("{}: {} frames{}\n", arguments.output, made.frames,
+                             arguments.fill ? ", unsolved pixels filled from their neighbours" : "");
     print_flagged(made.pixels);
   }
   return absl::OkStatus();
@@ -200,9 +199,8 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
   command
       .add_option("--pan", arguments.backgrounds.pans, "[TEXTURE=]DX,DY: shift it further with every frame")
       ->allow_extra_args(false);
-  command.add_flag(
-      "--wrap", arguments.backgrounds.wraps,
-      "for --shift and --pan: the picture repeats beyond its edges, for endless pans");
+  command.add_flag("--wrap", arguments.backgrounds.wraps,
+                   "for --shift and --pan: the picture repeats beyond its edges, for endless pans");
   command.add_option("--frames", arguments.frame_count, "number of frames, for one matte")
       ->check(CLI::Range(1, 1000000));
   command.add_option("--fps", arguments.frame_rate_hz, "frame rate of the written video, Hz")

@@ -31,14 +31,14 @@ absl::StatusOr<PlaneArgument> parse_plane(const std::string& text) {
     if (rest == end || !plane.picture.empty()) return plane;
   }
   return absl::InvalidArgumentError(fmt::format(
-      "--plane is \"{}\"; it must be DEPTH_MM or DEPTH_MM:PICTURE, up to {} mm, such as 850:harbour.png", text,
-      kMaxDepth_mm));
+      "--plane is \"{}\"; it must be DEPTH_MM or DEPTH_MM:PICTURE, up to {} mm, such as 850:harbour.png",
+      text, kMaxDepth_mm));
 }
 
 absl::Status check_options(const CompositeArguments& arguments) {
   const auto refuse = [&](bool given, std::string_view option) {
-    return given ? absl::InvalidArgumentError(
-                       fmt::format("{} contains rays, for which {} is not available", arguments.matte, option))
+    return given ? absl::InvalidArgumentError(fmt::format("{} contains rays, for which {} is not available",
+                                                          arguments.matte, option))
                  : absl::OkStatus();
   };
   const BackgroundArguments& backgrounds = arguments.backgrounds;

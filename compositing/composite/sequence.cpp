@@ -71,8 +71,9 @@ absl::StatusOr<Composited> composite_mattes(const CompositeArguments& arguments)
       GW_ASSIGN_OR_RETURN(backdrop,
                           Backdrop::open(arguments.backgrounds, first, sink.colours(), arguments.encoding()));
     } else if (!same_monitors(first, object.metadata())) {
-      return absl::InvalidArgumentError(fmt::format(
-          "{} has different monitors from {}; they do not belong to one video", files[i].string(), files[0].string()));
+      return absl::InvalidArgumentError(
+          fmt::format("{} has different monitors from {}; they do not belong to one video", files[i].string(),
+                      files[0].string()));
     }
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backdrop->next());
     GW_ASSIGN_OR_RETURN(const ObjectPicture picture, object.composite(*behind));

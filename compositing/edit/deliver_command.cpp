@@ -55,8 +55,7 @@ absl::Status deliver(const CommandLine& command_line, const DeliverArguments& ar
 void add_matte_deliver_command(CLI::App& matte, CommandLine& command_line) {
   auto arguments = std::make_shared<DeliverArguments>();
   CLI::App& command = add_edit_command(
-      matte, command_line, "deliver",
-      "Write a matte file for other programs: small, tiled, described.",
+      matte, command_line, "deliver", "Write a matte file for other programs: small, tiled, described.",
       "The parts and layers are a matte's, and all verbs read the file. Its header describes its colours and "
       "what was left out, and contains a thumbnail. Keep the matte itself: the server does not accept such a "
       "file.\n\n"

@@ -29,8 +29,8 @@ std::string footprint_of(const Matte& matte) {
 
 absl::Status check_alike(const Matte& front, const Matte& back) {
   const auto refuse = [](std::string_view what) {
-    return absl::InvalidArgumentError(
-        fmt::format("the mattes differ in {}; both must be from one camera in front of the same monitors", what));
+    return absl::InvalidArgumentError(fmt::format(
+        "the mattes differ in {}; both must be from one camera in front of the same monitors", what));
   };
   if (front.width_px() != back.width_px() || front.height_px() != back.height_px()) {
     return refuse(fmt::format("size, {}x{} and {}x{}", front.width_px(), front.height_px(), back.width_px(),

@@ -75,7 +75,8 @@ void add_matte_merge_command(CLI::App& matte, CommandLine& command_line) {
   CLI::App& command = *matte.add_subcommand("merge", "Put separately captured objects into one matte.");
   command.footer(
       "The first matte is in front; each hides the next as far as it covers a pixel. All must be from one "
-      "camera in front of the same monitors. One object is not seen through another: each was captured alone.\n\n"
+      "camera in front of the same monitors. One object is not seen through another: each was captured "
+      "alone.\n\n"
       "With --ids a Cryptomatte file records which object each pixel shows, so that compositors can pick one "
       "by name: that of its session, or of its file.\n\n"
       "Examples:\n"

@@ -29,10 +29,10 @@ absl::Status check_positions(const Matte& matte, const v1::RigGeometry& geometry
     const absl::StatusOr<const v1::MonitorPose*> pose = find_pose(geometry, name, monitor.name());
     if (!pose.ok() || !monitor.has_rail_mm() || !(*pose)->has_rail_mm()) continue;
     if (monitor.rail_mm() == (*pose)->rail_mm()) continue;
-    return absl::FailedPreconditionError(
-        fmt::format("monitor \"{}\" was at {} mm on its rail for session {}, but pose \"{}\" has it at {} mm; "
-                    "name the pose with --poses",
-                    monitor.name(), monitor.rail_mm(), matte.metadata.session(), name, (*pose)->rail_mm()));
+    return absl::FailedPreconditionError(fmt::format(
+        "monitor \"{}\" was at {} mm on its rail for session {}, but pose \"{}\" has it at {} mm; "
+        "name the pose with --poses",
+        monitor.name(), monitor.rail_mm(), matte.metadata.session(), name, (*pose)->rail_mm()));
   }
   return absl::OkStatus();
 }
@@ -131,7 +131,8 @@ absl::Status write_rays(const CommandLine& command_line, const RaysArguments& ar
   };
   line("through two measured places", counts.matched(), counts.matched_weight());
   line("ambiguous: another match is as likely", counts.ambiguous(), counts.ambiguous_weight());
-  line("seen at one depth, direction from its neighbours", counts.extrapolated(), counts.extrapolated_weight());
+  line("seen at one depth, direction from its neighbours", counts.extrapolated(),
+       counts.extrapolated_weight());
   line("seen at one depth, direction not known", counts.unknown(), counts.unknown_weight());
   return absl::OkStatus();
 }
@@ -139,9 +140,10 @@ absl::Status write_rays(const CommandLine& command_line, const RaysArguments& ar
 }  // namespace
 
 void add_rays_command(CLI::App& app, CommandLine& command_line, ReadMatte read) {
-  CLI::App& command = *app.add_subcommand(
-      "rays", "Turn mattes of one object in front of monitors at two depths into rays, for any "
-      "surroundings.");
+  CLI::App& command =
+      *app.add_subcommand("rays",
+                          "Turn mattes of one object in front of monitors at two depths into rays, for any "
+                          "surroundings.");
   command.footer(
       "The geometry describes the camera and the monitors' poses (docs/rays.md). Each matte uses\n"
       "the pose named after its session, or those of --poses. The output is for glasswing composite with\n"

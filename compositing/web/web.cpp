@@ -216,12 +216,14 @@ absl::Status write_web_folder(const CommandLine& command_line, WebArguments argu
 
 void add_web_command(CLI::App& app, CommandLine& command_line) {
   CLI::App& command = *app.add_subcommand(
-      "web", "Write a folder that any web server can serve: the object in front of any picture, without a "
+      "web",
+      "Write a folder that any web server can serve: the object in front of any picture, without a "
       "rig.");
   command.footer(
       "Visitors drag and scale the picture behind the object, or drop their own; nothing is uploaded. "
       "Of rays\n"
-      "(glasswing rays) the folder shows the object in an environment, which visitors can turn. Another page\n"
+      "(glasswing rays) the folder shows the object in an environment, which visitors can turn. Another "
+      "page\n"
       "embeds the folder with one line: <iframe src=\"vase-web/\" width=\"640\" height=\"480\"></iframe>\n"
       "Its matte contains only what is visible (docs/web.md), a few bytes per pixel.\n\n"
       "Examples:\n"
@@ -232,8 +234,7 @@ void add_web_command(CLI::App& app, CommandLine& command_line) {
       "  glasswing web rays.exr -o vase-web --environment street.exr --environment-turn 30 "
       "--environment-gain 0.5");
   auto arguments = std::make_shared<WebArguments>();
-  command.add_option("matte", arguments->matte, "a matte from glasswing fetch, or a rays file")
-      ->required();
+  command.add_option("matte", arguments->matte, "a matte from glasswing fetch, or a rays file")->required();
   command.add_option("-o,--output", arguments->output, "the folder to write")
       ->required()
       ->check(output_directory());

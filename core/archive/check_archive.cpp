@@ -91,13 +91,14 @@ class ArchiveCheck {
       header_->clear_frames();
     }
     if (is_exported()) return;
-    check_.found({.file = path("header.json").string(),
-                  .what = std::string(error.message()),
-                  .meaning = manifest_ ? "the archive cannot be opened; manifest.json has the same content"
-                                       : "no other file records what the frames show; a copy on another node, "
-                                         "or a backup, does",
-                  .repair = manifest_ ? "it is rebuilt from manifest.json" : ""},
-                 [&] { return replace("header.json", archive_json(*header_, true)); });
+    check_.found(
+        {.file = path("header.json").string(),
+         .what = std::string(error.message()),
+         .meaning = manifest_ ? "the archive cannot be opened; manifest.json has the same content"
+                              : "no other file records what the frames show; a copy on another node, "
+                                "or a backup, does",
+         .repair = manifest_ ? "it is rebuilt from manifest.json" : ""},
+        [&] { return replace("header.json", archive_json(*header_, true)); });
   }
 
   void read_journal() {

@@ -94,8 +94,7 @@ absl::Status become_owner(const std::string& path) {
   struct stat info {};
   if (::geteuid() != 0 || ::stat(path.c_str(), &info) != 0 || info.st_uid == 0) return absl::OkStatus();
   if (::setegid(info.st_gid) == 0 && ::seteuid(info.st_uid) == 0) return absl::OkStatus();
-  return absl::ErrnoToStatus(errno,
-                             fmt::format("cannot act as user {}, who owns {}", info.st_uid, path));
+  return absl::ErrnoToStatus(errno, fmt::format("cannot act as user {}, who owns {}", info.st_uid, path));
 }
 
 int print_report(const CheckReport& report, const FsckArguments& arguments) {

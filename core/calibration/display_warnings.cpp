@@ -120,10 +120,11 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
                     100.0 * calibration.drift()));
   }
   if (flicker > kMaxFlicker) {
-    warnings.push_back(fmt::format(
-        "white differs by {:.1f} % between showings: the monitor flickers, so make the exposure a multiple of "
-        "its refresh; or the camera's automatic settings are on",
-        100.0 * flicker));
+    warnings.push_back(
+        fmt::format("white differs by {:.1f} % between showings: the monitor flickers, so make the exposure "
+                    "a multiple of "
+                    "its refresh; or the camera's automatic settings are on",
+                    100.0 * flicker));
   }
   if (const double brightest = *std::max_element(white.begin(), white.end()); brightest < kMinUse) {
     warnings.push_back(fmt::format(

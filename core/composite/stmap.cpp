@@ -75,7 +75,8 @@ class StmapWriter {
       planes_[i] = &samples_[i * static_cast<size_t>(window.width_px)];
     }
     part.attributes["glasswing:conventions"] = fmt::format(
-        "R = x / {}, G = 1 - y / {}: where channel {} of session {} looks on monitor {}, from its bottom-left "
+        "R = x / {}, G = 1 - y / {}: where channel {} of session {} looks on monitor {}, from its "
+        "bottom-left "
         "corner; B = A = 1 where it does. weight: of the path. blur: its sigma, monitor px.",
         metadata.monitors(texture).width_px(), metadata.monitors(texture).height_px(), kColourNames[channel],
         metadata.session(), metadata.monitors(texture).name());

@@ -38,8 +38,9 @@ bool same_frame(const v1::Frame& a, const v1::Frame& b) {
 absl::Status check_new_frame(const v1::Frame& frame) {
   GW_RETURN_IF_ERROR(check_frame(frame));
   if (is_stored_name(frame.file())) return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format(
-      "a new frame's file is \"{}\"; it must be frames/NAME, and NAME must not start with a dot", frame.file()));
+  return absl::InvalidArgumentError(
+      fmt::format("a new frame's file is \"{}\"; it must be frames/NAME, and NAME must not start with a dot",
+                  frame.file()));
 }
 
 bool is_sealed(const fs::path& directory) {
@@ -180,8 +181,8 @@ absl::StatusOr<bool> Archive::is_new_locked(const v1::Frame& record) const {
   // Resuming an interrupted import with different frames must not mix the two sets.
   if (file != index_of_file_.end() && manifest_.frames(file->second).checksum() != record.checksum()) {
     return absl::AlreadyExistsError(
-        fmt::format("session \"{}\" already has a different {}; import under another name", manifest_.session(),
-                    record.file()));
+        fmt::format("session \"{}\" already has a different {}; import under another name",
+                    manifest_.session(), record.file()));
   }
   if (const v1::Frame* const known = stored_as(record)) {
     if (known->file() == record.file() && known->checksum() == record.checksum()) return false;

@@ -288,8 +288,7 @@ absl::Status check_picture_file(const fs::path& path, int bits, bool with_covera
         fmt::format("{} ends in \"{}\"; it must be .exr, .png, .tif or .tiff", path.string(), suffix));
   }
   if (with_coverage && !floats && suffix != ".png") {
-    return absl::InvalidArgumentError(
-        fmt::format("{} cannot have alpha; use .exr or .png", path.string()));
+    return absl::InvalidArgumentError(fmt::format("{} cannot have alpha; use .exr or .png", path.string()));
   }
   if (bits == 0 || bits == 16 || bits == (floats ? 32 : 8)) return absl::OkStatus();
   return absl::InvalidArgumentError(

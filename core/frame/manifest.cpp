@@ -71,8 +71,8 @@ absl::Status check_manifest_header(const v1::CaptureManifest& manifest) {
   }
   if (!camera.mosaic().empty()) GW_RETURN_IF_ERROR(Mosaic::parse(camera.mosaic()).status());
   if (manifest.monitors_size() > kMaxMonitors) {
-    return impossible(
-        fmt::format("it names {} monitors; at most {} are supported", manifest.monitors_size(), kMaxMonitors));
+    return impossible(fmt::format("it names {} monitors; at most {} are supported", manifest.monitors_size(),
+                                  kMaxMonitors));
   }
   std::set<std::string> names;
   for (const v1::Monitor& monitor : manifest.monitors()) {

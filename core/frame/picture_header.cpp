@@ -140,8 +140,9 @@ absl::StatusOr<PictureSize> bmp_size(std::string_view bytes) {
              height = static_cast<std::int32_t>(little(bytes, 22, 4));  // below 0: the top row first
   const std::uint64_t bits = little(bytes, 28, 2);
   if (little(bytes, 14, 4) < 40 || little(bytes, 30, 4) != 0 || (bits != 8 && bits != 24 && bits != 32))
-    return absl::DataLossError("it is a BMP of an old or compressed kind; 8, 24 or 32 bits per pixel are "
-                               "supported");
+    return absl::DataLossError(
+        "it is a BMP of an old or compressed kind; 8, 24 or 32 bits per pixel are "
+        "supported");
   const auto columns = static_cast<std::uint64_t>(std::max(width, 0)),
              rows = static_cast<std::uint64_t>(std::abs(std::int64_t{height}));
   const std::uint64_t needed = little(bytes, 10, 4) + (columns * bits + 31) / 32 * 4 * rows;

@@ -25,8 +25,10 @@ absl::Status check_directories(std::string_view bytes) {
   const TiffDirectory first(bytes);
   for (const TiffDirectory& each :
        {first, first.inner(TiffDirectory::kExif), first.inner(TiffDirectory::kInner)}) {
-    if (!each.is_whole()) return absl::DataLossError("it is damaged, or truncated: a directory is "
-                                                     "incomplete");
+    if (!each.is_whole())
+      return absl::DataLossError(
+          "it is damaged, or truncated: a directory is "
+          "incomplete");
   }
   for (const TiffDirectory::Tag tag : {TiffDirectory::kExif, TiffDirectory::kInner}) {
     if (first.number(tag) && first.inner(tag).empty())

@@ -292,8 +292,8 @@ absl::StatusOr<std::optional<std::uint16_t>> checked_predictor(std::string_view 
     const Place place = place_of(head, strips, strip);
     if (place.begin != end || place.size_bytes > tiff_size_bytes(shape)) {
       return absl::DataLossError(
-          fmt::format("strip {} is listed with {} bytes at {}; it must follow the previous one, at {}",
-                      strip, place.size_bytes, place.begin, end));
+          fmt::format("strip {} is listed with {} bytes at {}; it must follow the previous one, at {}", strip,
+                      place.size_bytes, place.begin, end));
     }
     end += place.size_bytes;
   }

@@ -82,8 +82,8 @@ class GeometryFitter {
       starts.push_back(start_of(views_[k], pitch_mm_[k], picture_));
       if (starts.back().mirrored) {
         return absl::FailedPreconditionError(
-            fmt::format("pose \"{}\" sees monitor {} mirrored; a geometry cannot have mirrors", views_[k].session,
-                        views_[k].monitor));
+            fmt::format("pose \"{}\" sees monitor {} mirrored; a geometry cannot have mirrors",
+                        views_[k].session, views_[k].monitor));
       }
     }
     std::vector<double> focal_lengths = {1.0, 2.0, 4.0, 8.0};
@@ -331,12 +331,12 @@ class GeometryFitter {
     };
     add(weak_tilt(tilt_spread(normals())));
     if (views_.size() < kFewPoses)
-      add(fmt::format("there are {} poses; six or more would test the lens model",
-                      views_.size()));
+      add(fmt::format("there are {} poses; six or more would test the lens model", views_.size()));
     std::vector<Vector2d> seen;
     for (const SeenPoint& point : problem_.points) seen.push_back(point.pixel);
     if (const std::string parts = uncovered_parts(width_px_, height_px_, seen); !parts.empty()) {
-      add(fmt::format("no pose covers these parts of the picture: {}; the lens is extrapolated there", parts));
+      add(fmt::format("no pose covers these parts of the picture: {}; the lens is extrapolated there",
+                      parts));
     }
     const double focal_error =
         std::max(lens_sd_[kFx] / problem_.lens[kFx], lens_sd_[kFy] / problem_.lens[kFy]);
@@ -388,8 +388,8 @@ absl::StatusOr<GeometryFit> fit_geometry(int width_px, int height_px, std::span<
   std::set<std::pair<std::string, std::string>> names;
   for (const MonitorView& view : views) {
     if (!names.emplace(view.session, view.monitor).second) {
-      return absl::InvalidArgumentError(fmt::format(
-          "two mattes are from session \"{}\"; each pose needs its own session", view.session));
+      return absl::InvalidArgumentError(
+          fmt::format("two mattes are from session \"{}\"; each pose needs its own session", view.session));
     }
   }
   if (views.size() < kMinViews) {

@@ -49,12 +49,12 @@ std::string too_little_tilt(const TiltSpread& tilts) {
 std::string weak_tilt(const TiltSpread& tilts) {
   if (tilts.max_deg < kLittleTilt_deg) {
     return fmt::format(
-        "the poses turn only by {:.1f} degrees, which couples focal length and distance; 20 to 40 degrees are "
+        "the poses turn only by {:.1f} degrees, which couples focal length and distance; 20 to 40 degrees "
+        "are "
         "better",
         tilts.max_deg);
   }
-  if (tilts.across_deg < kOneAxis_deg)
-    return "the poses turn about only one axis; turn some about the other";
+  if (tilts.across_deg < kOneAxis_deg) return "the poses turn about only one axis; turn some about the other";
   return {};
 }
 

@@ -87,9 +87,9 @@ absl::Status check_geometry(const v1::RigGeometry& geometry) {
                       pose.name(), rotation.determinant() < 0.0 ? 2.0 : deviation, kMaxDeviation));
     }
     if (!(MonitorPlane(pose).depth_mm() > 0.0)) {
-      return absl::InvalidArgumentError(fmt::format(
-          "pose \"{}\" is {} mm along its normal (x cross y) from the camera; it must be above 0",
-          pose.name(), MonitorPlane(pose).depth_mm()));
+      return absl::InvalidArgumentError(
+          fmt::format("pose \"{}\" is {} mm along its normal (x cross y) from the camera; it must be above 0",
+                      pose.name(), MonitorPlane(pose).depth_mm()));
     }
   }
   return absl::OkStatus();

@@ -133,8 +133,9 @@ auto with_matte_file(std::string_view bytes, const Use& use)
     -> decltype(use(std::declval<const MatteHead&>(), std::declval<Imf::MultiPartInputFile&>())) {
   constexpr std::string_view kOpenExr = "\x76\x2f\x31\x01";
   if (!bytes.starts_with(kOpenExr))
-    return absl::DataLossError("it is damaged or not a matte: it is not an OpenEXR file from glasswing "
-                               "fetch");
+    return absl::DataLossError(
+        "it is damaged or not a matte: it is not an OpenEXR file from glasswing "
+        "fetch");
   GW_RETURN_IF_ERROR(check_exr_header(bytes).status());
   try {
     MemoryReader reader(bytes);

@@ -104,8 +104,8 @@ absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2
                                            width, height, window.max.x, window.max.y));
   }
   if (metadata.monitors_size() > kMaxMonitors) {
-    return absl::DataLossError(
-        fmt::format("it names {} monitors; at most {} are supported", metadata.monitors_size(), kMaxMonitors));
+    return absl::DataLossError(fmt::format("it names {} monitors; at most {} are supported",
+                                           metadata.monitors_size(), kMaxMonitors));
   }
   const std::string& footprint = metadata.footprint();
   if (!footprint.empty() && footprint != "gaussian" && footprint != kBoxFootprint) {

@@ -166,7 +166,8 @@ std::optional<PartOrigin> origin_of(const v1::MatteMetadata& metadata) {
 std::string mixed_vectors(const JoinedParts& joined) {
   if (joined.vectors.size() < 2) return "";
   return fmt::format(
-      "the parts were solved by processors with different vector instructions, {}; the last bits of the matte "
+      "the parts were solved by processors with different vector instructions, {}; the last bits of the "
+      "matte "
       "differ between them",
       absl::StrJoin(joined.vectors, " and "));
 }

@@ -216,8 +216,8 @@ absl::StatusOr<v1::MoveMonitorResponse> DisplayServiceImpl::move(const v1::MoveM
   }
   const auto on = std::ranges::find(rails_, monitor, &MonitorRail::monitor);
   if (on == rails_.end()) {
-    return absl::FailedPreconditionError(fmt::format(
-        "monitor \"{}\" has no rail to move it; glasswing-display --rail names one", monitor));
+    return absl::FailedPreconditionError(
+        fmt::format("monitor \"{}\" has no rail to move it; glasswing-display --rail names one", monitor));
   }
   if (!(position_mm >= on->min_mm && position_mm <= on->max_mm)) {
     return absl::InvalidArgumentError(

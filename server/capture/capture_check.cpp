@@ -92,8 +92,8 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
   if (const std::string warning = uncalibrated_warning(header); !warning.empty())
     estimate.add_warnings(warning);
   for (const std::string& display : links.silent_displays) {
-    estimate.add_warnings(
-        fmt::format("{} does not answer; the plan does not need it, but its monitors may emit light", display));
+    estimate.add_warnings(fmt::format(
+        "{} does not answer; the plan does not need it, but its monitors may emit light", display));
   }
   const RigLimits rig{.monitors = {header.monitors().begin(), header.monitors().end()},
                       .camera = links.camera_info,
@@ -154,9 +154,8 @@ absl::StatusOr<google::protobuf::Map<std::string, double>> positions_of(
     }
     const auto [at, is_new] = positions.insert({name, position_mm});
     if (is_new || at->second == position_mm) continue;
-    return absl::InvalidArgumentError(
-        fmt::format("rail_mm of monitor \"{}\" is {}; its rail reports that it is at {}", name, position_mm,
-                    at->second));
+    return absl::InvalidArgumentError(fmt::format(
+        "rail_mm of monitor \"{}\" is {}; its rail reports that it is at {}", name, position_mm, at->second));
   }
   return positions;
 }

@@ -51,8 +51,7 @@ void CaptureRunner::take_up(SessionStore::Edit& edit, std::span<const v1::Sessio
 absl::Status CaptureRunner::check_new_name(const std::string& name) {
   GW_RETURN_IF_ERROR(check_name("session", name));
   if (absl::IsNotFound(sessions_.stored(name).status())) return absl::OkStatus();
-  return absl::AlreadyExistsError(
-      fmt::format("session \"{}\" already exists; choose another name", name));
+  return absl::AlreadyExistsError(fmt::format("session \"{}\" already exists; choose another name", name));
 }
 
 absl::StatusOr<v1::EstimateSessionResponse> CaptureRunner::estimate(

@@ -254,8 +254,8 @@ void RigWatch::tell_light(const Change& change, const std::string& session, v1::
   } else {
     told.set_what(fmt::format("since between steps {} {}", steps_text(change.good, change.bad), what));
     lose(0, change.bad, false, told);
-    told.set_advice(
-        "switch off automatic controls, then recapture the earlier steps: glasswing retake " + session);
+    told.set_advice("switch off automatic controls, then recapture the earlier steps: glasswing retake " +
+                    session);
   }
 }
 

@@ -51,9 +51,9 @@ absl::StatusOr<std::unique_ptr<AccessTokens>> AccessTokens::open(const fs::path&
   const fs::path file = data / kTokensFile;
   absl::StatusOr<Database> database = open_database(file);
   if (absl::IsDataLoss(database.status())) {
-    GW_RETURN_IF_ERROR(
-        problems.set_aside_database(data, file, database.status(), "browsers must log in again, with new "
-                                                                   "tokens"));
+    GW_RETURN_IF_ERROR(problems.set_aside_database(data, file, database.status(),
+                                                   "browsers must log in again, with new "
+                                                   "tokens"));
     database = open_database(file);
   }
   GW_RETURN_IF_ERROR(database.status());

@@ -18,8 +18,7 @@ namespace {
 
 // Each is present, as 0, from the first call on.
 prometheus::Counter& happened(std::string_view event) {
-  return counter("glasswing_events_total", "Notable events.",
-                 {{"event", std::string(event)}});
+  return counter("glasswing_events_total", "Notable events.", {{"event", std::string(event)}});
 }
 prometheus::Counter& ran(const char* outcome) {
   return counter("glasswing_hooks_total", "Runs of the hook command, and events dropped before theirs.",

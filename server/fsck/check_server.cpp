@@ -117,9 +117,10 @@ class ServerCheck {
          .what = std::string(status.message()),
          .meaning = fmt::format("the matte of frame {} of session \"{}\" cannot be fetched; the others can",
                                 frame, name),
-         .repair = "it is set aside and counts as not solved; a solve in progress solves it again, otherwise: "
-                   "glasswing solve " +
-                   name},
+         .repair =
+             "it is set aside and counts as not solved; a solve in progress solves it again, otherwise: "
+             "glasswing solve " +
+             name},
         [&]() -> absl::Status {
           lost_.insert({name, frame});
           SessionRecord record = current(name);

@@ -101,14 +101,13 @@ void ServerRecords::read_sessions(Check& check) {
                  .repair = ""});
   }
   if (const absl::Status count = check_row_count(*catalogue_, "sessions"); !count.ok()) {
-    check.found(
-        {.file = (data_ / kCatalogue).string(),
-         .what = std::string(count.message()),
-         .meaning =
-             "the server does not start. A session's record may be lost: restore it from a backup; its frames "
-             "are not touched, and glasswing import of their archive makes a session again",
-         .repair = "the existing records are accepted as complete"},
-        [&] { return accept_rows(*catalogue_, "sessions", kCatalogueColumns); });
+    check.found({.file = (data_ / kCatalogue).string(),
+                 .what = std::string(count.message()),
+                 .meaning = "the server does not start. A session's record may be lost: restore it from a "
+                            "backup; its frames "
+                            "are not touched, and glasswing import of their archive makes a session again",
+                 .repair = "the existing records are accepted as complete"},
+                [&] { return accept_rows(*catalogue_, "sessions", kCatalogueColumns); });
   }
   for (const std::string& name : bad) {
     check.found(

@@ -42,10 +42,10 @@ void add_fleet(const v1::GetFleetResponse& fleet, std::vector<prometheus::Metric
     return values;
   };
   families.push_back(gauges("glasswing_solvers", "Solvers that this server knows.", by_state(solvers)));
-  families.push_back(
-      gauges("glasswing_tiles", "Unfinished tiles of unfinished solves.", by_state(tiles)));
+  families.push_back(gauges("glasswing_tiles", "Unfinished tiles of unfinished solves.", by_state(tiles)));
   families.push_back(gauges("glasswing_leases_twice",
-                            "Leases of tiles held by two solvers, of which the first result counts.", {{{}, twice}}));
+                            "Leases of tiles held by two solvers, of which the first result counts.",
+                            {{{}, twice}}));
   families.push_back(
       gauges("glasswing_solves_running", "Solves whose tiles are handed out.", {{{}, solving}}));
 }
@@ -92,10 +92,9 @@ std::vector<prometheus::MetricFamily> server_gauges(const absl::StatusOr<v1::Get
   LabelledValues by_state;
   for (const auto& [state, count] : counts) by_state.push_back({{{"state", state}}, count});
   families.push_back(gauges("glasswing_sessions", "Sessions in the catalogue.", by_state));
-  families.push_back(
-      gauges("glasswing_server_problems",
-             "Problems with the server's own data or job store; glasswing doctor lists them.",
-             {{{}, static_cast<double>(problem_count)}}));
+  families.push_back(gauges("glasswing_server_problems",
+                            "Problems with the server's own data or job store; glasswing doctor lists them.",
+                            {{{}, static_cast<double>(problem_count)}}));
   LabelledValues up;
   for (const v1::Node& node : nodes) {
     if (node.kind() == v1::NODE_KIND_SOLVER) continue;  // solvers come and go; glasswing_solvers counts them

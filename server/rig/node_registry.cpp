@@ -158,9 +158,8 @@ absl::Status NodeRegistry::release(const std::string& name) {
   const std::lock_guard lock(mutex_);
   const auto found = entries_.find(name);
   if (found != entries_.end() && now_() - found->second.heard < kSilence) {
-    return absl::FailedPreconditionError(
-        fmt::format("node \"{}\" is up, at {}; stop it before releasing its name", name,
-                    found->second.node.address()));
+    return absl::FailedPreconditionError(fmt::format(
+        "node \"{}\" is up, at {}; stop it before releasing its name", name, found->second.node.address()));
   }
   const absl::Status released = names_.release(name);
   if (absl::IsNotFound(released) && found == entries_.end())

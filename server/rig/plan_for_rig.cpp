@@ -56,9 +56,8 @@ MonitorNames with_curves(const Monitors& monitors, v1::MakePlanResponse& respons
     if (monitor.bits() <= kMaxCurveBits) {
       names.push_back(monitor.name());
     } else {
-      response.add_notes(
-          fmt::format("monitor {} uses linear {}-bit codes: nothing to measure",
-                      monitor.name(), monitor.bits()));
+      response.add_notes(fmt::format("monitor {} uses linear {}-bit codes: nothing to measure",
+                                     monitor.name(), monitor.bits()));
     }
   }
   return names;

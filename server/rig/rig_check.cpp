@@ -151,12 +151,11 @@ class RigCheck {
       exposures_ms_.push_back(set ? std::clamp(kDefaultExposureMs, least, most) : kDefaultExposureMs);
     for (const double exposure_ms : exposures_ms_) {
       if (exposure_ms >= least && exposure_ms <= most) continue;
-      tell(
-          v1::FINDING_LEVEL_PROBLEM, "camera",
-          fmt::format("exposure_ms is {}; the camera takes {:.3g} to {:.3g} ms at its {:.1f} frames per "
-                      "second",
-                      exposure_ms, least, most, links.camera_info.frame_rate_hz()),
-          "change the plan's exposure_ms, or the camera's frame rate");
+      tell(v1::FINDING_LEVEL_PROBLEM, "camera",
+           fmt::format("exposure_ms is {}; the camera takes {:.3g} to {:.3g} ms at its {:.1f} frames per "
+                       "second",
+                       exposure_ms, least, most, links.camera_info.frame_rate_hz()),
+           "change the plan's exposure_ms, or the camera's frame rate");
       return false;
     }
     return true;

@@ -184,10 +184,10 @@ v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps,
   }
   const int wanted = static_cast<int>(patch_learning_ids().size());
   if (learning_steps < wanted) {
-    return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
-                        fmt::format("{}: only {} of its {} learning pictures were recorded", name,
-                                    learning_steps, wanted),
-                        "see the other findings; a capture repeats them");
+    return make_finding(
+        v1::FINDING_LEVEL_WARNING, "id patch",
+        fmt::format("{}: only {} of its {} learning pictures were recorded", name, learning_steps, wanted),
+        "see the other findings; a capture repeats them");
   }
   if (unseen.contradicts()) {
     return make_finding(v1::FINDING_LEVEL_PROBLEM, "id patch",
@@ -232,14 +232,12 @@ v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1:
 v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,
                                 const std::optional<v1::DisplayCalibration>& measured) {
   if (measured) {
-    return make_finding(
-        v1::FINDING_LEVEL_OK, "light",
-        fmt::format("{} has measured curves ({})", monitor.name(), measured->measured()));
+    return make_finding(v1::FINDING_LEVEL_OK, "light",
+                        fmt::format("{} has measured curves ({})", monitor.name(), measured->measured()));
   }
   if (monitor.bits() > kMaxCurveBits) {
-    return make_finding(
-        v1::FINDING_LEVEL_OK, "light",
-        fmt::format("{} uses linear {}-bit codes", monitor.name(), monitor.bits()));
+    return make_finding(v1::FINDING_LEVEL_OK, "light",
+                        fmt::format("{} uses linear {}-bit codes", monitor.name(), monitor.bits()));
   }
   return make_finding(
       v1::FINDING_LEVEL_WARNING, "light",
@@ -255,10 +253,10 @@ v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v
     return make_finding(v1::FINDING_LEVEL_WARNING, "sync", "display latency is not measured: " + said,
                         "glasswing calibrate sync --monitor " + declared.name());
   }
-  const std::string text = fmt::format(
-      "{} follows its scan-out by {:.2f} ms and settles in {:.2f} ms, +- {:.2f} (measured {})",
-      declared.name(), ms(measured->lag_ns()), ms(measured->settle_ns()), ms(measured->error_ns()),
-      measured->measured());
+  const std::string text =
+      fmt::format("{} follows its scan-out by {:.2f} ms and settles in {:.2f} ms, +- {:.2f} (measured {})",
+                  declared.name(), ms(measured->lag_ns()), ms(measured->settle_ns()),
+                  ms(measured->error_ns()), measured->measured());
   const nanoseconds tolerance =
       kSyncAgrees + 3 * nanoseconds(measured->error_ns()) + nanoseconds(measured->clock_error_ns());
   const auto apart = [](std::int64_t a, std::int64_t b) { return std::chrono::abs(nanoseconds(a - b)); };
@@ -281,15 +279,18 @@ std::string retake_advice(v1::RetakeCause cause) {
     case v1::RETAKE_CAUSE_WRONG_ID:
       return "a display or the camera reports wrong times: glasswing calibrate sync";
     case v1::RETAKE_CAUSE_ID_UNREADABLE:
-      return "the camera sees the id patch, but cannot distinguish its cells beside a picture: the patch must "
+      return "the camera sees the id patch, but cannot distinguish its cells beside a picture: the patch "
+             "must "
              "cover at least six rows of the camera's picture, and be in focus; start the display node with "
              "more --patch-rows, or make the monitor larger in the camera's picture. If it already does, "
              "exposures overlap two pictures: glasswing calibrate sync";
     case v1::RETAKE_CAUSE_TOO_LATE:
-      return "frames arrive faster than the camera node stores them: reduce the load on its machine and disk, "
+      return "frames arrive faster than the camera node stores them: reduce the load on its machine and "
+             "disk, "
              "or choose a larger hold_refreshes or a smaller picture";
     case v1::RETAKE_CAUSE_PATCH_UNSEEN:
-      return "make sure that the camera sees each monitor's whole id patch in focus, with nothing in front of "
+      return "make sure that the camera sees each monitor's whole id patch in focus, with nothing in front "
+             "of "
              "it";
     default:
       return "the camera's exposures must fit between a picture's settling and the next one: try a shorter "

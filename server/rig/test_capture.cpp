@@ -48,9 +48,8 @@ absl::Status load(DisplayLink& display, const std::string& program, const TestCa
 absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test,
                                                    std::stop_token stop) {
   if (rig.camera_info.on_demand()) {
-    return absl::FailedPreconditionError(
-        fmt::format("{} takes pictures only on request, so no times can be measured with it",
-                    rig.camera->title()));
+    return absl::FailedPreconditionError(fmt::format(
+        "{} takes pictures only on request, so no times can be measured with it", rig.camera->title()));
   }
   CaptureStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms, random_token(), test.triggered);
   GW_RETURN_IF_ERROR(camera.wait_running(stop, kStarted));

@@ -109,8 +109,9 @@ absl::StatusOr<std::unique_ptr<Catalogue>> Catalogue::open(const std::filesystem
   if (!whole.ok() && database.run("REINDEX").ok()) whole = database.check_structure();
   whole.Update(check_row_count(database, "sessions"));
   if (!whole.ok()) {
-    return absl::DataLossError(fmt::format("{} is damaged: {}; glasswing fsck {} gives details", path.string(),
-                                           std::string(whole.message()), path.parent_path().string()));
+    return absl::DataLossError(fmt::format("{} is damaged: {}; glasswing fsck {} gives details",
+                                           path.string(), std::string(whole.message()),
+                                           path.parent_path().string()));
   }
   return std::unique_ptr<Catalogue>(new Catalogue(std::move(database), path));
 }

@@ -29,7 +29,8 @@ constexpr int kMaxFailures = 3;
 // Nothing is known about the cost of rows, and a draft is not surveyed.
 constexpr int kDraftTiles = 48, kMinDraftRows = 2;
 constexpr std::int64_t kMaxDraftTileBytes = 256 << 20;  // of frames' samples
-constexpr std::chrono::seconds kBreak(5);  // between a capture's reports: it was paused, or a node did not answer
+constexpr std::chrono::seconds kBreak(
+    5);  // between a capture's reports: it was paused, or a node did not answer
 constexpr double kFewPixels = 60'000;
 constexpr double kFirstPixels = 2'500, kWaited_s = 4.0;  // of a draft that a capture waits for
 constexpr int kFirstStep = 5;

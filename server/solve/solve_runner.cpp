@@ -79,8 +79,9 @@ absl::Status check_put(const v1::PutMatteRequest& header, const MatteOutline& ou
   const v1::MatteMetadata& made = outline.metadata;
   GW_RETURN_IF_ERROR(check_method(made.method()));
   if (made.method() == kRampMethod)
-    return absl::InvalidArgumentError("a matte of method \"ramp\" belongs to a video; it must be from a "
-                                      "still");
+    return absl::InvalidArgumentError(
+        "a matte of method \"ramp\" belongs to a video; it must be from a "
+        "still");
   GW_RETURN_IF_ERROR(
       OptionValues::read(made.method(), {made.options().begin(), made.options().end()}).status());
   if (made.session() != session.name() || made.edits_size() > 0 || made.has_draft() ||

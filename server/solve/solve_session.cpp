@@ -59,15 +59,16 @@ void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& sessio
 
 absl::Status check_rows(const MatteOutline& matte, const TileRange& rows, const v1::Session& session) {
   if (matte.delivery)
-    return absl::InvalidArgumentError(fmt::format(
-        "the tile of session \"{}\" is packed for delivery, not as a tile", session.name()));
+    return absl::InvalidArgumentError(
+        fmt::format("the tile of session \"{}\" is packed for delivery, not as a tile", session.name()));
   if (matte.y0_px == rows.first && matte.height_px == rows.count && matte.x0_px == 0 &&
       std::int64_t{matte.width_px} * matte.metadata.height_px() == session.pixel_count())
     return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format(
-      "the tile of session \"{}\" has {} rows of {} px from row {}; it must have {} rows of the whole picture "
-      "from row {}",
-      session.name(), matte.height_px, matte.width_px, matte.y0_px, rows.count, rows.first));
+  return absl::InvalidArgumentError(
+      fmt::format("the tile of session \"{}\" has {} rows of {} px from row {}; it must have {} rows of the "
+                  "whole picture "
+                  "from row {}",
+                  session.name(), matte.height_px, matte.width_px, matte.y0_px, rows.count, rows.first));
 }
 
 absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileLease& lease) {

@@ -109,7 +109,8 @@ absl::StatusOr<v1::ClaimTileResponse> TileDispatcher::claim(const v1::ClaimTileR
   }
   if (const int count = fleet_.spoiled_by(request.solver()); count >= kMaxSpoiled) {
     const std::string why = fmt::format(
-        "solver \"{}\" submitted {} corrupt mattes and gets no more work: test its machine's memory and disk; "
+        "solver \"{}\" submitted {} corrupt mattes and gets no more work: test its machine's memory and "
+        "disk; "
         "it is forgotten after being stopped for ten minutes",
         request.solver(), count);
     fleet_.refused(request.solver(), why);
