@@ -246,10 +246,13 @@ function(glasswing_command_test name)
   glasswing_label_test(${name} ${ARG_LABELS})
 endfunction()
 
-# glasswing_label_test(NAME [LABEL ...]): what kind of test it is, for `ctest -L` and tests/run. unit a program of a folder,
-# or a script without daemons rig daemons in real time; one such test at a time system uses resources of the whole machine:
-# root, containers, a cluster; alone slow over a minute; tests/run leaves it out unless told --all gate, rendered solve on
-# all cores, so none runs beside a rig's Others are for some command.
+# glasswing_label_test(NAME [LABEL ...]): what kind of test it is, for `ctest -L` and tests/run.
+#   unit    a program of a folder, or a script without daemons
+#   rig     daemons in real time; one such test at a time
+#   system  uses resources of the whole machine: root, containers, a cluster; runs alone
+#   slow    over a minute; tests/run skips it unless given --all
+#   gate, rendered  solve on all cores, so none runs at the same time as a rig test
+# Others are for some command.
 function(glasswing_label_test name)
   set(labels ${ARGN})
   if(NOT labels MATCHES "rig|system")

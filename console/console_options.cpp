@@ -13,7 +13,7 @@ void add_console_options(CLI::App& app, DaemonOptions& daemon, ConsoleProgramOpt
       ->capture_default_str();
   app.add_option(
          "--advertise", options.console.advertised,
-         "host:port at which browsers find it; --listen if left out, which must then name one address")
+         "host:port where browsers find it; default: --listen, which must then name one address")
       ->type_name("HOST:PORT");
   app.add_option("--files", options.console.files, "directory with the page")->capture_default_str();
   add_tls_options(app, daemon.tls);

@@ -1,7 +1,7 @@
 // One matte of two objects that were captured separately, by the same camera in front of the same monitors:
 // `front` hides `back` as far as it covers a pixel.
 //
-//   C = C_front - light that passes beside it + (1 - alpha) C_back, alpha: the coverage of `front`
+//   C = C_front - light that passes beside it + (1 - alpha) C_back,     alpha: the coverage of `front`
 //
 // If one does not cover a pixel, the other's is used. A pixel that `front` covers partly has a mode on each
 // monitor for the light that passes beside it (docs/matte.md): the mode on that monitor most similar to those

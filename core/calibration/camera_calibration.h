@@ -2,11 +2,11 @@
 // (core/pattern/calibration_steps.h): at each of several exposures, each monitor shows a broad stripe, black
 // and white, repeatedly.
 //
-//   response CameraResponse of the stripe at all exposures, averaged over takes; the response of the monitor
-//   is unknown and does not matter black level median code of the black frames, extrapolated to exposure 0:
-//   room light grows with time noise photon transfer (noise_model.h) on the takes of the stripe, as light by
-//   the response fall-off of white minus black, over the pixels that see a monitor (camera_shading.h). It
-//   includes
+//   response     CameraResponse of the stripe at all exposures, averaged over takes; the response of the
+//                monitor is unknown and does not matter
+//   black level  median code of the black frames, extrapolated to exposure 0: room light grows with time
+//   noise        photon transfer (noise_model.h) on the takes of the stripe, converted to light by the response
+//   fall-off     of white minus black, over the pixels that see a monitor (camera_shading.h). It includes
 //                the monitor's own shading, which cannot be separated from one viewpoint
 //
 // Uses only pixels that see a monitor, at most 40,000.

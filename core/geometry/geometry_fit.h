@@ -5,10 +5,10 @@
 //    perpendicular and equally long (Zhang, "A Flexible New Technique for Camera Calibration", 2000, with the
 //    centre in the middle).
 // 2. Bundle adjustment (reprojection_fit.h), first with Huber's loss. Then points beyond five standard
-// deviations are left out, and each view is weighted by its own scatter; one whose points have no standard
-// errors lies on a smooth map, and counts as fifteen points. 3. Standard errors from the normal matrix.
-// Neighbours' errors may be correlated: variances are multiplied by the variance of sums over a twelfth of
-// the picture, relative to that of independent points.
+//    deviations are left out, and each view is weighted by its own scatter; one whose points have no standard
+//    errors lies on a smooth map, and counts as fifteen points.
+// 3. Standard errors from the normal matrix. Neighbours' errors may be correlated: variances are multiplied
+//    by the variance of sums over a twelfth of the picture, relative to that of independent points.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -114,7 +114,7 @@ std::vector<Step> in_order_of_showing(const std::vector<Step>& steps) {
 std::vector<DraftStage> draft_stages(const v1::Plan& plan, const std::vector<Step>& shown) {
   if (plan.method() != "gaussian") return {};
   if (plan.has_adapt()) return after_rounds(shown);
-  // Numbered in the plan's order, as coarse_to_fine() numbers them.
+  // Numbered in the plan's order, like coarse_to_fine().
   std::vector<Step> planned = shown;
   std::ranges::sort(planned, {}, &Step::number);
   const std::map<int, Place> places = places_of(planned);

@@ -251,7 +251,7 @@ absl::StatusOr<RayMatte> decode_checked(std::string_view bytes) {
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
   if (json.empty() || !google::protobuf::util::JsonStringToMessage(json, &metadata, options).ok())
-    return absl::DataLossError("it is no file of rays");
+    return absl::DataLossError("it is not a file of rays");
   if (metadata.format_version() > 1) {
     return absl::FailedPreconditionError(
         fmt::format("its format_version is {}; this program reads 1", metadata.format_version()));

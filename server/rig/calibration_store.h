@@ -1,8 +1,8 @@
 // The measured calibrations of the rig's devices, one file each below DATA/calibration:
 //
-//   sync.json when the monitors' light follows their scan-out (glasswing calibrate sync) camera-NAME.json the
-//   light of a camera's codes (glasswing calibrate camera) monitor-NAME.json the light of a monitor's codes
-//   (glasswing calibrate display)
+//   sync.json           when the monitors' light follows their scan-out  (glasswing calibrate sync)
+//   camera-NAME.json    the light of a camera's codes                    (glasswing calibrate camera)
+//   monitor-NAME.json   the light of a monitor's codes                   (glasswing calibrate display)
 #pragma once
 
 #include <absl/status/status.h>

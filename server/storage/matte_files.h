@@ -1,10 +1,12 @@
 // The files of mattes below the server's data:
 //
-//   mattes/SESSION.exr the matte of the last finished solve, or, for a video, mattes/SESSION/0000.exr one
-//   file per frame mattes/SESSION+next.exr, mattes/SESSION+next/0000.exr those of the current solve, which
-//   replace the above when it finishes mattes/SESSION+draft.exr the newest draft, made while the session was
-//   captured; until a solve finishes tiles/SESSION/ parts of the current solve, each named after the checksum
-//   of its bytes tiles/SESSION+put/ a matte solved elsewhere, while it arrives
+//   mattes/SESSION.exr        the matte of the last finished solve, or, for a video,
+//   mattes/SESSION/0000.exr   one file per frame
+//   mattes/SESSION+next.exr, mattes/SESSION+next/0000.exr
+//                             those of the current solve, which replace the above when it finishes
+//   mattes/SESSION+draft.exr  the newest draft, made while the session was captured; until a solve finishes
+//   tiles/SESSION/            parts of the current solve, each named after the checksum of its bytes
+//   tiles/SESSION+put/        a matte solved elsewhere, while it arrives
 //
 // Session names contain no '+'.
 #pragma once

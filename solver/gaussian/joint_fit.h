@@ -124,7 +124,7 @@ struct JointFit {
 // Fits from `start` (1 to 4 modes) to the nearest minimum. Sigma stays positive semi-definite: steps that
 // would leave the cone move along its boundary (cone_step.h). Weights may become negative. Converged: the
 // next step would be less than a tenth of the estimate's own standard error.
-// `held`: parameters that stay as they are, a bit each in the order of the equations; their errors are 0.
+// `held`: parameters that are not changed, one bit each in the order of the equations; their errors are 0.
 JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const MonitorExtent& extent,
                      const StepLimits& limits, JointWorkspace& workspace, unsigned held = 0);
 

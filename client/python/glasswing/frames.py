@@ -138,7 +138,7 @@ class Frames(Sequence[Frame]):
             for frame in self.manifest.frames:
                 file = pathlib.PurePosixPath(frame.file)
                 if file.parent != pathlib.PurePosixPath("frames") or file.name in ("", "..", "."):
-                    raise Damaged(f'session {self._session} names a frame "{frame.file}"; it must lie in frames/')
+                    raise Damaged(f'session {self._session} names a frame "{frame.file}"; it must be in frames/')
                 (partial / "frames" / file.name).write_bytes(self._file(frame))
             text = json_format.MessageToJson(self.manifest, preserving_proto_field_name=True, ensure_ascii=False)
             (partial / "manifest.json").write_text(text, encoding="utf-8")

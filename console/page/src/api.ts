@@ -88,7 +88,7 @@ function post(method: string, request: object, options: CallOptions): Promise<Re
   return ask(path, init);
 }
 
-/** `method` is "SessionService/GetSession". Of a list, the answer has all pages (https://google.aip.dev/158). */
+/** `method` is for example "SessionService/GetSession". Of a list, the answer has all pages (https://google.aip.dev/158). */
 export async function call<Answer>(
   method: string,
   request: object = {},

@@ -214,7 +214,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
   EXPECT_EQ(
       session.reason(),
-      fmt::format("no matte can be made of 2 of its frames; frame {}: the background moved", solved.front()));
+      fmt::format("no matte can be made from 2 of its frames; frame {}: the background moved", solved.front()));
   EXPECT_EQ(std::set<int>(session.refused_frames().begin(), session.refused_frames().end()), refused);
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
   for (const int frame : {solved.front(), solved[1]})

@@ -103,7 +103,7 @@ TEST(ImageRegistration, WhatIsNoDriftIsSaid) {
   std::reverse(other.samples.begin(), other.samples.end());
   EXPECT_TRUE(absl::IsFailedPrecondition(find_registration(other, without).status()));
   EXPECT_EQ(complaint(Image16(4, 3), Image16(3, 4)),
-            "the picture with the object is 4x3, that without 3x4; they must be of one size");
+            "the picture with the object is 4x3, the one without 3x4; they must have the same size");
 }
 
 }  // namespace
