@@ -46,15 +46,17 @@ absl::Status make_mask(const MaskPictures& pictures) {
 
 void add_mask_command(CLI::App& app, DaemonOptions& daemon) {
   const auto pictures = std::make_shared<MaskPictures>();
-  CLI::App& command = add_command(app, daemon, "mask", "Find the object in a photograph, using one without "
-                                                       "it",
+  CLI::App& command = add_command(app, daemon, "mask",
+                                  "Find the object in a photograph, using one without "
+                                  "it",
                                   [pictures]() -> absl::StatusOr<int> {
                                     GW_RETURN_IF_ERROR(make_mask(*pictures));
                                     return 0;
                                   });
   command.footer(
       "First registers the picture without the object to the other one, in position and brightness, to "
-      "compensate for a camera that was touched.\nThe object is where they differ by more than noise, cleaned by dilation, hole "
+      "compensate for a camera that was touched.\nThe object is where they differ by more than noise, "
+      "cleaned by dilation, hole "
       "filling and erosion. It is white in the mask.\n\nExample:\n  glasswing-solver mask vase.jpg empty.jpg "
       "mask.png");
   command.add_option("with", pictures->with, "photograph with the object: PNG, JPEG or TIFF")->required();

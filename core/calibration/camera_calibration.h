@@ -5,7 +5,7 @@
 //   response     CameraResponse of the stripe at all exposures, averaged over takes; the response of the
 //                monitor is unknown and does not matter
 //   black level  median code of the black frames, extrapolated to exposure 0: room light grows with time
-//   noise        photon transfer (noise_model.h) on the takes of the stripe, converted to light by the response
+//   noise        photon transfer (noise_model.h) on the takes of the stripe, as linear light
 //   fall-off     of white minus black, over the pixels that see a monitor (camera_shading.h). It includes
 //                the monitor's own shading, which cannot be separated from one viewpoint
 //

@@ -138,8 +138,8 @@ Mask ObjectMask::mask(const Image16& frame) const {
 absl::Status EmptyAverage::add(const Image16& frame) {
   if (count_ > 0 && (frame.width_px != mean_.width_px || frame.height_px != mean_.height_px)) {
     return absl::InvalidArgumentError(
-        fmt::format("frame {} of the empty stage is {}x{}; the earlier ones are {}x{}", count_, frame.width_px,
-                    frame.height_px, mean_.width_px, mean_.height_px));
+        fmt::format("frame {} of the empty stage is {}x{}; the earlier ones are {}x{}", count_,
+                    frame.width_px, frame.height_px, mean_.width_px, mean_.height_px));
   }
   if (count_ == 0) mean_ = squares_ = RadianceImage(frame.width_px, frame.height_px);
   ++count_;

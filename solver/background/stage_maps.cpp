@@ -147,7 +147,8 @@ class MapFinder {
       if (fitted.map) fitted.map->set_spot_px2(spot_px2);
     }
     if (!fitted.map) return refused(fitted.refused);
-    if (place_sd_px > kMaxPlaceSd_px) return refused(fmt::format("pixels deviate from it by {:.1f} px", place_sd_px));
+    if (place_sd_px > kMaxPlaceSd_px)
+      return refused(fmt::format("pixels deviate from it by {:.1f} px", place_sd_px));
     const double sd_px = rms_sd_px(*fitted.map);
     if (sd_px > kMaxSd_px) return refused(fmt::format("it would be known only to {:.1f} px", sd_px));
     SmoothStage map{.map = *std::move(fitted.map), .sd_px = sd_px, .place_sd_px = place_sd_px, .wave_sd = {}};
@@ -158,7 +159,8 @@ class MapFinder {
     std::string warning;
     if (strained > kWarnStrained) {
       warning = fmt::format(
-          "{:.0f} % of the background on monitor \"{}\" does not lie on the smooth surface of the rest; those "
+          "{:.0f} % of the background on monitor \"{}\" does not lie on the smooth surface of the rest; "
+          "those "
           "pixels keep the positions from their own bars",
           100.0 * strained, name);
     }

@@ -19,7 +19,8 @@ namespace {
 constexpr double kMinSumSds = 20.0;  // standard deviations of noise
 constexpr size_t kMinSums = 300;     // samples
 constexpr double kAgree = 0.03;      // of a sum
-constexpr double kMaxScatter = 0.1;  // of sums over their median: codes are not light, or the bars are too fine
+constexpr double kMaxScatter =
+    0.1;  // of sums over their median: codes are not light, or the bars are too fine
 
 // The frames of one picture of bars, and of its inverse.
 using BarPair = std::array<int, 2>;

@@ -14,7 +14,8 @@
 namespace glasswing {
 namespace {
 
-constexpr double kOddOffset = 0.005, kSureOffset = 6.0;  // beyond which a frame is an outlier; standard deviations
+constexpr double kOddOffset = 0.005,
+                 kSureOffset = 6.0;  // beyond which a frame is an outlier; standard deviations
 constexpr size_t kMinDark = 8;
 constexpr size_t kMinOddOffsets = 5;       // frames: fewer are harmless
 constexpr double kMaxBlindFlicker = 0.01;  // with frames whose gain is unknown

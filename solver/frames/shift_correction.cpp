@@ -76,9 +76,8 @@ absl::Status correct_shifts(const v1::CaptureManifest& manifest, const std::vect
     knock.dy_px += left.dy_px;
     knock.turn_rad += left.turn_rad;
     if (left.size_px(report.radius_px) >= kMaxStepLeft * size_px) continue;
-    warning =
-        text_of(knock, time_of(manifest, report, knock.frame)) +
-        "; they were moved back, as if the camera had moved: recapture from there for full sharpness";
+    warning = text_of(knock, time_of(manifest, report, knock.frame)) +
+              "; they were moved back, as if the camera had moved: recapture from there for full sharpness";
     faults.corrections = moved_back(manifest, report, still, knock);
     faults.disturbance = {};
     return absl::OkStatus();

@@ -78,10 +78,11 @@ absl::StatusOr<std::vector<std::array<float, 3>>> measure_exposure_changes(
     for (size_t c = 0; c < 3; ++c) {
       const float gain = median(ratios[f][c]);
       if (std::abs(gain - 1.0f) > kMaxChange) {
-        return absl::FailedPreconditionError(fmt::format(
-            "{} is {:.2f} times as bright as the other photographs, where no pattern changes them; 0.7 to 1.3 "
-            "can be corrected: omit it, or lock the camera's exposure",
-            manifest.frames(static_cast<int>(f)).file(), gain));
+        return absl::FailedPreconditionError(
+            fmt::format("{} is {:.2f} times as bright as the other photographs, where no pattern changes "
+                        "them; 0.7 to 1.3 "
+                        "can be corrected: omit it, or lock the camera's exposure",
+                        manifest.frames(static_cast<int>(f)).file(), gain));
       }
       gains[f][c] = std::abs(gain - 1.0f) > kSame ? gain : 1.0f;
       changed = changed || gains[f][c] != 1.0f;

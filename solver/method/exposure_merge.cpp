@@ -36,9 +36,9 @@ absl::StatusOr<Exposures> Exposures::of(const v1::CaptureManifest& manifest) {
       exposures.times_ms_.push_back(time_ms);
     const double reference_ms = exposures.times_ms_.front();
     if (time_ms != reference_ms && !(time_ms > 0.0 && reference_ms > 0.0)) {
-      return absl::FailedPreconditionError(fmt::format(
-          "{} has an exposure of {} ms and others {} ms; if they differ, each must be known",
-          frame.file(), time_ms, reference_ms));
+      return absl::FailedPreconditionError(
+          fmt::format("{} has an exposure of {} ms and others {} ms; if they differ, each must be known",
+                      frame.file(), time_ms, reference_ms));
     }
   }
   return exposures;

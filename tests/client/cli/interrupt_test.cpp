@@ -118,8 +118,7 @@ TEST_F(SlowRig, TheSessionGoesOnAndTheClientSaysHowToWatchIt) {
 }
 
 TEST_F(SlowRig, MeasurementsAreBrokenOff) {
-  expect_broken_off({"doctor"}, rig_.check,
-                    "the check was interrupted; the rig is free again and unchanged");
+  expect_broken_off({"doctor"}, rig_.check, "the check was interrupted; the rig is free again and unchanged");
   expect_broken_off(
       {"calibrate", "sync"}, rig_.sync,
       "the measurement was interrupted; the rig is free again, and 0 of its monitors were measured");

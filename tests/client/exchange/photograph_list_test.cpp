@@ -101,7 +101,8 @@ TEST_F(PhotographLists, ComplaintsNameLineValueAndWhatIsAccepted) {
   for (const Case& each : {
            Case{"", ": it lists no photographs"},
            {columns, ": it lists no photographs"},
-           {"#monitor back\n", ":1: monitor is \"back\"; it must be NAME:WIDTHxHEIGHT, such as back:1920x1080"},
+           {"#monitor back\n",
+            ":1: monitor is \"back\"; it must be NAME:WIDTHxHEIGHT, such as back:1920x1080"},
            {"#monitor back:0x9\n", ":1: monitor is \"back:0x9\"; it must be NAME:WIDTHxHEIGHT"},
            {"#monitor back:9x16385\n",
             ":1: monitor is \"back:9x16385\"; it must be NAME:WIDTHxHEIGHT, such as back:1920x1080, or "
@@ -237,8 +238,9 @@ TEST_F(PhotographLists, WhatIsWrongWithAPhotographIsOneLineAndNothingIsSent) {
   ASSERT_EQ(import(table, {"--server", server.address(), "--session", "vase"}).status, 0);
   EXPECT_EQ(server.sessions_.finished, std::vector<std::string>{"vase"});
   EXPECT_EQ(decode_tiff(server.archive_.files.at("frames/000002.tif"))->samples, picture(2).samples);
-  expect_one_line_error(import("#monitor 64x48\nfile\tobject\tkind\n0.png\ttrue\tramp\n"),
-                        "the response of its codes is not declared and cannot be estimated from the photographs");
+  expect_one_line_error(
+      import("#monitor 64x48\nfile\tobject\tkind\n0.png\ttrue\tramp\n"),
+      "the response of its codes is not declared and cannot be estimated from the photographs");
   expect_one_line_error(import(table, {"--response", "film"}),
                         "list.tsv: response is \"film\"; it must be linear");
 }

@@ -118,7 +118,8 @@ TEST_F(LayoutImport, AResponseThatPhotographsDoNotTellIsAskedFor) {
     return import(all);
   };
   expect_one_line_error(import(options),
-                        "the response of its codes is not declared and cannot be estimated from the photographs (there are no complements, gray levels or several exposures); pass "
+                        "the response of its codes is not declared and cannot be estimated from the "
+                        "photographs (there are no complements, gray levels or several exposures); pass "
                         "--response srgb, linear or gamma:G, or --response unknown");
   ASSERT_EQ(with("srgb").status, 0);
   EXPECT_EQ(manifest().camera().response(), "linear");

@@ -211,7 +211,8 @@ TEST(StageMaps, CoarseBarsAloneDoNotTell) {
   EXPECT_FALSE(maps.of_monitor[0]);
   ASSERT_EQ(maps.warnings.size(), 1u);
   EXPECT_EQ(maps.warnings[0],
-            "the background on monitor \"back\" is taken from each pixel's own bars, not from one smooth surface: 0 "
+            "the background on monitor \"back\" is taken from each pixel's own bars, not from one smooth "
+            "surface: 0 "
             "positions were found; at least 60 are needed");
 }
 
@@ -245,7 +246,8 @@ TEST(StageMaps, WhereThereIsNoneNothingChangesAndAWarningSaysWhy) {
   EXPECT_FALSE(maps.of_monitor[0]);
   ASSERT_EQ(maps.warnings.size(), 1u);
   EXPECT_TRUE(
-      maps.warnings[0].starts_with("the background on monitor \"back\" is taken from each pixel's own bars, not from one smooth surface: "))
+      maps.warnings[0].starts_with("the background on monitor \"back\" is taken from each pixel's own bars, "
+                                   "not from one smooth surface: "))
       << maps.warnings[0];
   const Matte own = rig.settled(nullptr), settled = rig.settled(shared(maps));
   for (int y = 0; y < kHeight; ++y) {
