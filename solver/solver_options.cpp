@@ -12,7 +12,7 @@ void add_solver_options(CLI::App& app, DaemonOptions& daemon, SolverOptions& sol
       "--name", solver.name,
       "this node's name in the rig; made of its host and its process, or Slurm's job, if left out");
   app.add_option("--until-idle", solver.until_idle_seconds,
-                 "end when there was nothing to do for so many seconds; 0: never")
+                 "end after this many seconds without work; 0: never")
       ->check(CLI::Range(0.0, 86400.0))
       ->capture_default_str();
   add_listen_options(

@@ -32,7 +32,7 @@ struct FrameSource {
   // For all frames, once each has been read; null: nothing to check.
   std::function<absl::Status()> check = nullptr;
   bool was_read = false;                   // every frame was read and checked when the source was made
-  std::vector<std::string> warnings = {};  // for people
+  std::vector<std::string> warnings = {};  // human-readable
 };
 
 // A whole archive (read_any_manifest).

@@ -65,7 +65,7 @@ struct DesignWish {
 
 struct DesignedPlan {
   v1::Plan plan;
-  std::string chosen;  // for people
+  std::string chosen;  // human-readable
   FootprintPrior prior;
   ExpectedErrors expected;
   // The best of the other kind, if this few images suffice for it.

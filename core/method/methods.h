@@ -18,7 +18,7 @@ namespace glasswing {
 struct MethodOption {
   std::string_view name;
   std::string_view usual;  // the default: a value, or words where it depends on the frames ("all")
-  std::string_view help;   // one line for people
+  std::string_view help;   // one line of text
   double low = 0.0, high = 0.0;
   bool whole = false;                               // takes whole numbers only
   std::vector<std::string_view> choices = {};       // empty: a number

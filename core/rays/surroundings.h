@@ -41,7 +41,7 @@ struct Environment {
 struct Surroundings {
   std::vector<PlanePicture> planes;  // nearer ones hide what is behind them
   std::optional<Environment> environment;
-  // The object absorbs nothing: light that no ray tells of comes from all of the environment alike.
+  // The object absorbs nothing: light without a ray comes equally from the whole environment.
   bool lossless = false;
 };
 

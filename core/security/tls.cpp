@@ -71,7 +71,7 @@ bool contains(const std::string& text, const char* words) {
   return text.find(words) != std::string::npos;
 }
 
-// Empty: it is no address.
+// Empty: it is not an address.
 std::string host_of(const std::string& address) {
   const absl::StatusOr<Address> parsed = parse_address(address);
   return parsed.ok() ? parsed->host : "";

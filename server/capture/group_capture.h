@@ -55,7 +55,7 @@ class GroupCapture {
   // The error for a patch that contradicts the reported times, or for a frozen one, while `steps` are shown.
   absl::Status contradicted(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
                             std::stop_token stop);
-  // A text for people on how the monitors' patches contradict the reported times; empty: no lag explains it.
+  // A readable text on how the monitors' patches contradict the reported times; empty: no lag explains it.
   // Repeats the patch-learning steps of the group that contains this step, and stops the camera.
   absl::StatusOr<std::string> lags(const Step& of_group, std::stop_token stop);
   // How far the monitor of these just shown patch-learning steps lags behind its reports; none: unknown, or

@@ -25,7 +25,7 @@ struct AccessToken {
   std::string id = {};
   std::string name;     // its owner's
   std::string role;     // "operator" or "viewer"
-  std::string made_by;  // for people: who asked for it
+  std::string made_by;  // human-readable: who asked for it
   std::chrono::sys_seconds expires = {};
   int login_count = 0;
 };

@@ -18,7 +18,7 @@ inline constexpr std::array<std::string_view, 6> kEvents{"session-done", "needs-
 struct Event {
   std::string_view what;  // of kEvents
   std::string session;    // empty: of none
-  std::string text;       // for people: what happened
+  std::string text;       // human-readable: what happened
   std::string advice;     // what to do; may be empty
 };
 

@@ -108,7 +108,7 @@ struct JobStoreOptions {
 class JobStore {
  public:
   virtual ~JobStore() = default;
-  virtual std::string title() const = 0;  // for people: "SQLite", "PostgreSQL at db.lab"
+  virtual std::string title() const = 0;  // human-readable: "SQLite", "PostgreSQL at db.lab"
 
   // Creates a job, its tiles numbered from 0 in this order. Returns the job's number.
   virtual absl::StatusOr<std::int64_t> create(const JobSpec& spec, std::span<const TileRange> tiles) = 0;

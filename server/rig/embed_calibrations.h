@@ -14,7 +14,7 @@ namespace glasswing {
 // since it was measured.
 absl::Status embed_calibrations(const CalibrationStore& calibrations, v1::CaptureManifest& header);
 
-// A warning for people if the header lacks a calibration that its frames need; otherwise empty.
+// A readable warning if the header lacks a calibration that its frames need; otherwise empty.
 std::string uncalibrated_warning(const v1::CaptureManifest& header);
 
 }  // namespace glasswing

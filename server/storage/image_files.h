@@ -56,7 +56,7 @@ class ImageFiles {
                                                           const std::optional<std::set<std::string>>& used);
 
   absl::StatusOr<Upload> begin();
-  bool has(const std::string& name) const;  // false too for what is no name
+  bool has(const std::string& name) const;  // also false for an invalid name
   std::filesystem::path path(const std::string& name) const { return directory_ / name; }
   // A session uses them from now on.
   void use(const std::set<std::string>& names);

@@ -1,4 +1,4 @@
-// Problems with the server's data and its job store, as text for people: what was found damaged and set
+// Problems with the server's data and its job store, as readable text: what was found damaged and set
 // aside, and what does not answer. The server works without it; `glasswing doctor` and `nodes`, the console
 // and the metrics show it.
 #pragma once

@@ -57,7 +57,7 @@ struct FringeLayout {
 // waves or finer sinusoids tell apart, or invalid numbers.
 absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest);
 
-// Every frame that the layout names.
+// Every frame listed in the layout.
 std::vector<int> frames_of(const FringeLayout& layout);
 
 }  // namespace glasswing

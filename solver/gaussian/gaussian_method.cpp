@@ -93,7 +93,7 @@ class PreparedGaussian final : public PreparedMethod {
   const std::vector<SweptMonitor> monitors_;
   const std::optional<SynthesizedCapture> capture_;
   const GaussianLimits limits_;
-  const std::vector<int> solved_;  // frames that the layout names
+  const std::vector<int> solved_;  // frames listed in the layout
   const std::vector<int> needed_;  // recorded frames to read
 };
 

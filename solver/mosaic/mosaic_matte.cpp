@@ -19,7 +19,7 @@ constexpr int kRounds = 6;        // of a robust fit
 constexpr double kFirstPx = 6.0,
                  kTighter = 0.4;    // off the plane: of its first round, and from round to round
 constexpr double kNearness = 0.35;  // sites count exp(-that r^2), r in px
-constexpr double kRidge = 1e-3;     // of slopes: 0 where nothing tells of them
+constexpr double kRidge = 1e-3;     // of slopes: 0 if nothing determines them
 constexpr double kNoLight = 1e-9;
 // Between modes of one path: at once, and per pixel of the picture; between those of two channels.
 constexpr double kNearPx = 4.0, kFarPx = 6.0, kDispersionPx = 48.0;

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 
 class Error(Exception):
-    """Base of all errors. ``str(error)`` is one line for people."""
+    """Base of all errors. ``str(error)`` is one readable line."""
 
 
 class InvalidInput(Error):

@@ -83,7 +83,7 @@ class Matte(Pixels):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What may be wrong with it, in sentences for people."""
+        """What may be wrong with it, in readable sentences."""
         return tuple(self.metadata.warnings)
 
     @property

@@ -76,7 +76,7 @@ class Node:
     version: str
     up: bool
     detail: str
-    """For people: "back 128x96 at 60 Hz", "solving s1 tile 3"."""
+    """Readable text: "back 128x96 at 60 Hz", "solving s1 tile 3"."""
     preparation: Preparation | None = None
     """None: it can be used."""
 

@@ -185,7 +185,7 @@ export async function logout(): Promise<void> {
   me.value = null;
 }
 
-/** The token of a login link, "...#token=...", which may be empty; undefined: this is no such link. */
+/** The token of a login link, "...#token=...", which may be empty; undefined: this is not such a link. */
 export function tokenIn(link: string): string | undefined {
   return /#token=(.*)$/.exec(link)?.[1];
 }
