@@ -144,8 +144,8 @@ void find_errors(const MixtureLanes& samples, MixtureFit& fit) {
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
   const Eigen::Index size = 6 * fit.modes.size();
   if (size == 0) return;
-  // As wide as the monitor's pixels make them: a point that moves within a pixel changes no sample, though
-  // its place is known. Where samples tell nothing of a parameter, a footprint lies on the monitor.
+  // Widened by the monitor's pixels: a point that moves within a pixel changes no sample, though its place is
+  // known. If samples do not depend on a parameter, a footprint stays on the monitor.
   Footprints seen = fit.modes;
   for (Footprint& mode : seen) {
     mode.xx_px2 += kFlatPixel_px2;

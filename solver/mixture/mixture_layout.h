@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-// What one monitor showed while the others were black. Samples of one sinusoid lie side by side.
+// What one monitor showed while the others were black. Samples of one sinusoid are adjacent.
 struct MixtureMonitor {
   int texture = 0;
   MonitorExtent extent;
