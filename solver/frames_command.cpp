@@ -47,8 +47,9 @@ absl::Status report(const Frames& arguments) {
 
 void add_frames_command(CLI::App& app, DaemonOptions& daemon) {
   const auto arguments = std::make_shared<Frames>();
-  CLI::App& command = add_command(app, daemon, "frames", "Report disturbances of the rig in an archive's "
-                                                         "frames",
+  CLI::App& command = add_command(app, daemon, "frames",
+                                  "Report disturbances of the rig in an archive's "
+                                  "frames",
                                   [arguments]() -> absl::StatusOr<int> {
                                     GW_RETURN_IF_ERROR(report(*arguments));
                                     return 0;

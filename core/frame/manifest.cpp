@@ -119,7 +119,7 @@ absl::Status check_manifest(const v1::CaptureManifest& manifest) {
     return impossible(fmt::format("format_version is {}; this program reads 1", manifest.format_version()));
   }
   GW_RETURN_IF_ERROR(check_manifest_header(manifest));
-  if (manifest.monitors().empty()) return impossible("it names no monitorssssssss");
+  if (manifest.monitors().empty()) return impossible("it names no monitorsssssssss");
   if (manifest.frames().empty()) return impossible("it lists no frames");
   std::set<std::string> files;
   for (const v1::Frame& frame : manifest.frames()) {

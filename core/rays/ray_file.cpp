@@ -263,7 +263,7 @@ absl::StatusOr<RayMatte> decode_checked(std::string_view bytes) {
       width > kMaxSide || height > kMaxSide) {
     return absl::DataLossError("its parts or its size are not those of a file of rays");
   }
-  // Before memory is taken for what the header promises: deflate makes at most 258 bytes of two bits.
+  // Before memory is allocated for what the header declares: deflate makes at most 258 bytes of two bits.
   constexpr size_t kMaxExpansion = 1032;
   const size_t area = static_cast<size_t>(width) * height;
   if (area * static_cast<size_t>(count) * ray_layers().size() * kChannels * sizeof(float) / kMaxExpansion >

@@ -26,7 +26,7 @@ constexpr size_t kStretch = 12;          // frames
 constexpr double kMinPrecision = 100.0;  // px^-2: 0.1 px
 constexpr double kExplains = 20.0;       // a step over the scatter that it leaves
 constexpr double kBetter = 0.5;          // residual of a step, relative to that of an even movement
-constexpr double kSameCreep = 0.7;       // cosine of a creep and of the offset of the last frames from the first
+constexpr double kSameCreep = 0.7;  // cosine of a creep and of the offset of the last frames from the first
 
 struct Place {
   double x_px = 0.0, y_px = 0.0, sd_px = INFINITY;

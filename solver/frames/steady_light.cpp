@@ -114,10 +114,11 @@ std::vector<std::string> warnings_of(const SteadyLight& steady) {
     texts.emplace_back(
         "white is over-exposed; its light is taken from the gray pictures: reduce the exposure");
   if (steady.ghost != 0.0) {
-    texts.push_back(fmt::format(
-        "{:.1f} % of the previous picture remains in every frame: the monitor had not settled when the camera "
-        "exposed; removed (`glasswing calibrate sync` measures how long to wait)",
-        100.0 * steady.ghost));
+    texts.push_back(
+        fmt::format("{:.1f} % of the previous picture remains in every frame: the monitor had not settled "
+                    "when the camera "
+                    "exposed; removed (`glasswing calibrate sync` measures how long to wait)",
+                    100.0 * steady.ghost));
   }
   if (steady.flare != 0.0) {
     texts.push_back(fmt::format(

@@ -12,7 +12,8 @@ constexpr double kMaxPoints = 64.0;     // along the longer side
 constexpr double kWide[] = {1.0 / 20.0, 1.0 / 7.0};  // sigmas of wide footprints, of the longer side
 constexpr int kFirstSteps = 2, kFurther = 3, kFurtherSteps = 6, kSteps = 60;
 constexpr int kNearSteps = 8;        // from a neighbour's footprints
-constexpr double kNearEnough = 0.5;  // whether they explain the samples is judged then; MixtureSolver continues
+constexpr double kNearEnough =
+    0.5;  // whether they explain the samples is judged then; MixtureSolver continues
 constexpr int kSplits = 2;           // of the strongest modes
 
 // The period of the finest pattern.

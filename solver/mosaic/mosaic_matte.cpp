@@ -30,7 +30,7 @@ constexpr double kWider = 3.0, kWiderPx = 2.0;  // a path's modes than one anoth
 // minus their distance over kUnlikePx.
 constexpr double kUnlikePx = 24.0, kLeastAlike = -0.5;
 constexpr double kFaint = 0.01;  // of a site's light: an edge is not worth finding
-constexpr double kEven = 0.1;    // sites beside a pixel agree: their light differs by this part of the maximum
+constexpr double kEven = 0.1;  // sites beside a pixel agree: their light differs by this part of the maximum
 
 struct Place {
   double x_px = 0.0, y_px = 0.0;
