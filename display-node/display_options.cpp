@@ -31,7 +31,7 @@ void add_screen_options(CLI::App& app, DisplayOptions& display) {
       ->check(CLI::IsMember(names))
       ->capture_default_str();
   app.add_option("--monitor", display.monitors,
-                 fmt::format("{}; all monitors if left out; repeat for more", fmt::join(forms, "; ")));
+                 fmt::format("{}; default: all monitors; repeat for more", fmt::join(forms, "; ")));
   app.add_option(
          "--patch-rows", display.patch_rows,
          "ROWS at the bottom of every monitor that show an id patch, by which frames are proven from their "

@@ -357,7 +357,7 @@ absl::StatusOr<RayMatte> decode_rays(std::string_view bytes) {
   try {
     return decode_checked(bytes);
   } catch (const std::exception& error) {
-    return absl::DataLossError(fmt::format("it is damaged or no file of rays: {}", error.what()));
+    return absl::DataLossError(fmt::format("it is damaged or not a file of rays: {}", error.what()));
   }
 }
 
