@@ -227,8 +227,7 @@ void add_capture_command(CLI::App& app, Client& client) {
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<CaptureArguments>();
   command.add_option("plan", arguments->plan, "the plan, a .txtpb file; with --adapt it may be left out");
-  command.add_option("--session", arguments->session,
-                     "the session's name; default: chosen by the server");
+  command.add_option("--session", arguments->session, "the session's name; default: chosen by the server");
   command.add_option("--note", arguments->note, "a note to keep with it");
   command.add_option("--tag", arguments->tags, "a tag for finding it; may be repeated")
       ->allow_extra_args(false);

@@ -44,8 +44,8 @@ absl::Status BackendOptions::check(const CLI::App& app, std::string_view backend
   for (const auto& [option, takers] : takers_) {
     if (app.count(option) == 0 || std::ranges::find(takers, backend) != takers.end()) continue;
     return absl::InvalidArgumentError(
-        fmt::format("{} is given with --backend {}; omit it, or use it with --backend {}", option,
-                    backend, fmt::join(takers, " or ")));
+        fmt::format("{} is given with --backend {}; omit it, or use it with --backend {}", option, backend,
+                    fmt::join(takers, " or ")));
   }
   return absl::OkStatus();
 }
