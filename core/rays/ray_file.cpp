@@ -237,7 +237,7 @@ absl::Status check_rays(const RayMatte& rays) {
         }
       }
       if (!good)
-        return absl::DataLossError(fmt::format("pixel ({}, {}) holds values that no rays have", x, y));
+        return absl::DataLossError(fmt::format("pixel ({}, {}) has values that are invalid in rays", x, y));
     }
   }
   return absl::OkStatus();
