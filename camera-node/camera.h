@@ -28,35 +28,35 @@ struct CapturedFrame {
 class Camera {
  public:
   virtual ~Camera() = default;
-  // Has a preparation while the camera cannot give a frame yet: it opens its device, lets it warm up, or
+  // Has a preparation while the camera cannot deliver a frame yet: it opens its device, lets it warm up, or
   // simulates its scene. It may have to prepare again later.
   virtual v1::GetCameraResponse describe() const = 0;
   // Starts the camera. Returns when its frames have this exposure. INVALID_ARGUMENT: unsupported exposure
-  // time. UNAVAILABLE: it is preparing, for longer than a call may wait.
+  // time. UNAVAILABLE: it is preparing for longer than a call may wait.
   virtual absl::Status start(double exposure_ms) = 0;
   // The same, but the camera then exposes only when it is triggered: by trigger(), or by its line. Requires
   // GetCameraResponse.trigger.
   virtual absl::Status start_triggered(double) {
     return absl::UnimplementedError("the camera has no trigger");
   }
-  // Triggers an exposure at a time of CLOCK_MONOTONIC, at once if it has passed; returns when the trigger was
-  // sent. FAILED_PRECONDITION: the camera does not wait for one.
+  // Triggers an exposure at a time in CLOCK_MONOTONIC, at once if it has passed; returns when the trigger has
+  // been sent. FAILED_PRECONDITION: the camera does not wait for one.
   virtual absl::Status trigger(nanoseconds) {
     return absl::FailedPreconditionError("the camera does not wait for triggers");
   }
   // The next frame; none if `timeout` passes first or the camera is stopped.
   virtual std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) = 0;
   virtual void stop() = 0;
-  // Asks for one picture (CameraService.TakePicture), where describe() says on_demand.
+  // Requests one picture (CameraService.TakePicture), if describe() says on_demand.
   virtual absl::Status take_picture(const std::string& /*what*/) {
-    return absl::FailedPreconditionError("this camera takes pictures by itself");
+    return absl::FailedPreconditionError("this camera does not take pictures on demand");
   }
 };
 
 class Stage {
  public:
   virtual ~Stage() = default;
-  // Brings the object into view, or takes it out. False: a person has to do it.
+  // Brings the object into view, or removes it. False: a person has to do it.
   virtual bool move(bool present) = 0;
 };
 

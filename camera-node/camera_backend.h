@@ -1,4 +1,4 @@
-// A kind of camera, as a row of the table that --backend chooses from (camera-node/backend_table.cpp).
+// A kind of camera, as a row of the table from which --backend chooses (camera-node/backend_table.cpp).
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -1,4 +1,4 @@
-// glasswing-camera between its command line and its last signal.
+// glasswing-camera from its command line to its last signal.
 #pragma once
 
 #include "camera-node/camera_options.h"

@@ -20,10 +20,11 @@ inline const CameraMetrics& camera_metrics() {
       .incomplete = counter("glasswing_camera_incomplete_frames_total",
                             "Frames that were dropped because part of their data did not arrive."),
       .missing_packets = counter("glasswing_camera_missing_packets_total",
-                                 "Packets of frames that did not arrive, not even when asked for again."),
+                                 "Packets of frames that did not arrive, even when requested again."),
       .kept = counter("glasswing_frames_kept_total", "Proven frames that were written to archives."),
-      .refused =
-          counter("glasswing_frames_refused_total", "Frames whose pixels show another id than their step's."),
+      .refused = counter("glasswing_frames_refused_total",
+                         "Frames whose pixels show a different id from their "
+                         "step's."),
   };
   return metrics;
 }

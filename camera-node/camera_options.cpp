@@ -21,10 +21,10 @@ void add_camera_choice(CLI::App& app, CameraOptions& camera) {
   app.add_option("--server", camera.server, "host:port of glasswing-server, to register with");
   app.add_option("--name", camera.settings.name, "this node's name in the rig")->capture_default_str();
   app.add_option("--data", camera.data, "directory for the archives")->required();
-  app.add_option(
-         "--reserve", camera.reserve_mb,
-         "MB of the disk that frames leave free: a capture that would need them waits for room. 2 % of "
-         "the disk, but at least 1000, or a tenth of a small disk, if left out")
+  app.add_option("--reserve", camera.reserve_mb,
+                 "MB of disk space to leave free: a capture that would need them waits for space. Default: 2 "
+                 "% of the "
+                 "disk, but at least 1000, or a tenth of a small disk")
       ->check(CLI::Range(0.0, 1e9));
   std::vector<std::string> names;
   for (const CameraBackend& backend : camera.backends) names.emplace_back(backend.name);
@@ -37,23 +37,23 @@ void add_camera_choice(CLI::App& app, CameraOptions& camera) {
 void add_shared_options(CLI::App& app, CameraOptions& camera) {
   CameraSettings& settings = camera.settings;
   app.add_option("--size", camera.size,
-                 "WIDTHxHEIGHT of its pictures; 128x96 or, of a real camera, its own if left out");
+                 "WIDTHxHEIGHT of its pictures; default: 128x96, or a real camera's own");
   app.add_option("--fps", settings.frame_rate_hz,
-                 "frames a second; sim: 200, others: the camera's own, if left out")
+                 "frames per second; default: 200 for sim, otherwise the camera's own")
       ->check(CLI::Range(1.0, 1000.0));
-  app.add_option(
-      "--format", settings.format,
-      "pixel format; libcamera: such as SRGGB10 or YUYV, the best there is if left out; aravis: such as "
-      "Mono12p or BayerRG8, as the camera is set if left out");
+  app.add_option("--format", settings.format,
+                 "pixel format; libcamera: such as SRGGB10 or YUYV, default: the best available; aravis: "
+                 "such as Mono12p "
+                 "or BayerRG8, default: as set on the camera");
   app.add_option("--gain", settings.gain,
-                 "libcamera: gain that frames must report: analogue, times digital in processed formats; 1 "
-                 "if left out; aravis: in the camera's unit, often dB; as it is set if left out");
+                 "libcamera: gain that frames must report: analogue, times digital in processed formats; "
+                 "default: 1; aravis: in the camera's unit, often dB; default: as set on the camera");
   app.add_option("--black-level", settings.black_level,
-                 "sim: sample without light, as a part of full scale, before the response; 0 if left out; "
-                 "aravis: in the camera's unit; as it is set if left out");
+                 "sim: sample without light, as a fraction of full scale, before the response; default: 0; "
+                 "aravis: in the camera's unit; default: as set on the camera");
   app.add_option("--readout-ms", settings.readout_ms,
-                 "time from the first row's start to the last row's, 0 with a global shutter; libcamera: as "
-                 "the camera reports it, or one frame, if left out; aravis: 0 if left out")
+                 "time from the first row's start to the last row's, 0 with a global shutter; default for "
+                 "libcamera: as the camera reports it, or one frame; for aravis: 0")
       ->check(CLI::Range(0.0, 1000.0));
 }
 

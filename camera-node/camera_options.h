@@ -21,7 +21,7 @@ struct CameraOptions {
   CameraSettings settings;
 
   // Opens the camera that --backend names. INVALID_ARGUMENT: `app` has an option that this backend does not
-  // take, or one with a bad value; else the backend's own errors.
+  // support, or one with a bad value; otherwise the backend's own errors.
   absl::StatusOr<OpenedCamera> open(const CLI::App& app) const;
 
   std::vector<CameraBackend> backends;  // all there are

@@ -3,8 +3,8 @@
 cmake_minimum_required(VERSION 3.25)
 include(${LAYERS})
 
-# All folders below a folder: those it uses, and those that these use. Two passes, because a folder that has a
-# program too is listed once, at its library's place.
+# All folders below a folder: those it uses, and those that they use. Two passes, because a folder that also has a program is
+# listed once, at its library's place.
 foreach(pass 1 2)
   foreach(room ${rooms})
     list(APPEND "below_${room}" ${room})

@@ -1,5 +1,4 @@
-# cpack runs this after installing and before packing. Adds what Debian requires of a package beyond our
-# install rules.
+# cpack runs this after installing and before packing. Adds what Debian requires in a package beyond our install rules.
 execute_process(COMMAND git -C ${CPACK_GLASSWING_SOURCE_DIR} log -1 --format=%cD COMMAND_ERROR_IS_FATAL ANY
                 OUTPUT_VARIABLE date OUTPUT_STRIP_TRAILING_WHITESPACE)
 foreach(component ${CPACK_COMPONENTS_ALL})

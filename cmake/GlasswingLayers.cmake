@@ -1,6 +1,7 @@
 # The layers. A folder is a room: one library, whose target is the folder's path with dots ("server.rig"). USES
-# names the folders that it may include, and libraries. A folder must be added after those that it uses, so there
-# are no cycles, and programs never use each other's folders, but for the client, which has the verbs of compositing. CheckLayers.cmake checks every include against USES.
+# names the folders that it may include, and libraries. A folder must be added after those that it uses, so there are no
+# cycles, and programs never use each other's folders, except for the client, which includes the verbs of compositing.
+# CheckLayers.cmake checks every include against USES.
 
 # Turns the folders among the names that follow `folder` into targets; an error where the layers forbid one.
 function(glasswing_targets result folder)

@@ -27,8 +27,8 @@ endif()
 
 # Enables our warnings for this target only, not for targets that link to it.
 function(glasswing_warnings target)
-  # g++ 12 wrongly reports absl::StatusOr's storage as uninitialized. It takes a .cpp that a unity build
-  # includes for a header. Indices are signed (-Wconversion of g++ allows that, clang's does not).
+  # g++ 12 wrongly reports absl::StatusOr's storage as uninitialized. It treats a .cpp that a unity build includes as a
+  # header. Indices are signed (-Wconversion of g++ allows that, clang's does not).
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
                          $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>
                          $<$<CXX_COMPILER_ID:Clang>:-Wno-sign-conversion>
@@ -36,7 +36,7 @@ function(glasswing_warnings target)
                          $<$<BOOL:${GLASSWING_WERROR}>:-Werror>)
 endfunction()
 
-# For folders that wait for others more than they compute, and those below: a release compiles them with -O1, which takes
+# For folders that spend more time waiting than computing, and those below: a release compiles them with -O1, which takes
 # three quarters of the time of -O3. Call it before their targets.
 macro(glasswing_compile_quickly)
   add_compile_options($<$<CONFIG:Release>:-O1>)
@@ -120,7 +120,7 @@ function(glasswing_library)
   target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PUBLIC ${uses} PRIVATE ${ARG_PRIVATE})
   glasswing_set_up(${name} "" ${uses})
-  # A kernel includes itself once for each processor, and so needs a translation unit of its own.
+  # A kernel includes itself once for each processor, and so needs its own translation unit.
   set(kernels ${ARG_SOURCES})
   list(FILTER kernels INCLUDE REGEX "_kernel\\.cpp$")
   set_source_files_properties(${kernels} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
@@ -128,7 +128,7 @@ endfunction()
 
 # glasswing_module(NAME SOURCES a.cpp ... USES library ... FOR target COMPONENT component)
 # A shared module that the library `target` loads at its first use (core/base/module.h), for libraries that take long
-# to load. It links none of ours.
+# to load. It does not link our libraries.
 function(glasswing_module name)
   cmake_parse_arguments(ARG "" "FOR;COMPONENT" "SOURCES;USES" ${ARGN})
   add_library(${name} MODULE ${ARG_SOURCES})
@@ -185,7 +185,7 @@ endfunction()
 # name is the file's path below tests/.
 # PROGRAM: a separate program, which runs as a whole, for a test whose cases are in a header or in SOURCES.
 # CASES: of a PROGRAM, one process for each: the cases whose names contain it; its TIMEOUT is each one's.
-# LABELS: of glasswing_label_test(), `unit` if left out.
+# LABELS: of glasswing_label_test(), default `unit`.
 function(glasswing_tests)
   cmake_parse_arguments(ARG "" "PROGRAM;TIMEOUT" "TESTS;SOURCES;USES;LABELS;ENVIRONMENT;CASES" ${ARGN})
   file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR}/tests ${CMAKE_CURRENT_SOURCE_DIR})
@@ -193,7 +193,7 @@ function(glasswing_tests)
   if(ARG_PROGRAM)
     list(LENGTH ARG_TESTS count)
     if(NOT count EQUAL 1)
-      message(FATAL_ERROR "tests/${folder}: ${ARG_PROGRAM} runs as a whole, and so for one test, not ${count}")
+      message(FATAL_ERROR "tests/${folder}: ${ARG_PROGRAM} runs as a whole, so it needs one test, not ${count}")
     endif()
     string(APPEND target ".${ARG_PROGRAM}")
   endif()
@@ -249,9 +249,9 @@ endfunction()
 # glasswing_label_test(NAME [LABEL ...]): what kind of test it is, for `ctest -L` and tests/run.
 #   unit    a program of a folder, or a script without daemons
 #   rig     daemons in real time; one such test at a time
-#   system  uses what belongs to the whole machine: root, containers, a cluster; alone
-#   slow    over a minute; tests/run leaves it out unless told --all
-#   gate, rendered  solve on all cores, so none runs beside a rig's
+#   system  uses resources of the whole machine: root, containers, a cluster; runs alone
+#   slow    over a minute; tests/run skips it unless given --all
+#   gate, rendered  solve on all cores, so none runs at the same time as a rig test
 # Others are for some command.
 function(glasswing_label_test name)
   set(labels ${ARGN})

@@ -1,5 +1,5 @@
 # Debian packages, made by CPack: one for each component of the install rules. deploy/package builds them all.
-# The cache variable GLASSWING_PACKAGE_CONTACT is the maintainer that the packages name.
+# The cache variable GLASSWING_PACKAGE_CONTACT is the maintainer named in the packages.
 
 if(NOT GLASSWING_MODULES)
   return()  # There would be no package of Python's and none of the filter.

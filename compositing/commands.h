@@ -8,11 +8,11 @@
 
 namespace glasswing {
 
-// In two parts, as a program may have verbs of its own between or around them.
+// In two parts, because a program may have its own verbs between or around them.
 void add_matte_commands(CLI::App& app, CommandLine& command_line, ReadMatte read);
 void add_picture_commands(CLI::App& app, CommandLine& command_line);
 
-// Runs `glasswing-compositing`: these verbs alone. Mattes are files.
+// Runs `glasswing-compositing`: only these verbs. Mattes are files.
 int run_compositing(int argc, const char* const* argv);
 
 }  // namespace glasswing

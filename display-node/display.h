@@ -1,4 +1,4 @@
-// The seam to the screens of one machine.
+// The interface to the screens of one machine.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -49,7 +49,7 @@ inline nanoseconds period_of(const ScreenInfo& screen) {
   return nanoseconds(std::llround(1e9 / screen.refresh_hz));
 }
 
-// The codes of a monitor's pixels, each of ScreenInfo::bits; null is black. Lists of pictures have one for
+// The codes of a monitor's pixels, each with ScreenInfo::bits; null is black. Lists of pictures have one for
 // each monitor, in the order of Display::screens().
 using Picture = std::shared_ptr<const Image<std::uint16_t>>;
 

@@ -1,4 +1,4 @@
-// glasswing-display between its command line and its last signal.
+// glasswing-display from its command line to its last signal.
 #pragma once
 
 #include "core/daemon/daemon.h"

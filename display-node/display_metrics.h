@@ -13,9 +13,8 @@ struct DisplayMetrics {
 // All of them exist, at 0, from the first call on.
 inline const DisplayMetrics& display_metrics() {
   static const DisplayMetrics metrics{
-      .steps_shown = counter("glasswing_steps_shown_total", "Steps that went on the monitors."),
-      .steps_late =
-          counter("glasswing_steps_late_total", "Steps that went on a monitor a refresh or more late."),
+      .steps_shown = counter("glasswing_steps_shown_total", "Steps shown on the monitors."),
+      .steps_late = counter("glasswing_steps_late_total", "Steps shown on a monitor a refresh or more late."),
   };
   return metrics;
 }

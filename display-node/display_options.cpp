@@ -31,12 +31,12 @@ void add_screen_options(CLI::App& app, DisplayOptions& display) {
       ->check(CLI::IsMember(names))
       ->capture_default_str();
   app.add_option("--monitor", display.monitors,
-                 fmt::format("{}; all monitors if left out; repeat for more", fmt::join(forms, "; ")));
+                 fmt::format("{}; default: all monitors; repeat for more", fmt::join(forms, "; ")));
   app.add_option(
          "--patch-rows", display.patch_rows,
          "ROWS at the bottom of every monitor that show an id patch, by which frames are proven from their "
-         "pixels, 0 if left out; NAME=ROWS of one monitor, such as left=0 where the camera does not see it "
-         "and its frames are proven by time alone; repeat for more")
+         "pixels, default 0; NAME=ROWS for one monitor, such as left=0 if the camera does not see it and its "
+         "frames are proven by time alone; repeat for more")
       ->type_name("[NAME=]ROWS");
   app.add_option("--lag-ms", display.lag_ms, "time from the scan-out of a row to its light")
       ->check(CLI::Range(0.0, 200.0))
@@ -47,18 +47,18 @@ void add_screen_options(CLI::App& app, DisplayOptions& display) {
   app.add_option(
       "--rail", display.rails,
       "NAME=MIN:MAX[@START]: a linear stage carries this monitor towards the camera and away from it: its "
-      "range and where it stands, mm on its own scale; sim: START is the monitor's own place; repeat for "
-      "more");
+      "range and position, mm on its own scale; sim: START is the monitor's normal place; repeat for more");
   app.add_option(
       "--rail-command", display.rail_command,
-      "a program that moves a rail, such as \"move-stage /dev/ttyUSB0 {mm}\", and ends with success "
-      "within a minute, when it stands there; no shell reads it; {mm} is the position and {monitor} "
-      "the monitor's name");
+      "a program that moves a rail, such as \"move-stage /dev/ttyUSB0 {mm}\", and exits with success within "
+      "a "
+      "minute, when it has arrived; no shell is involved; {mm} is the position and {monitor} the monitor's "
+      "name");
 }
 
 void add_true_timing_options(CLI::App& app, DisplayOptions& display) {
   app.add_option("--true-lag-ms", display.true_lag_ms,
-                 "true lag of the light that a simulated camera sees; --lag-ms if left out")
+                 "true lag of the light that a simulated camera sees; default: --lag-ms")
       ->check(CLI::Range(0.0, 200.0));
   app.add_option("--true-settle-ms", display.true_settle_ms, "the same for --settle-ms")
       ->check(CLI::Range(0.0, 200.0));
@@ -69,22 +69,24 @@ void add_true_light_options(CLI::App& app, DisplayOptions& display) {
                  "that light as a function of the code: linear, or gamma:G, such as gamma:2.2: (code / "
                  "largest code)^G")
       ->capture_default_str();
-  app.add_option("--true-black", display.panel.black, "that light at code 0, as a part of full scale")
+  app.add_option("--true-black", display.panel.black, "that light at code 0, as a fraction of full scale")
       ->check(CLI::Range(0.0, 0.9))
       ->capture_default_str();
   app.add_option(
          "--true-crosstalk", display.panel.crosstalk,
-         "part of a primary's light that each of the other two channels gets; the primary keeps the rest")
+         "fraction of a primary's light that each of the other two channels gets; the primary keeps the rest")
       ->check(CLI::Range(0.0, 0.3))
       ->capture_default_str();
-  app.add_option(
-         "--true-falloff", display.panel.falloff,
-         "part of the light at a monitor's middle that its corners lack; grows with the distance squared")
+  app.add_option("--true-falloff", display.panel.falloff,
+                 "fraction of the light at a monitor's centre that is missing in its corners; grows with the "
+                 "distance "
+                 "squared")
       ->check(CLI::Range(0.0, 0.9))
       ->capture_default_str();
   app.add_option(
          "--true-drift", display.panel.drift_per_minute,
-         "part of the light that is lost with each minute since the start; changes from picture to picture")
+         "fraction of the light that is lost with each minute since the start; changes from picture to "
+         "picture")
       ->check(CLI::Range(0.0, 0.5))
       ->capture_default_str();
   app.add_option(
@@ -102,7 +104,7 @@ void add_true_light_options(CLI::App& app, DisplayOptions& display) {
 void add_repeat_options(CLI::App& app, DisplayOptions& display) {
   app.add_option(
          "--fault-repeat", display.repeat,
-         "sim: probability that the old picture stays a refresh longer than is reported: a display that lies")
+         "sim: probability that the old picture stays a refresh longer than reported: a lying display")
       ->check(CLI::Range(0.0, 1.0));
   app.add_option("--fault-seed", display.fault_seed, "sim: seed of the faults");
 }
@@ -178,10 +180,10 @@ void add_display_options(CLI::App& app, DaemonOptions& daemon, DisplayOptions& d
   add_listen_options(app, daemon.listen);
   display.backends = display_backends();
   add_screen_options(app, display);
-  app.add_option(
-         "--bits", display.bits,
-         "of a code; sim: 8 to 16, 16 if left out, which is ideal: calibrated monitors have 8 to 12; x11, "
-         "kms: 8, or 10 where the screen has them, 8 if left out")
+  app.add_option("--bits", display.bits,
+                 "of a code; sim: 8 to 16, default 16, which is ideal: calibrated monitors have 8 to 12; "
+                 "x11, kms: 8, "
+                 "or 10 if the screen supports it, default 8")
       ->check(CLI::Range(8, 16));
   for (const DisplayBackend& backend : display.backends)
     display.backend_options.add(app, backend.name, backend.add_options);

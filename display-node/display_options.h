@@ -41,9 +41,9 @@ struct DisplayOptions {
   // Opens the screens that --backend and --monitor name. INVALID_ARGUMENT: `app` has an option that this
   // backend does not take, or one with a bad value; else the backend's own errors.
   absl::StatusOr<std::unique_ptr<Display>> open(const CLI::App& app) const;
-  // INVALID_ARGUMENT: --patch-rows cannot be read.
+  // INVALID_ARGUMENT: --patch-rows cannot be parsed.
   absl::StatusOr<PatchRows> patches() const;
-  // INVALID_ARGUMENT: --true-response or --true-flicker cannot be read.
+  // INVALID_ARGUMENT: --true-response or --true-flicker cannot be parsed.
   absl::StatusOr<TrueOptics> true_optics() const;
 
   std::vector<DisplayBackend> backends;  // all there are

@@ -79,9 +79,9 @@ absl::StatusOr<std::vector<MonitorRail>> open_rails(const DisplayOptions& option
       rail.rail = std::make_unique<SimRail>(tap, monitor, *rail.position_mm, poses[monitor]);
     } else {
       return absl::InvalidArgumentError(
-          options.backend == "sim" ? "--rail is " + text + "; of a simulated monitor it must end in @START"
+          options.backend == "sim" ? "--rail is " + text + "; for a simulated monitor it must end in @START"
                                    : "--rail is given with --backend " + options.backend +
-                                         "; --rail-command must say what moves it");
+                                         "; --rail-command must name the program that moves it");
     }
     rails.push_back(std::move(rail));
   }

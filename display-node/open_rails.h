@@ -1,4 +1,4 @@
-// The rails that the command line names, and the tilt of simulated monitors.
+// The rails named on the command line, and the tilt of simulated monitors.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,9 +11,8 @@
 
 namespace glasswing {
 
-// Also places simulated monitors as --true-tilt says. The tap must outlive the rails. INVALID_ARGUMENT:
-// --rail,
-// --rail-command or --true-tilt cannot be read, names no monitor, or does not suit the backend.
+// Also places simulated monitors according to --true-tilt. The tap must outlive the rails. INVALID_ARGUMENT:
+// --rail, --rail-command or --true-tilt cannot be parsed, names no monitor, or does not suit the backend.
 absl::StatusOr<std::vector<MonitorRail>> open_rails(const DisplayOptions& options, LightTap& tap);
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// The seam to a linear stage that carries a monitor towards the camera and away from it.
+// The interface to a linear stage that carries a monitor towards the camera and away from it.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,8 +13,8 @@ namespace glasswing {
 class Rail {
  public:
   virtual ~Rail() = default;
-  // Moves the monitor, and returns when it stands there. The position is within the rail's range. After an
-  // error it may stand anywhere.
+  // Moves the monitor, and returns when it has arrived. The position is within the rail's range. After an
+  // error it may be anywhere.
   virtual absl::Status move(double position_mm, std::stop_token stop) = 0;
 };
 

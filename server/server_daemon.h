@@ -1,4 +1,4 @@
-// glasswing-server between its command line and its last signal.
+// glasswing-server from its command line to its last signal.
 #pragma once
 
 #include "core/daemon/daemon.h"

@@ -13,22 +13,23 @@ void add_server_options(CLI::App& app, DaemonOptions& daemon, ServerProgramOptio
   add_listen_options(app, daemon.listen);
   app.add_option("--data", server.store.data, "directory for the catalogue and the mattes")->required();
   app.add_option("--jobs", server.store.jobs,
-                 "PostgreSQL that holds the tiles of solves, as postgresql://user@host/glasswing; several "
-                 "servers may share one. SQLite below --data if left out");
+                 "PostgreSQL that holds the tiles of solves, such as postgresql://user@host/glasswing; "
+                 "several servers may share one. default: SQLite below --data");
   app.add_option("--lease", server.lease_seconds,
-                 "seconds after which the tile of a silent solver is given to another")
+                 "seconds after which a silent solver's tile is given to another")
       ->check(CLI::Range(1.0, 3600.0))
       ->capture_default_str();
-  app.add_option("--least-tile", server.store.min_tile_seconds,
-                 "seconds of work that the smallest tiles are cut to: less is lost where a solver dies, more "
-                 "is handed out")
+  app.add_option(
+         "--least-tile", server.store.min_tile_seconds,
+         "seconds of work in the smallest tiles: smaller tiles lose less when a solver dies, but more "
+         "are handed out")
       ->check(CLI::Range(0.01, 2.0))
       ->capture_default_str();
   app.add_option("--hook", server.hook.command,
-                 "program and arguments, divided by spaces, to run on events, with one line of JSON on its "
-                 "standard input; no shell reads them");
+                 "program and arguments, separated by spaces, to run on events, with one line of JSON on its "
+                 "standard input; no shell is involved");
   app.add_option("--hook-events", server.hook.events,
-                 fmt::format("events to run it on, of {}; all if left out", fmt::join(kEvents, ",")));
+                 fmt::format("events to run it on, from {}; default: all", fmt::join(kEvents, ",")));
   add_tls_options(app, daemon.tls);
 }
 

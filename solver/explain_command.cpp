@@ -93,8 +93,8 @@ absl::Status explain(const Explain& arguments) {
   const v1::CaptureManifest& manifest = archive->manifest();
   const int width = manifest.camera().width_px(), height = manifest.camera().height_px();
   if (arguments.x < 0 || arguments.x >= width || arguments.y < 0 || arguments.y >= height) {
-    return absl::InvalidArgumentError(fmt::format("pixel {}, {} lies outside the picture of {}x{}",
-                                                  arguments.x, arguments.y, width, height));
+    return absl::InvalidArgumentError(
+        fmt::format("pixel {}, {} is outside the picture of {}x{}", arguments.x, arguments.y, width, height));
   }
   const auto read_row = [&](int row,
                             const std::vector<int>& frames) -> absl::StatusOr<std::vector<std::uint16_t>> {

@@ -36,9 +36,9 @@ absl::Status report(const Frames& arguments) {
   }
   for (const std::string& warning : faults.warnings) std::cout << fmt::format("{}\n", printable(warning));
   if (faults.compared == 0) {
-    std::cout << "frames were not compared: too few pixels see the monitors past the object\n";
+    std::cout << "frames were not compared: too few pixels see the monitors beside the object\n";
   } else if (faults.warnings.empty()) {
-    std::cout << fmt::format("nothing is wrong: {} pixels beside the object agree\n", faults.compared);
+    std::cout << fmt::format("no problems found: {} pixels beside the object agree\n", faults.compared);
   }
   return absl::OkStatus();
 }
@@ -47,7 +47,9 @@ absl::Status report(const Frames& arguments) {
 
 void add_frames_command(CLI::App& app, DaemonOptions& daemon) {
   const auto arguments = std::make_shared<Frames>();
-  CLI::App& command = add_command(app, daemon, "frames", "Report what the rig did to an archive's frames",
+  CLI::App& command = add_command(app, daemon, "frames",
+                                  "Report disturbances of the rig in an archive's "
+                                  "frames",
                                   [arguments]() -> absl::StatusOr<int> {
                                     GW_RETURN_IF_ERROR(report(*arguments));
                                     return 0;

@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
       argc, argv,
       {.name = "glasswing-solver",
        .description =
-           "Glasswing's solver: turns frames into tiles of a matte, for as long as the server has any.",
+           "Glasswing's solver: turns frames into tiles of a matte, as long as the server has any.",
        .footer = "Examples:\n  glasswing-solver --server 127.0.0.1:7440\n"
                  "  glasswing-solver --name live-1 --listen 127.0.0.1:0\n"
                  "  glasswing-solver --name solver-2 --listen 127.0.0.1:0 --archives /srv/glasswing\n"

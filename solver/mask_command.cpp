@@ -46,15 +46,17 @@ absl::Status make_mask(const MaskPictures& pictures) {
 
 void add_mask_command(CLI::App& app, DaemonOptions& daemon) {
   const auto pictures = std::make_shared<MaskPictures>();
-  CLI::App& command = add_command(app, daemon, "mask", "Find the object in a photograph, by one without it",
+  CLI::App& command = add_command(app, daemon, "mask",
+                                  "Find the object in a photograph, using one without "
+                                  "it",
                                   [pictures]() -> absl::StatusOr<int> {
                                     GW_RETURN_IF_ERROR(make_mask(*pictures));
                                     return 0;
                                   });
   command.footer(
-      "First registers the picture without the object to the other one, in position and brightness, to make "
-      "up "
-      "for a touched camera.\nThe object is where they differ by more than noise, cleaned by dilation, hole "
+      "First registers the picture without the object to the other one, in position and brightness, to "
+      "compensate for a camera that was touched.\nThe object is where they differ by more than noise, "
+      "cleaned by dilation, hole "
       "filling and erosion. It is white in the mask.\n\nExample:\n  glasswing-solver mask vase.jpg empty.jpg "
       "mask.png");
   command.add_option("with", pictures->with, "photograph with the object: PNG, JPEG or TIFF")->required();
@@ -64,21 +66,22 @@ void add_mask_command(CLI::App& app, DaemonOptions& daemon) {
   command
       .add_option(
           "--false-positive-rate", options.false_positive_rate,
-          "of the difference test, for normal noise: share of the other pixels that pass for the object's")
+          "of the difference test, for normal noise: share of the other pixels that are mistaken for the "
+          "object")
       ->check(CLI::Range(1e-12, 0.5))
       ->capture_default_str();
   command
       .add_option("--dilate", options.dilation_px,
-                  "px: half the side of the square that closes gaps; 0.3 % of the diagonal if left out")
+                  "px: half the side of the square that closes gaps; default: 0.3 % of the diagonal")
       ->check(CLI::Range(0, 1000));
-  command.add_option("--erode", options.erosion_px, "px: the same for erosion; as --dilate if left out")
+  command.add_option("--erode", options.erosion_px, "px: the same for erosion; default: as --dilate")
       ->check(CLI::Range(0, 1000));
   command
       .add_option("--least", options.min_px,
-                  "px: smaller connected regions are noise; the square's area if left out")
+                  "px: smaller connected regions are noise; default: the square's area")
       ->check(CLI::Range(0, 1 << 28));
-  command.add_flag("!--keep-holes", options.fill_holes, "leave holes in it open");
-  command.add_flag("!--no-drift", options.follow_drift, "the pictures lie on each other as they are");
+  command.add_flag("!--keep-holes", options.fill_holes, "do not fill holes in the object");
+  command.add_flag("!--no-drift", options.follow_drift, "the pictures are already aligned");
 }
 
 }  // namespace glasswing

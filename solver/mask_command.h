@@ -1,4 +1,4 @@
-// `glasswing-solver mask`: finds the object in a photograph, by one without it.
+// `glasswing-solver mask`: finds the object in a photograph, using one without it.
 #pragma once
 
 #include "core/daemon/daemon.h"

@@ -1,4 +1,4 @@
-// The list of methods. A new method gets a folder of its own and a line in methods.cpp.
+// The list of methods. A new method gets its own folder and a line in methods.cpp.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -22,17 +22,17 @@ void add_folder_options(CLI::App& app, FolderOptions& options) {
   app.add_option(
       "--shoot", options.shoot,
       "folder: a program and its arguments that takes one picture into the folder ({dir}), or gphoto2; "
-      "if left out, a person presses the button");
+      "default: a person presses the button");
   app.add_option("--patience", options.patience_s,
-                 "folder: seconds from a picture's command to its file, before it is taken again")
+                 "folder: seconds from a picture's command to its file, before it is requested again")
       ->check(CLI::Range(1.0, 3600.0))
       ->capture_default_str();
-  app.add_option("--exposure-ms", options.exposure_ms, "folder: exposure of pictures that do not tell it")
+  app.add_option("--exposure-ms", options.exposure_ms, "folder: exposure of pictures that do not record it")
       ->check(CLI::Range(0.01, 3.6e6));
-  app.add_option(
-      "--curve", options.curve,
-      "folder: light of the codes of pictures that are not raw: srgb, linear, gamma:G, or unknown; srgb "
-      "with 8 bits, linear with 16 if left out");
+  app.add_option("--curve", options.curve,
+                 "folder: response of pictures that are not raw: srgb, linear, gamma:G, or unknown; default: "
+                 "srgb with 8 "
+                 "bits, linear with 16");
 }
 
 absl::StatusOr<OpenedCamera> open_folder(const FolderOptions& options, const CameraSettings& settings) {

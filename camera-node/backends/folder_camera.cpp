@@ -20,12 +20,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kExposureRange = 0.005;      // around the one that is noted, as a part of it
+constexpr double kExposureRange = 0.005;      // around the recorded one, as a fraction
 constexpr double kRateForEstimates_hz = 0.5;  // for estimates
 constexpr std::chrono::milliseconds kFolderPoll(50);
 constexpr nanoseconds kGivenUp =
     std::chrono::seconds(5);    // a file that has not changed for so long is complete
-constexpr size_t kNewest = 64;  // files that a copy is compared with
+constexpr size_t kNewest = 64;  // files with which a copy is compared
 constexpr std::string_view kGphoto2 =
     "gphoto2 --quiet --capture-image-and-download --force-overwrite --filename {dir}/%Y%m%d-%H%M%S-%03n.%C";
 
@@ -33,7 +33,7 @@ std::string file_name_of(const fs::path& path) {
   return printable(path.filename().string());
 }
 
-// Cameras note 1/60 s where they expose for 16.67 ms.
+// Cameras record 1/60 s when they expose for 16.67 ms.
 bool alike_ms(double a_ms, double b_ms) {
   return std::abs(a_ms - b_ms) <= 1.1 * kExposureRange * b_ms;
 }
@@ -42,7 +42,8 @@ absl::StatusOr<std::string> read_limited(const fs::path& path) {
   std::error_code error;
   const std::int64_t size = fs::file_size(path, error);
   if (!error && size > kMaxRawBytes)
-    return absl::DataLossError(fmt::format("it has {} bytes; a picture may have {}", size, kMaxRawBytes));
+    return absl::DataLossError(
+        fmt::format("it has {} bytes; the maximum for a picture is {}", size, kMaxRawBytes));
   return read_file(path);
 }
 
@@ -80,12 +81,12 @@ absl::Status FolderCamera::find_first() {
   }
   const std::lock_guard lock(mutex_);
   if (!found) {
-    const std::string advice =
-        words_.empty() ? "take one with the settings that the capture shall have, then start again"
-                       : "switch the camera on, and try the command by hand";
-    return absl::FailedPreconditionError(fmt::format(
-        "{} {} no picture that tells what the camera's pictures are like{}; {}", options_.directory.string(),
-        words_.empty() ? "holds" : "got", problem_.empty() ? "" : ": " + problem_, advice));
+    const std::string advice = words_.empty() ? "take one with the settings for the capture, then start again"
+                                              : "switch on the camera, and try the command by hand";
+    return absl::FailedPreconditionError(
+        fmt::format("{} {} no picture from which to learn the properties of the camera's pictures{}; {}",
+                    options_.directory.string(), words_.empty() ? "holds" : "got",
+                    problem_.empty() ? "" : ": " + problem_, advice));
   }
   first_ = *std::move(found);
   first_->image = nullptr;
@@ -116,8 +117,8 @@ v1::GetCameraResponse FolderCamera::describe() const {
 absl::Status FolderCamera::start(double exposure_ms) {
   if (!alike_ms(exposure_ms, first_->exposure_ms)) {
     return absl::InvalidArgumentError(fmt::format(
-        "exposure_ms is {}; the camera's pictures are exposed for {:.6g} ms: set the plan's exposure_ms "
-        "to that, or set the camera, and start glasswing-camera again",
+        "exposure_ms is {}; the camera's pictures are exposed for {:.6g} ms: set the plan's exposure_ms to "
+        "that, or set the camera, and restart glasswing-camera",
         exposure_ms, first_->exposure_ms));
   }
   const nanoseconds now = monotonic_now();
@@ -179,7 +180,7 @@ std::optional<CapturedFrame> FolderCamera::next(std::chrono::milliseconds timeou
       const std::lock_guard lock(mutex_);
       CapturedFrame frame;
       const nanoseconds now = monotonic_now();
-      // Starts differ, so that no frame is taken for another.
+      // Starts differ, so that frames are never confused.
       const nanoseconds start = (due_ ? due_->since : started_) + nanoseconds(files_++);
       if (due_) due_->problem.clear();
       frame.taken.set_sequence(++sequence_);
@@ -230,7 +231,7 @@ std::optional<FolderCamera::Picture> FolderCamera::next_picture() {
         return *std::move(picture);
       }
     }
-    // What cannot be read may not be complete.
+    // An unreadable file may be incomplete.
     const bool given_up = !absl::IsDataLoss(status) || file.unchanged >= kGivenUp;
     if (!given_up && first_) continue;
     if (given_up) watch_.forget(file.path);
@@ -246,7 +247,7 @@ absl::StatusOr<FolderCamera::Picture> FolderCamera::read(const fs::path& path, s
   const std::optional<double> exposure_ms =
       photograph.exposure_ms ? photograph.exposure_ms : options_.exposure_ms;
   if (!exposure_ms)
-    return absl::FailedPreconditionError("it does not tell how long it was exposed; give --exposure-ms");
+    return absl::FailedPreconditionError("it does not record its exposure time; give --exposure-ms");
   Picture picture{.image = nullptr, .camera = {}, .exposure_ms = *exposure_ms};
   constexpr double kBaseIso = 100.0;
   if (photograph.iso) picture.gain = *photograph.iso / kBaseIso;

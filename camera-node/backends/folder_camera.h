@@ -1,9 +1,9 @@
-// A camera whose pictures another program drops into a folder: a DSLR by gphoto2, or anything tethered. It
-// takes a picture when it is asked for one, by a command, or by a person who presses the button.
+// A camera whose pictures another program drops into a folder: a DSLR through gphoto2, or anything tethered.
+// It takes a picture on request, through a command, or by a person who presses the button.
 //
-// What is known of an exposure is that it began after the picture was asked for and ended before the file
-// came, if the file is the one asked for: it may come late, twice, or not at all. So frames are untimed
-// (FrameTaken), and their id patch proves them.
+// All that is known about an exposure is that it began after the picture was requested and ended before the
+// file arrived, if the file is the requested one: it may arrive late, twice, or not at all. So frames are
+// untimed (FrameTaken), and their id patch proves them.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -28,16 +28,17 @@ class FolderCamera final : public Camera {
   struct Options {
     std::string name;
     std::filesystem::path directory;
-    // Takes one picture; its words are divided by spaces. "gphoto2" stands for what takes one with it. Empty:
-    // a person does.
+    // Takes one picture; its words are separated by spaces. "gphoto2" stands for a command that uses it.
+    // Empty: a person does.
     std::string shoot = {};
     nanoseconds patience = std::chrono::seconds(40);  // from asking to the file
     std::optional<double> exposure_ms = {};           // where files do not tell it
     std::string curve =
         {};  // PhotographResponse of files that are not raw, or "unknown"; empty: by their bits
   };
-  // Takes the camera's size from a picture: the first one that the command takes, else the newest in the
-  // folder. INVALID_ARGUMENT: an option is wrong. FAILED_PRECONDITION: there is no such picture; says why.
+  // Takes the camera's size from a picture: the first one that the command takes, or else the newest in the
+  // folder. INVALID_ARGUMENT: an option is wrong. FAILED_PRECONDITION: there is no such picture; the message
+  // says why.
   static absl::StatusOr<std::unique_ptr<FolderCamera>> open(const Options& options);
   ~FolderCamera() override;
 
@@ -55,9 +56,9 @@ class FolderCamera final : public Camera {
   };
   FolderCamera(const Options& options, FolderWatch watch) : options_(options), watch_(std::move(watch)) {}
   absl::Status find_first();
-  // The next complete file that is a picture, of the size and settings of the first one.
+  // The next complete file that is a picture, with the size and settings of the first one.
   std::optional<Picture> next_picture();
-  // DATA_LOSS: it cannot be read, perhaps not yet; FAILED_PRECONDITION: its exposure is unknown.
+  // DATA_LOSS: it cannot be read, perhaps only not yet; FAILED_PRECONDITION: its exposure is unknown.
   absl::StatusOr<Picture> read(const std::filesystem::path& path, std::string_view bytes) const;
   absl::Status check_like_first(const Picture& picture) const;
   void shoot();  // runs the command; one that still runs is ended first

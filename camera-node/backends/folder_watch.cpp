@@ -28,9 +28,8 @@ absl::Status FolderWatch::scan(nanoseconds now) {
     if (name.starts_with('.') || ::stat(file->path().c_str(), &status) != 0 || !S_ISREG(status.st_mode))
       continue;
     if (there.size() == kMaxFiles) {
-      return absl::FailedPreconditionError(
-          fmt::format("{} has more than {} files; let new pictures come into an empty folder",
-                      directory_.string(), kMaxFiles));
+      return absl::FailedPreconditionError(fmt::format(
+          "{} has more than {} files; use an empty folder for new pictures", directory_.string(), kMaxFiles));
     }
     there.insert(name);
     const State state{.inode = status.st_ino,

@@ -25,8 +25,8 @@ class FolderWatch {
     std::filesystem::path path;
     nanoseconds unchanged{};  // for how long
   };
-  // The files that have not changed for kQuiet, the oldest first; hidden ones are left out. Each until
-  // forget() is called with it, and again once it has been written anew: a program may use one name.
+  // The files that have not changed for kQuiet, the oldest first; hidden ones are left out. Each is returned
+  // until forget() is called with it, and again if it is rewritten: a program may reuse a name.
   // FAILED_PRECONDITION: the folder is gone, or has more than kMaxFiles.
   absl::StatusOr<std::vector<File>> look(nanoseconds now);
   void forget(const std::filesystem::path& path);
@@ -36,7 +36,7 @@ class FolderWatch {
 
  private:
   explicit FolderWatch(std::filesystem::path directory) : directory_(std::move(directory)) {}
-  // What tells a file that was written anew.
+  // What identifies a rewritten file.
   struct State {
     std::uint64_t inode = 0;
     std::int64_t size_bytes = 0, written_ns = 0;

@@ -29,8 +29,7 @@ StampMeaning meaning_of(const std::string& stamp) {
 }
 
 void add_libcamera_options(CLI::App& app, LibcameraOptions& options) {
-  app.add_option("--camera", options.libcamera.camera,
-                 "libcamera: the camera's id or model, or a part of it");
+  app.add_option("--camera", options.libcamera.camera, "libcamera: the camera's id or model, or part of it");
   app.add_option("--fixed-exposure-ms", options.libcamera.fixed_exposure_ms,
                  "libcamera: exposure of a camera that has no control for it")
       ->check(CLI::Range(0.01, 10000.0));
@@ -40,9 +39,8 @@ void add_libcamera_options(CLI::App& app, LibcameraOptions& options) {
          "readout, or arrival of its data here")
       ->check(CLI::IsMember({"unknown", "start", "readout", "arrival"}))
       ->capture_default_str();
-  app.add_option(
-         "--stamp-delay-ms", options.delay_ms,
-         "libcamera: maximum time from a frame's readout to its data's arrival; one frame if left out")
+  app.add_option("--stamp-delay-ms", options.delay_ms,
+                 "libcamera: maximum time from a frame's readout to its data's arrival; default: one frame")
       ->check(CLI::Range(0.0, 1000.0));
 }
 

@@ -154,15 +154,15 @@ absl::Status LibcameraCamera::learn_format() {
   }
   const std::unique_ptr<libcamera::CameraConfiguration> chosen = configuration(*camera);
   if (chosen == nullptr) {
-    return absl::InvalidArgumentError(
-        fmt::format("camera \"{}\" does not take its own format {}; it has {}", id_, format_->name, list()));
+    return absl::InvalidArgumentError(fmt::format(
+        "camera \"{}\" does not accept its own format {}; it has {}", id_, format_->name, list()));
   }
   const libcamera::StreamConfiguration& stream = chosen->at(0);
   size_ = {static_cast<int>(stream.size.width), static_cast<int>(stream.size.height)};
   if (options_.size && *options_.size != size_) {
     return absl::InvalidArgumentError(fmt::format(
-        "--size is {}x{}; camera \"{}\" would make it {} in {}, and has {}", options_.size->width_px,
-        options_.size->height_px, id_, stream.size.toString(), format_->name,
+        "--size is {}x{}; camera \"{}\" would change it to {} in {}, and supports {}",
+        options_.size->width_px, options_.size->height_px, id_, stream.size.toString(), format_->name,
         listed(stream.formats().sizes(stream.pixelFormat),
                [](const auto& size) { return size.toString(); })));
   }
@@ -180,7 +180,7 @@ absl::Status LibcameraCamera::learn_controls() {
   }
   if (exposure != nullptr && options_.fixed_exposure_ms) {
     return absl::InvalidArgumentError(fmt::format(
-        "--fixed-exposure-ms is given, but the exposure of camera \"{}\" can be set; leave it out", id_));
+        "--fixed-exposure-ms is given, but the exposure of camera \"{}\" can be set; omit it", id_));
   }
   if (exposure == nullptr) {
     min_exposure_ms_ = max_exposure_ms_ = *options_.fixed_exposure_ms;
@@ -197,7 +197,7 @@ absl::Status LibcameraCamera::learn_controls() {
   }
   if (options_.frame_rate_hz && find_control(*camera, controls::FrameDurationLimits) == nullptr) {
     return absl::InvalidArgumentError(
-        fmt::format("--fps is given, but camera \"{}\" sets its frame rate itself; leave it out", id_));
+        fmt::format("--fps is given, but camera \"{}\" sets its frame rate itself; omit it", id_));
   }
   return absl::OkStatus();
 }
@@ -294,7 +294,7 @@ absl::Status LibcameraCamera::start(double exposure_ms) {
     const double possible_ms = std::max(std::round(exposure_ms * 10.0), 1.0) / 10.0;
     if (!same_setting(possible_ms, exposure_ms)) {
       return absl::InvalidArgumentError(
-          fmt::format("exposure_ms is {}; this camera takes whole tenths of a millisecond, such as {:.1f}",
+          fmt::format("exposure_ms is {}; this camera needs whole tenths of a millisecond, such as {:.1f}",
                       exposure_ms, possible_ms));
     }
     exposure_ms = possible_ms;

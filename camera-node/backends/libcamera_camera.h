@@ -43,7 +43,7 @@ class LibcameraCamera final : public Camera {
   };
   // Runs the camera for some frames to measure its rate and learn its readout time. NOT_FOUND: not exactly
   // one camera matches. INVALID_ARGUMENT: an unsupported option. Both list what is available. UNAVAILABLE:
-  // another program uses the camera, or no frames arrive. FAILED_PRECONDITION: its exposure cannot be
+  // another program is using the camera, or no frames arrive. FAILED_PRECONDITION: its exposure cannot be
   // controlled.
   static absl::StatusOr<std::unique_ptr<LibcameraCamera>> open(const Options& options);
   ~LibcameraCamera() override;

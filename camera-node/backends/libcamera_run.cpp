@@ -45,7 +45,7 @@ absl::StatusOr<std::unique_ptr<LibcameraRun>> LibcameraRun::begin(
     std::shared_ptr<libcamera::Camera> camera, std::unique_ptr<libcamera::CameraConfiguration> configuration,
     bool usb, const libcamera::ControlList& modes, const libcamera::ControlList& settings) {
   if (const int error = camera->acquire(); error < 0)
-    return unavailable(*camera, "opened (another program may have it)", error);
+    return unavailable(*camera, "opened (another program may be using it)", error);
   std::unique_ptr<LibcameraRun> run(new LibcameraRun(std::move(camera), std::move(configuration)));
   if (const int error = run->camera_->configure(run->configuration_.get()); error < 0)
     return unavailable(*run->camera_, "configured", error);

@@ -21,7 +21,7 @@
 
 namespace glasswing {
 
-// The gain of a frame's samples, as its metadata have it: AnalogueGain, times DigitalGain in formats that a
+// The gain of a frame's samples, from its metadata: AnalogueGain, times DigitalGain in formats that a
 // processor made of the sensor's samples. None: neither is reported.
 std::optional<double> gain_in(const libcamera::ControlList& metadata, PixelFormat::Kind kind);
 
@@ -32,12 +32,12 @@ class LibcameraRun {
     std::int64_t sequence = 0;  // of this run, from 0; gaps are lost frames
     nanoseconds stamp{};        // the driver's
     ClockReadings complete;     // taken when the frame was complete
-    // From the frame's metadata, where they have it.
+    // From the frame's metadata, if present.
     std::optional<double> exposure_ms, gain;
     std::optional<nanoseconds> readout;
   };
   // Sends `modes` with the first request and `settings` with the second: USB cameras refuse an exposure time
-  // until automatic exposure is off. UNAVAILABLE: another program uses the camera, or it does not start.
+  // until automatic exposure is off. UNAVAILABLE: another program is using the camera, or it does not start.
   static absl::StatusOr<std::unique_ptr<LibcameraRun>> begin(
       std::shared_ptr<libcamera::Camera> camera,
       std::unique_ptr<libcamera::CameraConfiguration> configuration, bool usb,

@@ -32,7 +32,7 @@ struct PixelFormat {
   std::string_view order;  // in memory: "RGGB" (two rows of two), "BGR", "YUYV"
   int bits;                // significant bits of a sample
   Packing packing = Packing::kNone;
-  // A row of so many samples ends with a whole byte.
+  // A row of this many samples ends on a byte boundary.
   int group_px() const;
 };
 
@@ -61,7 +61,7 @@ struct RawPicture {
 };
 
 // Of one channel for raw colour formats, whose `order` is the mosaic's name. DATA_LOSS: too few bytes for the
-// format and size, or a JPEG that is damaged or of another size.
+// format and size, or a JPEG that is damaged or has a different size.
 absl::StatusOr<Image16> image_of(const RawPicture& picture);
 
 }  // namespace glasswing

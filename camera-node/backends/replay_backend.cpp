@@ -25,8 +25,7 @@ CameraBackend replay_backend() {
           .shared = {"--fps"},
           .add_options =
               [archive](CLI::App& app) {
-                app.add_option("--archive", *archive,
-                               "replay: directory of the session archive to show again");
+                app.add_option("--archive", *archive, "replay: directory of the session archive to replay");
               },
           .open = [archive](const CameraSettings& settings) { return open_replay(*archive, settings); }};
 }

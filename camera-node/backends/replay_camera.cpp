@@ -67,7 +67,7 @@ absl::StatusOr<std::unique_ptr<ReplayCamera>> ReplayCamera::open(const Options& 
   }
   if (frames.empty()) {
     return absl::FailedPreconditionError(
-        fmt::format("{} holds no frame whose exposure_ms is known; there is nothing to replay",
+        fmt::format("{} contains no frame whose exposure_ms is known; there is nothing to replay",
                     options.archive.string()));
   }
   const nanoseconds usual(std::llround(1e9 / options.frame_rate_hz.value_or(kUsualRate_hz)));

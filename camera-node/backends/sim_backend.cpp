@@ -49,10 +49,10 @@ absl::StatusOr<SensorCurve> parse_response(const std::string& text) {
 }
 
 void add_scene_options(CLI::App& app, SimOptions& camera) {
-  app.add_option(
-         "--scene", camera.sim.scene,
-         "sim: crystal, glass, brushed, wobble (a drop of water that moves), wobble-lit (with a lamp's "
-         "highlight) or none")
+  app.add_option("--scene", camera.sim.scene,
+                 "sim: crystal, glass, brushed, wobble (a moving drop of water), wobble-lit (with a lamp's "
+                 "highlight) "
+                 "or none")
       ->capture_default_str();
   app.add_option("--tap", camera.taps,
                  "sim: host:port of a display node whose light it sees; repeat for more");
@@ -61,32 +61,32 @@ void add_scene_options(CLI::App& app, SimOptions& camera) {
 void add_sensor_options(CLI::App& app, SimOptions& camera) {
   app.add_option("--seed", camera.sim.sensor.seed, "sim: seed of noise and faults")->capture_default_str();
   app.add_option("--noise-sd", camera.sim.sensor.read_sd,
-                 "sim: standard deviation of the read noise, as a part of full scale")
+                 "sim: standard deviation of the read noise, as a fraction of full scale")
       ->check(CLI::Range(0.0, 0.5))
       ->capture_default_str();
-  app.add_option("--blur", camera.sim.blur_sigma_px, "sim: sigma of the lens's blur, px of the camera")
+  app.add_option("--blur", camera.sim.blur_sigma_px, "sim: sigma of the lens's blur, camera px")
       ->check(CLI::Range(0.0, 20.0))
       ->capture_default_str();
   app.add_option(
          "--focal-length", camera.sim.focal_px,
-         "sim: focal length of its lens, px of its picture; 4 times the picture's width if left out. "
-         "Monitor \"back\" fills the picture at its own place with any; a shorter one stands nearer and "
-         "sees more perspective")
+         "sim: focal length of its lens, px of its picture; default: 4 times the picture's width. "
+         "Monitor \"back\" fills the picture at its normal place with any; a camera with a shorter one is "
+         "closer and sees more perspective")
       ->check(CLI::Range(1.0, 1e6));
   app.add_option("--vignetting", camera.sim.sensor.vignetting,
-                 "sim: part of the light in the picture's middle that its corners lack; grows with the "
+                 "sim: fraction of the centre's light missing in the picture's corners; grows with the "
                  "distance squared")
       ->check(CLI::Range(0.0, 0.9))
       ->capture_default_str();
   app.add_option("--response", camera.response,
-                 "sim: how samples are coded after the noise: linear; gamma:G, as gamma:2.2: to the power "
-                 "1/G; s-curve: gamma:2.2 and then half way to 3u^2 - 2u^3")
+                 "sim: how samples are encoded after the noise: linear; gamma:G, such as gamma:2.2: to the "
+                 "power 1/G; s-curve: gamma:2.2 and then half way to 3u^2 - 2u^3")
       ->capture_default_str();
   app.add_option("--bits", camera.sim.sensor.bits, "sim: bits a sample")
       ->check(CLI::Range(8, 16))
       ->capture_default_str();
   app.add_option("--mosaic", camera.sim.mosaic,
-                 "sim: the sensor's colours, each photosite having one; frames are of one channel then")
+                 "sim: the sensor's colours, one per photosite; frames then have one channel")
       ->check(CLI::IsMember({"RGGB", "GRBG", "GBRG", "BGGR"}));
 }
 
@@ -103,10 +103,10 @@ void add_fault_options(CLI::App& app, SimOptions& camera) {
   app.add_option("--fault-late-ms", camera.late_ms, "sim: frames are delivered up to this late, in order")
       ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--fault-stamp-jitter-ms", camera.stamp_jitter_ms,
-                 "sim: frames' times are off by up to this, and are said to be")
+                 "sim: frames' times are off by up to this, and reported as such")
       ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--fault-stamp-shift-ms", camera.stamp_shift_ms,
-                 "sim: frames' times are off by this, and are not said to be: a camera that lies")
+                 "sim: frames' times are off by this, and not reported as such: a lying camera")
       ->check(CLI::Range(-1000.0, 1000.0));
   app.add_option("--clock-offset-ms", camera.clock_offset_ms, "sim: how far this node's clock is ahead")
       ->check(CLI::Range(-1e9, 1e9));
@@ -114,39 +114,42 @@ void add_fault_options(CLI::App& app, SimOptions& camera) {
       ->check(CLI::Range(-1000.0, 1000.0));
 }
 
-// What happens to the camera and its room; seconds count from its first start.
+// Disturbances of the camera and its room; seconds count from its first start.
 void add_disturbance_options(CLI::App& app, SimOptions& camera) {
   Disturbances& d = camera.sim.disturbances;
   const CLI::Range seconds(0.0, 1e6);
-  app.add_option("--true-knock", d.knock_dx_px, "sim: a knock moves its picture by this to the right, px")
+  app.add_option("--true-knock", d.knock_dx_px, "sim: a knock moves its picture to the right by this, px")
       ->check(CLI::Range(-50.0, 50.0));
-  app.add_option("--true-knock-down", d.knock_dy_px, "sim: and by this down, px")
+  app.add_option("--true-knock-down", d.knock_dy_px, "sim: and down by this, px")
       ->check(CLI::Range(-50.0, 50.0));
-  app.add_option("--true-knock-at", d.knock_s, "sim: so many seconds after it was first started")
+  app.add_option("--true-knock-at", d.knock_s, "sim: this many seconds after its first start")
       ->check(seconds);
-  app.add_option("--true-knock-lasts", d.knock_lasts_s, "sim: for so many seconds; 0: for good")
+  app.add_option("--true-knock-lasts", d.knock_lasts_s, "sim: for this many seconds; 0: permanently")
       ->check(seconds);
-  app.add_option("--true-creep", d.creep_px_per_minute, "sim: it sinks by so many px a minute")
+  app.add_option("--true-creep", d.creep_px_per_minute, "sim: it sinks by this many px per minute")
       ->check(CLI::Range(-1000.0, 1000.0));
-  app.add_option("--true-vibration", d.vibration_px, "sim: it trembles by so many px, with 11 and 7 Hz")
+  app.add_option("--true-vibration", d.vibration_px, "sim: it vibrates by this many px, at 11 and 7 Hz")
       ->check(CLI::Range(0.0, 50.0));
-  app.add_option("--true-lamp", d.lamp, "sim: a lamp adds this part of white everywhere")
+  app.add_option("--true-lamp", d.lamp, "sim: a lamp adds this fraction of white everywhere")
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--true-lamp-at", d.lamp_s, "sim: so many seconds after its first start")->check(seconds);
-  app.add_option("--true-lamp-lasts", d.lamp_lasts_s, "sim: for so many seconds; 0: for good")
+  app.add_option("--true-lamp-at", d.lamp_s, "sim: this many seconds after its first start")->check(seconds);
+  app.add_option("--true-lamp-lasts", d.lamp_lasts_s, "sim: for this many seconds; 0: permanently")
       ->check(seconds);
   app.add_option("--true-gain", d.gain, "sim: its gain, undeclared")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
-  app.add_option("--true-gain-at", d.gain_s, "sim: from so many seconds after its first start on")
+  app.add_option("--true-gain-at", d.gain_s, "sim: from this many seconds after its first start on")
       ->check(seconds);
   app.add_option("--true-warm-up", d.warm_up,
-                 "sim: part of the light that is lost as the monitors warm up, with a time constant of 2 min")
+                 "sim: fraction of the light that is lost as the monitors warm up, with a time constant of 2 "
+                 "min")
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--true-flare", d.flare, "sim: part of each picture's light that its lens spreads evenly")
+  app.add_option("--true-flare", d.flare,
+                 "sim: fraction of each picture's light that its lens spreads "
+                 "evenly")
       ->check(CLI::Range(0.0, 1.0));
   app.add_option("--true-bad-pixels", d.bad_pixels,
-                 "sim: part of its samples that are dead or stuck, by --seed")
+                 "sim: fraction of its samples that are dead or stuck, chosen by --seed")
       ->check(CLI::Range(0.0, 1.0));
 }
 

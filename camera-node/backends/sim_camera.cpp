@@ -16,8 +16,8 @@ namespace {
 
 constexpr double kMinExposureMs = 0.05;
 constexpr nanoseconds kMaxLightDelay = std::chrono::milliseconds(300);  // later light counts as dark
-constexpr std::chrono::seconds kMaxTraceWait(5);                        // a daemon that ends waits as long
-// Of monitors that move: frames of two places may be wanted in turn while a third is traced.
+constexpr std::chrono::seconds kMaxTraceWait(5);                        // a stopping daemon waits this long
+// For moving monitors: frames at two places may be requested alternately while a third is traced.
 constexpr size_t kStagesKept = 3;
 
 std::vector<SceneMonitor> in_scene(const std::vector<EmissionMonitor>& monitors) {
@@ -38,8 +38,8 @@ absl::StatusOr<std::unique_ptr<SimCamera>> SimCamera::create(const SimCameraOpti
   if (!options.mosaic.empty()) GW_RETURN_IF_ERROR(Mosaic::parse(options.mosaic).status());
   if (options.focal_px && !(*options.focal_px >= options.width_px)) {
     return absl::InvalidArgumentError(
-        fmt::format("--focal-length is {}; it must be {} px or more, the picture's width: nearer by, the "
-                    "camera would stand in the scene",
+        fmt::format("--focal-length is {}; it must be {} px or more, the picture's width: otherwise the "
+                    "camera would be inside the scene",
                     *options.focal_px, options.width_px));
   }
   // Fails with a list of the scenes if this one is unknown.
@@ -204,7 +204,7 @@ absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
   const auto emitted = timeline_.between(window.start, end_of(window));
   if (!emitted) {
     return absl::UnavailableError(
-        "the light of this exposure is not kept any more: the monitors' pictures change faster than the "
+        "the light of this exposure is no longer kept: the monitors' pictures change faster than the "
         "simulated camera computes frames");
   }
   const std::vector<MonitorEmission>& emission = *emitted;
@@ -221,7 +221,7 @@ absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
   return radiance;
 }
 
-// Recomputes the frames before, so that a frame's gains depend on the light alone and not on which frames
+// Recomputes the previous frames, so that a frame's gains depend on the light alone and not on which frames
 // were requested.
 absl::Status SimCamera::apply_automatics(const Exposed& exposed, double exposure_ms,
                                          RadianceImage& radiance) {
@@ -286,7 +286,7 @@ void SimCamera::trace(const Monitors& wanted, std::unique_lock<std::mutex>& lock
   tracing_ = wanted;
   share_ = 0.0;
   lock.unlock();
-  spdlog::info("scene={} is being traced; no frame before that", options_.scene);
+  spdlog::info("scene={} is being traced; no frames until then", options_.scene);
   const int finer = blurs() ? kRaysAcross : 1;
   const double focal_widths = options_.focal_px ? *options_.focal_px / options_.width_px : kFocalWidths;
   absl::StatusOr<StageTransports> transports =

@@ -1,6 +1,6 @@
 // A free-running simulated camera, which sees a scene lit by what the displays emitted, and its stage. A
 // moving object is frozen during each exposure, at its position in the middle of it by the camera's own
-// clock. The camera prepares while it traces the scene for the monitors where they stand, which takes minutes
+// clock. The camera prepares while it traces the scene for the monitors' current places, which takes minutes
 // for megapixels.
 #pragma once
 
@@ -63,7 +63,7 @@ class SimCamera final : public Camera, public Stage {
 
  private:
   SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline);
-  // What a frame shows; a duplicate repeats that of the frame before.
+  // What a frame shows; a duplicate repeats that of the previous frame.
   struct Exposed {
     std::int64_t sequence = 0;
     ExposureWindow window;
@@ -81,13 +81,13 @@ class SimCamera final : public Camera, public Stage {
     Monitors monitors;
     absl::StatusOr<StageTransports> transports;
   };
-  // The light transport for these monitors where they stand; waits while it is traced. UNAVAILABLE: for too
-  // long.
+  // The light transport for these monitors at their current places; waits while it is traced. UNAVAILABLE: it
+  // takes too long.
   absl::StatusOr<StageTransports> stage(const std::vector<EmissionMonitor>& monitors);
   std::optional<v1::Preparation> preparation() const;
   // Traces the stages that frames wait for, and that of the monitors as soon as they are known.
   void prepare(std::stop_token stop);
-  // Lets go of `lock` meanwhile.
+  // Releases `lock` meanwhile.
   void trace(const Monitors& wanted, std::unique_lock<std::mutex>& lock, std::stop_token stop);
   const TracedStage* find(const Monitors& wanted) const;  // null: not traced. Call with stages_mutex_ held
 

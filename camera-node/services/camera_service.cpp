@@ -21,8 +21,9 @@ constexpr int kMaxSequences = 4096;
 constexpr std::chrono::seconds kMaxTriggerLead(1);
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
-constexpr std::chrono::seconds kAskPause(1);            // between responses while no picture has come
-constexpr std::chrono::milliseconds kPreparationPause(200);  // between responses while the camera prepares
+constexpr std::chrono::seconds kAskPause(1);            // between responses while no picture has arrived
+constexpr std::chrono::milliseconds kPreparationPause(
+    200);  // between responses while the camera is preparing
 
 // The sensor's highest code, scaled to 16 bits.
 std::uint16_t full_scale_of(const v1::Camera& camera) {
@@ -40,7 +41,7 @@ absl::Status check_preview(const v1::PreviewRequest& request) {
   return absl::OkStatus();
 }
 
-// What a camera that takes pictures on demand waits for.
+// What an on-demand camera is waiting for.
 std::string due_text(const v1::GetCameraResponse& camera) {
   if (!camera.has_due()) return "waiting for a picture in the folder; press the camera's button";
   return fmt::format("the folder has waited {:.0f} s for {}",
@@ -62,7 +63,7 @@ bool write_whole(const Image16& image, const v1::FrameTaken& taken,
   return written;
 }
 
-constexpr char kTakenOver[] = "a later call has taken the camera over";
+constexpr char kTakenOver[] = "a later call has taken over the camera";
 
 }  // namespace
 
@@ -155,7 +156,7 @@ grpc::Status CameraServiceImpl::TakePicture(grpc::ServerContext* context,
   constexpr size_t kMaxWhat_bytes = 200;
   if (request->what().size() > kMaxWhat_bytes) {
     return to_grpc(absl::InvalidArgumentError(
-        fmt::format("what has {} bytes; it may have {}", request->what().size(), kMaxWhat_bytes)));
+        fmt::format("what has {} bytes; the maximum is {}", request->what().size(), kMaxWhat_bytes)));
   }
   const auto take = [&]() -> absl::StatusOr<v1::TakePictureResponse> {
     GW_RETURN_IF_ERROR(camera_.take_picture(request->what()));
@@ -185,7 +186,7 @@ grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
   const v1::GetCameraResponse camera = camera_.describe();
   if (camera.on_demand()) {
     return to_grpc(absl::FailedPreconditionError(
-        "the camera takes a picture only when it is asked for one; a live matte needs a stream"));
+        "the camera takes pictures only on request; a live matte needs a stream"));
   }
   const std::optional<Mosaic> mosaic = mosaic_of(camera.camera());
   std::atomic<bool> wanted = true;

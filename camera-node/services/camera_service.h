@@ -1,5 +1,5 @@
-// CameraService: runs the camera, keeps its newest frames in a ring, and has a FrameKeeper store those that
-// are proven.
+// CameraService: runs the camera, keeps its newest frames in a ring, and lets a FrameKeeper store the proven
+// ones.
 #pragma once
 
 #include <atomic>
@@ -47,11 +47,12 @@ class CameraServiceImpl final : public v1::CameraService::Service {
 
  private:
   using Take = std::function<bool(const v1::FrameTaken*)>;
-  // Sends what the camera prepares until it is ready. False: the call is over.
+  // Sends the camera's preparation until it is ready. False: the call is over.
   template <typename Response>
   bool wait_prepared(const std::function<bool()>& is_over, grpc::ServerWriter<Response>& writer);
   // Runs the camera for one call, once it is prepared, until its turn ends or `take` returns false. Calls
-  // `take` with null once the camera runs, then with each frame. The newest `keep` frames stay in the ring.
+  // `take` with null once the camera is running, then with each frame. The newest `keep` frames stay in the
+  // ring.
   template <typename Response>
   absl::Status run(CameraCall& call, grpc::ServerWriter<Response>& writer, size_t keep, const Take& take);
   absl::Status run_started(const CameraCall& call, size_t keep, const Take& take);
@@ -62,7 +63,7 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   FrameComparison comparison_;
   std::atomic<bool> stopping_ = false;
   std::atomic<nanoseconds> triggered_at_ = nanoseconds(0);  // first trigger since the last frame; 0: none
-  // Of Capture and StreamFrames calls, and of a Preview while none of these wants the camera.
+  // For Capture and StreamFrames calls, and for a Preview while none of these needs the camera.
   CameraTurns turns_;
   JoinedCalls<v1::TakePictureResponse> pictures_;
   JoinedCalls<v1::KeepFramesResponse> keeps_;

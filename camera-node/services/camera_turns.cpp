@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-constexpr nanoseconds kReleased = std::chrono::seconds(1);  // a preview needs a moment to let the camera go
+constexpr nanoseconds kReleased = std::chrono::seconds(1);  // a preview needs a moment to release the camera
 constexpr std::chrono::milliseconds kPoll(20);              // for callers who have gone
 
 }  // namespace
@@ -31,7 +31,7 @@ absl::Status CameraTurns::take(CameraCall& call) {
 absl::Status CameraTurns::wait(CameraCall& call, std::unique_lock<std::mutex>& lock) {
   nanoseconds refused_at = monotonic_now() + kReleased;
   while (holder_ != &call) {  // hand_over() may have made it the holder
-    if (call.replaced) return absl::AbortedError("a later call of the same client has taken the camera over");
+    if (call.replaced) return absl::AbortedError("a later call of the same client has taken over the camera");
     if (call.is_gone()) return absl::CancelledError("the caller no longer waits for the camera");
     if (holder_ == nullptr && waiting_.front() == &call) return absl::OkStatus();
     const bool ending = holder_ == nullptr || holder_->replaced || holder_->is_gone();

@@ -1,4 +1,4 @@
-// Who has the camera: one call at a time.
+// Access to the camera: one call at a time.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-// A call that runs the camera until it ends. It stays where it is from take() to the end of its turn.
+// A call that runs the camera until it ends. It must not move from take() to the end of its turn.
 struct CameraCall {
   std::string id = {};  // a call takes the camera over from earlier ones of its id; empty: from none
   double exposure_ms = 0.0;
@@ -25,20 +25,20 @@ struct CameraCall {
 // Thread-safe.
 class CameraTurns {
  public:
-  // Returns when the call has the camera. One that has the same id is replaced, and one whose caller has gone
-  // is waited for, however long they take to end. FAILED_PRECONDITION: a call of another client has had the
-  // camera for a second of waiting. ABORTED: `call` was replaced while it waited. CANCELLED: its caller has
-  // gone.
+  // Returns when the call has the camera. A call with the same id is replaced, and a call whose caller has
+  // gone is waited for, however long they take to end. FAILED_PRECONDITION: a call of another client still
+  // has the camera after waiting for a second. ABORTED: `call` was replaced while it waited. CANCELLED: its
+  // caller has gone.
   absl::Status take(CameraCall& call);
   // False: another call has the camera, or waits for it.
   bool try_take(CameraCall& call);
-  // Another call than the one that has the camera waits for it.
+  // A call other than the camera's current one waits for it.
   bool is_wanted() const;
 
-  // Ends the turn, of a camera that runs. True: the call that replaced `call` goes on with the camera as it
-  // runs. False: stop the camera, then end().
+  // Ends the turn while the camera is running. True: the call that replaced `call` continues with the running
+  // camera. False: stop the camera, then end().
   bool hand_over(const CameraCall& call);
-  // Ends the turn, of a camera that is stopped.
+  // Ends the turn after the camera was stopped.
   void end(const CameraCall& call);
 
  private:

@@ -6,7 +6,7 @@
 namespace glasswing {
 namespace {
 
-// Of D(1), which is mostly noise where there are no edges. A frame of 128 x 96 px of noise alone stays below
+// Of D(1), which is mostly noise where there are no edges. A frame of 128 x 96 px with only noise stays below
 // a quarter of this with five standard deviations.
 constexpr double kMinContrast = 0.1;
 constexpr double kDark = 0.01 * 65535.0;

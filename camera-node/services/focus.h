@@ -8,7 +8,8 @@
 //   r = (D(2) - D(1)) / (D(4) - D(2)),    focus = 4 r - 1, clamped to [0, 1].
 //
 // A step edge that is as sharp as the pixels has D(d) ~ d, so r = 1/2 and focus = 1. A slope that is wide
-// beside 4 px has D(d) ~ d^2, so r = 1/4 and focus = 0. A step edge that is blurred by a Gaussian of s px has
+// compared with 4 px has D(d) ~ d^2, so r = 1/4 and focus = 0. A step edge that is blurred by a Gaussian of s
+// px has
 //
 //   D(d) ~ d erf(d / 2s) - (2 s / sqrt(pi)) (1 - exp(-d^2 / 4 s^2)),
 //
@@ -28,9 +29,9 @@ struct Focus {
   std::string hint;    // why it cannot be judged, and what to do; empty: it can
 };
 
-// Pairs beside a sample of `full_scale` or more, where the sensor clips, do not count. Focus cannot be judged
-// in a picture that is black, nearly all clipped, or without edges that stand out of the noise. Detail finer
-// than 2 px cannot be told from noise.
+// Pairs beside a sample of `full_scale` or more, where the sensor clips, are ignored. Focus cannot be judged
+// in a picture that is black, nearly all clipped, or without edges above the noise. Detail finer than 2 px
+// cannot be distinguished from noise.
 Focus focus_of(const Image16& image, std::uint16_t full_scale);
 
 }  // namespace glasswing

@@ -1,6 +1,5 @@
 // Decides whether frames are stored plain or compressed, so that storing never holds up a capture: compressed
-// while they are stored as they come; once they wait, in the form that disk and processor store sooner, as
-// measured.
+// while they are stored as they arrive; once they wait, in the form that is stored faster, as measured.
 #pragma once
 
 #include <array>
@@ -18,7 +17,7 @@ class FormChoice {
 
   // `waited`: since the oldest of the frames was exposed.
   FrameForm choose(nanoseconds waited) const;
-  // Frames that are `plain_bytes` plain took so long to store in this form.
+  // Records how long frames of `plain_bytes` uncompressed took to store in this form.
   void learn(FrameForm form, size_t plain_bytes, nanoseconds took);
 
  private:

@@ -22,7 +22,7 @@ class FrameComparison {
   absl::StatusOr<v1::CompareFramesResponse> compare(const v1::CompareFramesRequest& request);
 
  private:
-  // Of a step's frame. NOT_FOUND: it has none.
+  // Of a step's frame. NOT_FOUND: it has no such frame.
   absl::StatusOr<Brightness> stored(Archive& archive, int step);
   absl::StatusOr<Brightness> brightness(Archive& archive, const v1::FrameComparison& comparison);
 

@@ -16,7 +16,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kMaxBatch = 4096;
-constexpr size_t kMaxPictures_bytes = 256 << 20;  // in memory at a time, beside the ring's frames
+constexpr size_t kMaxPictures_bytes = 256 << 20;  // in memory at a time, in addition to the ring's frames
 
 bool is_patch_learning_frame(const v1::Frame& frame) {
   return kind_of(frame.stimulus()) == StimulusKind::kPatch;
@@ -54,7 +54,7 @@ absl::StatusOr<std::vector<FrameKeeper::Held>> FrameKeeper::find(const Frames& w
       return absl::InvalidArgumentError("a frame to keep needs a step of 0 or more, and no file");
     std::optional<CapturedFrame> found = ring_.find(record.sequence());
     if (!found) continue;
-    // Pixels alone prove a frame without stamps.
+    // A frame without timestamps is proven only by its pixels.
     const v1::Proof proof = found->taken.untimed() ? v1::PROOF_UNSPECIFIED : v1::PROOF_TIME;
     frames.push_back({.record = record, .frame = *std::move(found)});
     frames.back().record.set_proof(proof);

@@ -35,7 +35,7 @@ class FrameKeeper {
   absl::StatusOr<std::vector<Held>> find(const Frames& wanted) const;
   // The same with their pictures.
   absl::StatusOr<std::vector<Archive::NewFrame>> find_pictures(const Frames& wanted) const;
-  // Of LearnPatchesRequest.last_sequences, those that are still in the ring, by the frame's sequence.
+  // Those of LearnPatchesRequest.last_sequences that are still in the ring, by the frame's sequence.
   std::map<std::int64_t, CapturedFrame> find_last(const v1::LearnPatchesRequest& request) const;
   // Adds a set whose patch is not seen to the response. Returns true if its frames are to be stored.
   bool accepts(const v1::LearnPatchesRequest& request, const PatchProof::LearningSet& set,
@@ -46,9 +46,9 @@ class FrameKeeper {
   // Judges the frames, and stores those that pass. Requires mutex_.
   absl::Status judge_and_store(Archive& archive, std::vector<Archive::NewFrame> frames, nanoseconds waited,
                                v1::KeepFramesResponse& response);
-  // Makes proof_ that of `session`: learned anew from its archive if another session's frames came before.
+  // Sets proof_ for `session`: relearned from its archive if another session's frames came in between.
   absl::Status use_proof_of(const std::string& session, Archive& archive);
-  // How long the oldest of them has been in the ring, beside the newest frame there.
+  // Age of the oldest of them relative to the newest frame in the ring.
   nanoseconds wait_of(const Frames& wanted) const;
   // `waited`: FormChoice's.
   absl::StatusOr<std::vector<v1::Frame>> store(Archive& archive, const std::vector<Archive::NewFrame>& frames,

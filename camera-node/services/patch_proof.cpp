@@ -75,7 +75,7 @@ absl::Status PatchProof::learn(const std::vector<Waiting>& set) {
     GW_RETURN_IF_ERROR(image.status());
     const std::optional<std::uint16_t> id = known.reader.read(*image);
     if (!id || !known.shows(*id, member.frame.record.stimulus().patch_id()))
-      return absl::OutOfRangeError("the id patch changes before the time that is reported");
+      return absl::OutOfRangeError("the id patch changes before the reported time");
   }
   std::erase_if(known_, [&](const Known& other) {
     return other.object == known.object && other.monitor == known.monitor &&

@@ -25,8 +25,8 @@ class PatchProof {
   // Learns from the frames of kind "patch" in an archive. Patches that they do not show stay unknown.
   // DATA_LOSS: a frame cannot be read.
   absl::Status learn_from(Archive& archive);
-  // Frames of kind "patch", one for each learning id, all of one monitor, stage and exposure. What they teach
-  // applies to frames of that stage and exposure.
+  // Frames of kind "patch", one for each learning id, all of one monitor, stage and exposure. What is learned
+  // from them applies to frames of that stage and exposure.
   struct LearningSet {
     std::vector<Archive::NewFrame> frames;
     absl::Status learned;  // PatchReader::learn's result; OUT_OF_RANGE also: a later frame shows another id
@@ -34,7 +34,7 @@ class PatchProof {
   // Adds a frame of kind "patch". It replaces a waiting one of the same id, monitor, stage and exposure. When
   // its set is complete, learns from the set and returns it. `last`: a later frame that must show the same
   // id, if it is not lost. The rows of a picture are replaced from the top, and those of the patch come last:
-  // as long as it stands, and one scan-out earlier, the picture above it has not been replaced either.
+  // as long as it is shown, and one scan-out earlier, the picture above it has not been replaced either.
   std::optional<LearningSet> add(Archive::NewFrame frame, std::optional<CapturedFrame> last = {});
 
   // Compares `record.patch_id` with the pixels of each monitor whose patch is known. If the lit monitor's

@@ -12,8 +12,8 @@ namespace glasswing {
 absl::StatusOr<v1::PreviewResponse> preview_of(const Image16& frame, const std::optional<Mosaic>& mosaic,
                                                int max_width_px, std::uint16_t full_scale);
 
-// Sets all fields but the sequence. Row means are of the light that `light` converts samples to; samples that
-// it calls saturated count as clipped too.
+// Sets all fields but the sequence. Row means are of the light to which `light` converts samples; samples
+// that it calls saturated also count as clipped.
 v1::FrameLight light_of(const Image16& image, const FrameLight& light, std::uint16_t full_scale);
 
 }  // namespace glasswing

@@ -21,7 +21,7 @@ absl::Status configure(Client& client, const Config& config) {
   return absl::OkStatus();
 }
 
-// A verb's status, with advice where the server does not answer.
+// A verb's status, with advice if the server does not answer.
 absl::Status advised(const Client& client, const absl::Status& status) {
   if (status.message() != client.server_title() + " does not answer") return status;
   return absl::Status(status.code(),

@@ -35,7 +35,8 @@ absl::StatusOr<Candidates> session_names(std::vector<std::string> words) {
   return names;
 }
 
-// "modes=", "smoothing=adaptive": the options of the method that the words name, else of all methods.
+// "modes=", "smoothing=adaptive": the options of the method named on the command line, or else of all
+// methods.
 Candidates settings(std::span<const std::string> words) {
   std::string_view named = std::ranges::count(words, "live") > 0 ? kRampMethod : "";
   for (size_t i = 0; i < words.size(); ++i) {

@@ -1,4 +1,4 @@
-// What completes names of sessions and options of methods.
+// Completion of session names and method options.
 #pragma once
 
 #include <span>
@@ -8,8 +8,8 @@
 
 namespace glasswing {
 
-// `kind`: SESSION or NAME=VALUE; others have no values here. Names of sessions come from the server that the
-// words name, or else the environment or the configuration file; none if it does not answer.
+// `kind`: SESSION or NAME=VALUE; others are not completed here. Session names come from the server named on
+// the command line, or else in the environment or the configuration file; none if it does not answer.
 Candidates client_values(const std::string& kind, std::span<const std::string> words);
 
 }  // namespace glasswing

@@ -17,8 +17,8 @@ absl::StatusOr<v1::Monitor> parse_monitor_argument(const std::string& text) {
   if (!Scanner(size).number(width_px).then("x").number(height_px).done() || !good(width_px) ||
       !good(height_px) || !check_name("monitor", name).ok()) {
     return absl::InvalidArgumentError(
-        fmt::format("monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, or WIDTHxHEIGHT, "
-                    "each side 1 to {} px",
+        fmt::format("monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, such as back:1920x1080, or "
+                    "WIDTHxHEIGHT, each side 1 to {} px",
                     text, kMaxSide_px));
   }
   v1::Monitor monitor;

@@ -9,8 +9,8 @@
 
 namespace glasswing {
 
-// Of "back:1920x1080", or "1920x1080" of a monitor that is called "monitor". INVALID_ARGUMENT: it is not of
-// that form, or a side is not 1 to kMaxSide_px.
+// From "back:1920x1080", or "1920x1080" for a monitor called "monitor". INVALID_ARGUMENT: it is not of that
+// form, or a side is not 1 to kMaxSide_px.
 absl::StatusOr<v1::Monitor> parse_monitor_argument(const std::string& text);
 
 }  // namespace glasswing

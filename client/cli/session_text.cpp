@@ -71,7 +71,7 @@ std::string waiting_text(const v1::Session& session) {
 
 namespace {
 
-// Of a captured session whose proofs are less than they could be.
+// For a captured session with some steps proven by time alone.
 std::string by_time_text(const v1::Session& session) {
   if (session.time_proven_count() == 0) return "";
   return fmt::format("; {} of {} steps are proven by time alone", session.time_proven_count(),
@@ -82,7 +82,7 @@ std::string by_time_text(const v1::Session& session) {
 
 std::string summary_of(const v1::Session& session) {
   std::string line = fmt::format("session {} is {}", session.name(), state_name(session.state()));
-  // Of a session that is paused the reason says more.
+  // For a paused session the reason says more.
   if (session.has_waiting() && session.state() != v1::SESSION_STATE_PAUSED)
     return line + ", and waits: " + waiting_text(session);
   if (!session.reason().empty()) return line + ": " + session.reason();

@@ -17,7 +17,7 @@ bool allows(const v1::Session& session, v1::SessionAction action);
 // Progress of the solve: "3 of 40 tiles".
 std::string tiles_text(const v1::Session& session);
 
-// What the session waits for, in the server's words: "no solver is running, since 2026-01-31T12:00:00Z;
+// What the session is waiting for, in the server's words: "no solver is running, since 2026-01-31T12:00:00Z;
 // start one: ...". Empty: for nothing.
 std::string waiting_text(const v1::Session& session);
 
@@ -29,7 +29,7 @@ void print_session(const v1::Session& session, bool json);
 
 // True for sessions that are solved frame by frame.
 bool is_video(const v1::Session& session);
-int frames_to_solve(const v1::Session& session);  // of a video: the captured ones
+int frames_to_solve(const v1::Session& session);  // for a video: the captured ones
 
 // Formats ascending numbers: "3, 17 to 20".
 std::string ranges_text(const google::protobuf::RepeatedField<std::int32_t>& numbers);

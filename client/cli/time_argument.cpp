@@ -20,7 +20,7 @@ absl::StatusOr<std::string> parse_time_argument(const std::string& option, const
   } else if (!absl::ParseTime("%Y-%m-%d", text, absl::UTCTimeZone(), &time, &why) &&
              !absl::ParseTime(absl::RFC3339_full, text, &time, &why)) {
     return absl::InvalidArgumentError(fmt::format(
-        "{} is \"{}\"; it must be such as 7d, 12h, 2026-11-01 or 2026-11-01T12:00:00Z", option, text));
+        "{} is \"{}\"; it must be of the form 7d, 12h, 2026-11-01 or 2026-11-01T12:00:00Z", option, text));
   }
   return absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", time, absl::UTCTimeZone());
 }

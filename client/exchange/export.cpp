@@ -48,7 +48,7 @@ absl::Status copy_frame(const Peer<v1::ArchiveService>& archive, const std::stri
   if (!status.ok()) return status_from(status, archive.title);
   if (checksum.text() != frame.checksum()) {
     return absl::DataLossError(
-        fmt::format("{} came damaged from the {}: its checksum is {}, the manifest says {}", frame.file(),
+        fmt::format("{} arrived damaged from the {}: its checksum is {}, the manifest says {}", frame.file(),
                     archive.title, checksum.text(), frame.checksum()));
   }
   flushing.add(std::move(file));
@@ -57,11 +57,11 @@ absl::Status copy_frame(const Peer<v1::ArchiveService>& archive, const std::stri
 
 absl::Status write_frame(const Peer<v1::ArchiveService>& archive, const std::string& session,
                          const v1::Frame& frame, const fs::path& directory, FlushQueue& flushing) {
-  if (interrupted()) return absl::CancelledError("the export was broken off; nothing of it stays");
+  if (interrupted()) return absl::CancelledError("the export was interrupted; nothing of it is kept");
   const fs::path file(frame.file());
   if (file.parent_path() != "frames" || !file.has_filename() || file.filename() == "..") {
     return absl::DataLossError(
-        fmt::format("the {} names a frame \"{}\"; it must lie in frames/", archive.title, frame.file()));
+        fmt::format("the {} names a frame \"{}\"; it must be in frames/", archive.title, frame.file()));
   }
   return copy_frame(archive, session, frame, directory / file, flushing);
 }

@@ -11,7 +11,7 @@
 namespace glasswing {
 
 // With progress. Returns the manifest. ALREADY_EXISTS: the directory is neither new nor empty.
-// FAILED_PRECONDITION: the session is being captured. DATA_LOSS: a frame came damaged.
+// FAILED_PRECONDITION: the session is being captured. DATA_LOSS: a frame arrived damaged.
 absl::StatusOr<v1::CaptureManifest> export_archive(const v1::Session& session, const std::string& directory);
 
 }  // namespace glasswing

@@ -38,13 +38,13 @@ absl::StatusOr<Image16> read_verified(const fs::path& directory, const v1::Camer
   }
   const std::optional<Mosaic> mosaic = mosaic_of(camera);
   if (!mosaic || !frame.stimulus().reference()) return read_frame_file(path, shape_of(camera));
-  // References may have all colours, which no frame of this archive can hold.
+  // References may have all colours, which frames of this archive cannot store.
   GW_ASSIGN_OR_RETURN(const Image16 picture,
                       read_frame_file(path, PictureSize{camera.width_px(), camera.height_px()}));
   return sampled(picture, *mosaic);
 }
 
-// Reads the list's frame; errors name its line, too.
+// Reads the list's frame; errors also name its line.
 absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const PhotographList& list,
                                             int frame) {
   absl::StatusOr<CodedPhotograph> photograph =
@@ -54,21 +54,21 @@ absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const Pho
   return absl::Status(status.code(), fmt::format("{}: {}", list.place(frame), std::string(status.message())));
 }
 
-// A raw file tells its own levels, and a list those of other files.
+// A raw file contains its own levels; a list gives those of other files.
 absl::Status check_raw(const PhotographList& list) {
   const bool linear = list.response.empty() || list.response == "linear";
   if (linear && list.black == 0.0 && !list.white) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      fmt::format("{}: {} is a raw file, which is linear and tells its own black and white: leave out "
-                  "response, black and white",
-                  list.path.string(), list.manifest.frames(0).file()));
+  return absl::InvalidArgumentError(fmt::format(
+      "{}: {} is a raw file, which is linear and contains its own black and white: omit response, "
+      "black and white",
+      list.path.string(), list.manifest.frames(0).file()));
 }
 
 std::string mosaic_text(const std::string& mosaic) {
   return mosaic.empty() ? "" : ", mosaic " + mosaic;
 }
 
-// Fills in the exposure times that the list does not tell.
+// Fills in the exposure times that the list does not give.
 void note_exposures(const fs::path& directory, v1::CaptureManifest& manifest) {
   for (v1::Frame& frame : *manifest.mutable_frames()) {
     if (frame.exposure_ms() > 0.0) continue;
@@ -82,7 +82,7 @@ absl::Status settle_response(const fs::path& directory, double black, std::optio
   if (list.response == kUnknownResponse) {
     list.manifest.mutable_camera()->set_response(kUnknownResponse);
     list.response = "linear";
-    warnings.push_back("the response is unknown: codes are taken for light, which they may not be");
+    warnings.push_back("the response is unknown: codes are treated as light, which may be wrong");
   }
   if (!list.response.empty()) return absl::OkStatus();
   if (!samples) {
@@ -96,9 +96,9 @@ absl::Status settle_response(const fs::path& directory, double black, std::optio
   const ResponseEstimate estimate = estimate_response(list.manifest, codes, black);
   if (estimate.response.empty()) {
     return absl::InvalidArgumentError(
-        fmt::format("{}: what light its codes stand for is not said, and the photographs do not tell ({}); "
-                    "pass --response srgb, "
-                    "linear or gamma:G, or --response unknown to take codes for light",
+        fmt::format("{}: the response of its codes is not declared and cannot be estimated from the "
+                    "photographs ({}); pass --response srgb, linear or gamma:G, or --response unknown to "
+                    "treat codes as light",
                     list.path.string(), estimate.reason));
   }
   list.response = estimate.response;
@@ -107,7 +107,8 @@ absl::Status settle_response(const fs::path& directory, double black, std::optio
   return absl::OkStatus();
 }
 
-// The size of the frame's file, if an archive of ours stores it as it is. Its checksum is not verified.
+// The size of the frame's file, if it is in one of our archives and can be copied unchanged. Its checksum is
+// not verified.
 std::optional<size_t> stored_bytes(const fs::path& directory, const v1::Camera& camera,
                                    const v1::Frame& frame) {
   if (frame.checksum().empty() || !is_stored_frame(frame)) return std::nullopt;
@@ -157,8 +158,8 @@ FrameSource source_of(v1::CaptureManifest manifest, const fs::path& directory) {
 }  // namespace
 
 std::string missing_text(const fs::path& directory, std::int64_t count) {
-  return fmt::format("{} lacks {} of its numbers; the video goes on as if nothing was between",
-                     directory.string(), count);
+  return fmt::format("{} lacks {} of its numbers; the video continues across the gaps", directory.string(),
+                     count);
 }
 
 absl::StatusOr<FrameSource> archive_source(const fs::path& directory) {
@@ -185,7 +186,7 @@ absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, Photogr
   std::vector<std::string> warnings;
   if (first.turned) {
     warnings.push_back(fmt::format(
-        "EXIF says that the camera was turned ({}); pictures of a set are taken as the sensor has them",
+        "EXIF says that the camera was rotated ({}); pictures of a set keep the sensor's orientation",
         list.manifest.frames(0).file()));
   }
   const double black = list.black / list.white.value_or(highest_code(first.bits));
@@ -215,7 +216,7 @@ absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, Photogr
         if (image.width_px != all.width_px() || image.height_px != all.height_px() ||
             photograph.bits != all.bits() || photograph.mosaic != all.mosaic() || photograph.raw != raw) {
           return absl::InvalidArgumentError(fmt::format(
-              "{}: {} is {}x{} of {} bits{}; it must be as the first one, {}, which is {}x{} of {} bits{}",
+              "{}: {} is {}x{} of {} bits{}; it must match the first one, {}, which is {}x{} of {} bits{}",
               shared->place(frame), shared->manifest.frames(frame).file(), image.width_px, image.height_px,
               photograph.bits, mosaic_text(photograph.mosaic), shared->manifest.frames(0).file(),
               all.width_px(), all.height_px(), all.bits(), mosaic_text(all.mosaic())));

@@ -1,4 +1,4 @@
-// Frames to import: from an archive of ours or a foreign one, from photographs, or from a video.
+// Frames to import: from one of our archives or a foreign one, from photographs, or from a video.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -26,13 +26,13 @@ struct FrameSource {
   // Reads the frame of this index in the manifest. DATA_LOSS: it is damaged; INVALID_ARGUMENT: it does not
   // have the camera's size. Both name its file.
   std::function<absl::StatusOr<Image16>(int)> read;
-  // Set where every frame's file has the format and name of our own archives: hands the file over as it is,
-  // in pieces. DATA_LOSS, after the last piece: its checksum is not the manifest's.
+  // Set if every frame's file has the format and name of our own archives: passes the file on unchanged, in
+  // pieces. DATA_LOSS, after the last piece: its checksum is not the manifest's.
   std::function<absl::Status(int, const TakeBytes&)> pass_on = nullptr;
-  // Of all frames, once each was read; null: nothing is to be checked.
+  // For all frames, once each has been read; null: nothing to check.
   std::function<absl::Status()> check = nullptr;
   bool was_read = false;                   // every frame was read and checked when the source was made
-  std::vector<std::string> warnings = {};  // for people
+  std::vector<std::string> warnings = {};  // human-readable
 };
 
 // A whole archive (read_any_manifest).
@@ -42,8 +42,8 @@ absl::StatusOr<FrameSource> sequence_source(const std::filesystem::path& directo
                                             const std::string& sequence);
 
 // The photographs of a list or a layout, in `directory`, linearised; the first one gives the camera's size
-// and bits. An undeclared response is estimated, with a warning. INVALID_ARGUMENT: the photographs
-// do not tell it. `samples`: lines of the photographs, where they were looked at already.
+// and bits. An undeclared response is estimated, with a warning. INVALID_ARGUMENT: the photographs do not
+// determine it. `samples`: lines of the photographs, if they were already read.
 absl::StatusOr<FrameSource> photograph_source(const std::filesystem::path& directory, PhotographList list,
                                               std::optional<StackSamples> samples = std::nullopt);
 

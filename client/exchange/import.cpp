@@ -30,23 +30,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Those that are passed on are verified on their way.
+// Files that are passed on unchanged are verified during the transfer.
 absl::Status verify(const FrameSource& source) {
   if (source.was_read || source.pass_on) return absl::OkStatus();
   Progress progress("checking");
   const int count = source.manifest.frames_size();
   for (int i = 0; i < count; ++i) {
-    if (interrupted()) return absl::CancelledError("the import was broken off before anything was written");
+    if (interrupted()) return absl::CancelledError("the import was interrupted before anything was written");
     GW_RETURN_IF_ERROR(source.read(i).status());
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
   return source.check ? source.check() : absl::OkStatus();
 }
 
-// Hands over the bytes of a frame's file.
+// Passes on the bytes of a frame's file.
 using Bytes = std::function<absl::Status(const TakeBytes&)>;
 
-// Sends frames in batches: one call each, whose frames are durable once it is answered.
+// Sends frames in batches: one call each, whose frames are durable once it returns.
 class FrameSender {
  public:
   FrameSender(const Peer<v1::ArchiveService>& archive, std::string session)
@@ -116,7 +116,7 @@ class FrameSender {
 // Stores a frame: its record, and the bytes of its file.
 using Store = std::function<absl::Status(const v1::Frame&, const Bytes&)>;
 
-// `broken_off`: the error after Ctrl-C, which says what is left.
+// `broken_off`: the error after Ctrl-C, which says what remains.
 absl::Status store_frames(const FrameSource& source, const std::string& broken_off, const Store& store) {
   // Frames of foreign archives are renamed by their index.
   const bool own_names = std::ranges::all_of(source.manifest.frames(), is_stored_frame);
@@ -222,7 +222,7 @@ absl::Status write(const Client& client, const FrameSource& source, const std::s
   GW_RETURN_IF_ERROR(verify(source));
   v1::CaptureManifest manifest = source.manifest;
   manifest.clear_frames();
-  const std::string broken_off = "the import was broken off; nothing of it stays";
+  const std::string broken_off = "the import was interrupted; nothing of it is kept";
   FlushQueue flushing;
   const Store store = [&](const v1::Frame& frame, const Bytes& bytes) -> absl::Status {
     *manifest.add_frames() = frame;
@@ -265,7 +265,8 @@ void add_layout_options(CLI::App& command, const std::shared_ptr<ImportArguments
       command
           .add_option("--layout", options.layout,
                       "the photographs, in natural order of their names (2 before 10), show these patterns: "
-                      "opencv-graycode, binary, phase-shift; auto looks at the pictures, and says why")
+                      "opencv-graycode, binary, phase-shift; auto detects the layout from the pictures, and "
+                      "says why")
           ->excludes("--list")
           ->excludes("--sequence")
           ->excludes("--empty-frames")
@@ -274,21 +275,22 @@ void add_layout_options(CLI::App& command, const std::shared_ptr<ImportArguments
     command.add_option(name, value, help)->needs(layout);
   };
   add("--files", arguments->files,
-      "a layout's photographs: a pattern of paths below the directory, as 'left*' or '*/cam0_*'; default: "
-      "all "
-      "pictures in the directory itself");
+      "a layout's photographs: a glob pattern below the directory, such as 'left*' or '*/cam0_*'; default: "
+      "all pictures in the directory itself");
   add("--order", options.order,
       "the order of a layout's parts; default: columns,rows,white,black, or columns,rows for phase-shift. "
       "Columns are vertical bars; fringes beside a code are fringe-columns and fringe-rows");
   add("--inverse", options.inverse,
       "where the complement of each pattern is: after it, before it, or none; default: after for "
       "opencv-graycode, none for binary");
-  add("--cell", options.cell_px, "the width of the cells that a code numbers, px; default: 1");
-  add("--steps", options.steps, "photographs of one period of fringes, 3 to 64");
+  add("--cell", options.cell_px, "the width of a code's cells, px; default: 1");
+  add("--steps", options.steps, "photographs per fringe period, 3 to 64");
   add("--periods", options.periods,
-      "fringes along a side of the monitor, as 1,8,64; or their lengths, as 1920px,120px");
+      "number of fringes along a side of the monitor, such as 1,8,64; or their lengths, such as "
+      "1920px,120px");
   add("--shift", options.shift,
-      "forward if fringes move towards larger x and y from step to step, else backward; default: forward");
+      "forward if fringes move towards larger x and y from step to step, otherwise backward; default: "
+      "forward");
   add("--phase", options.phase_deg, "the phase of the first step of fringes, degrees; default: 0");
 }
 
@@ -299,8 +301,8 @@ void add_import_command(CLI::App& app, Client& client) {
       "Every frame is checked before the first is sent; frames of an archive by their headers and sizes, "
       "and\n"
       "their checksums while they are sent. An interrupted import can be repeated.\n\n"
-      "A layout says what the photographs of a folder show, by their order. Monitors are not seen in them: "
-      "--layout needs\n"
+      "A layout defines what the photographs of a folder show, by their order. Photographs do not show the "
+      "monitor's size: --layout needs\n"
       "--monitor. A list has one photograph per line with what the monitor showed: tab-separated values with "
       "a header\n"
       "row: file, object (true or false), kind, and further fields of the stimulus (docs/archive.md):\n\n"
@@ -309,8 +311,8 @@ void add_import_command(CLI::App& app, Client& client) {
       "  file\tobject\tkind\torient\tbar_width_px\tcolour\n"
       "  IMG_1.jpg\ttrue\tsolid\t\t\t0,0,0\n"
       "  IMG_2.jpg\ttrue\tsquare\tvertical_bars\t960\t\n\n"
-      "Where neither list nor --response says what light the codes stand for, it is estimated from the\n"
-      "photographs, with a warning, or asked for.\n\n"
+      "If neither the list nor --response gives the response of the codes, it is estimated from the\n"
+      "photographs, with a warning, or required.\n\n"
       "A video of the ramp is a video file, or a directory of pictures whose names end in a number. It "
       "needs\n"
       "--monitor, and frames of the empty stage: --empty-frames or --empty.\n\n"
@@ -329,13 +331,13 @@ void add_import_command(CLI::App& app, Client& client) {
   command
       .add_option(
           "directory", arguments->directory,
-          "a session archive (manifest.json and frames), a directory of photographs (raw files, too), or "
-          "a video (a file or pictures)")
+          "a session archive (manifest.json and frames), a directory of photographs (also raw files), or a "
+          "video (a file or pictures)")
       ->required();
   command.add_option("--session", arguments->session, "the session's name; default: the directory's");
   command
       .add_option("--camera", arguments->camera,
-                  "the camera node that keeps the frames; needed if several are up")
+                  "the camera node to store the frames; needed if several are up")
       ->type_name("NODE");
   command
       .add_option("--archive", arguments->archive,
@@ -348,7 +350,7 @@ void add_import_command(CLI::App& app, Client& client) {
       ->excludes(list);
   command
       .add_option("--empty-frames", arguments->video.empty_frames,
-                  "how many frames at a video's start show the empty stage")
+                  "number of frames at a video's start that show the empty stage")
       ->check(CLI::Range(1, 18000));
   command
       .add_option("--empty", arguments->video.empty_directory,
@@ -364,10 +366,10 @@ void add_import_command(CLI::App& app, Client& client) {
                      "light of the pictures' codes: srgb, linear, or gamma:G for (code / highest code)^G, or "
                      "unknown; default: estimated for photographs, srgb for videos");
   command.add_option("--black", arguments->video.photographs.black,
-                     "the pictures' code for no light; default: 0");
+                     "the pictures' code without light; default: 0");
   command
       .add_option("--white", arguments->video.photographs.white,
-                  "the highest code that the camera writes, as 1023 for codes of 10 bits in files of 16; "
+                  "the highest code that the camera writes, such as 1023 for 10-bit codes in 16-bit files; "
                   "default: the files' own, 255 or 65535")
       ->check(CLI::Range(1, 65535));
   add_layout_options(command, arguments);

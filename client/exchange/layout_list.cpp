@@ -18,7 +18,7 @@ constexpr const char* kAuto = "auto";
 absl::StatusOr<v1::Monitor> only_monitor(const PhotographOptions& options) {
   if (options.monitors.size() == 1) return parse_monitor_argument(options.monitors.front());
   return absl::InvalidArgumentError(fmt::format(
-      "--monitor is given {} times; --layout needs it once, as 1920x1080: photographs do not show how "
+      "--monitor is given {} times; --layout needs it once, such as 1920x1080: photographs do not show how "
       "many pixels a monitor has",
       options.monitors.size()));
 }
@@ -26,7 +26,7 @@ absl::StatusOr<v1::Monitor> only_monitor(const PhotographOptions& options) {
 absl::StatusOr<LayoutFacts> facts_of(const LayoutOptions& options) {
   if (options.order || options.inverse || options.steps || options.phase_deg) {
     return absl::InvalidArgumentError(
-        "--order, --inverse, --steps and --phase go with a named layout; --layout auto takes only --periods, "
+        "--order, --inverse, --steps and --phase require a named layout; --layout auto takes only --periods, "
         "--shift and --cell");
   }
   LayoutFacts facts;
@@ -53,7 +53,8 @@ absl::StatusOr<PhotographLayout> guess(const std::filesystem::path& directory,
   if (guessed.layout.ok() || samples->largest_code > kFewBits) return std::move(guessed.layout);
   return absl::Status(
       guessed.layout.status().code(),
-      fmt::format("{}. No code is above {} of 65535; if the camera has fewer bits, pass --white 1023 or such",
+      fmt::format("{}. No code is above {} of 65535; if the camera has fewer bits, pass --white, for example "
+                  "--white 1023",
                   std::string(guessed.layout.status().message()), samples->largest_code));
 }
 

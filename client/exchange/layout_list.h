@@ -1,4 +1,4 @@
-// The list of a folder of photographs that follow a layout (client/layouts).
+// The list for a folder of photographs that follow a layout (client/layouts).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -18,8 +18,8 @@ struct LaidOutList {
   std::optional<StackSamples> samples;  // where the pictures were looked at
 };
 
-// Writes what --layout auto believes, and why, to standard error. INVALID_ARGUMENT and NOT_FOUND name the
-// option at fault, and what is accepted. `files`: a glob; empty: all pictures of the directory itself.
+// Writes the layout that --layout auto detects, and why, to standard error. INVALID_ARGUMENT and NOT_FOUND
+// name the invalid option and what is accepted. `files`: a glob; empty: all pictures of the directory itself.
 absl::StatusOr<LaidOutList> list_by_layout(const std::filesystem::path& directory, const std::string& files,
                                            const LayoutOptions& layout, const PhotographOptions& options);
 

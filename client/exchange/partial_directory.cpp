@@ -31,7 +31,7 @@ absl::StatusOr<std::unique_ptr<PartialDirectory>> PartialDirectory::create(fs::p
   std::error_code error;
   if (fs::exists(target, error) && !(fs::is_directory(target, error) && fs::is_empty(target, error))) {
     return absl::AlreadyExistsError(
-        fmt::format("{} is there already; it must be a new or an empty directory", target.string()));
+        fmt::format("{} already exists; it must be a new or empty directory", target.string()));
   }
   fs::path partial = fmt::format("{}.partial-{}", target.string(), ::getpid());
   if (!fs::create_directories(partial / "frames", error)) {

@@ -100,7 +100,7 @@ absl::Status set_field(const Field& field, const std::string& text, v1::Stimulus
   }
   for (const std::string& part : split(text, ',')) {
     GW_ASSIGN_OR_RETURN(const double value,
-                        number_of(name, part, -kAny, kAny, "numbers with commas between, as 1,0,0.5"));
+                        number_of(name, part, -kAny, kAny, "numbers separated by commas, such as 1,0,0.5"));
     reflection.AddDouble(&stimulus, &field, value);
   }
   return absl::OkStatus();
@@ -145,7 +145,8 @@ class Reader {
     const size_t space = std::min(line.find(' '), line.size());
     const std::string key = line.substr(0, space), value = line.substr(std::min(space + 1, line.size()));
     if (!columns_.empty())
-      return bad(fmt::format("#{} comes after the header row; it must come before", key));
+      return bad(
+          fmt::format("#{} comes after the header row; it must come before it it it it it it it it it", key));
     if (key == "monitor") {
       GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, parse_monitor_argument(value));
       if (options_.monitors.empty()) *list_.manifest.add_monitors() = monitor;
@@ -162,7 +163,7 @@ class Reader {
       list_.manifest.set_scene(value);
     } else {
       return bad(fmt::format(
-          "there is no \"#{}\"; it must be #monitor, #response, #black, #white or #scene, or a remark "
+          "unknown setting \"#{}\"; it must be #monitor, #response, #black, #white or #scene, or a comment "
           "that starts with \"# \"",
           key));
     }
@@ -173,8 +174,8 @@ class Reader {
     const std::vector<std::string> cells = split(line, '\t');
     if (columns_.empty()) return read_header(cells);
     if (cells.size() != columns_.size()) {
-      return bad(fmt::format("it has {} cells; the header row has {}, with a tab between", cells.size(),
-                             columns_.size()));
+      return bad(
+          fmt::format("it has {} tab-separated cells; the header row has {}", cells.size(), columns_.size()));
     }
     v1::Frame frame;
     frame.set_step(-1);
@@ -189,7 +190,7 @@ class Reader {
     GW_RETURN_IF_ERROR(check_stimulus(*frame.mutable_stimulus()));
     GW_RETURN_IF_ERROR(check_frame(frame));
     const auto [before, fresh] = line_of_file_.emplace(frame.file(), line_);
-    if (!fresh) return bad(fmt::format("{} is listed in line {} already", frame.file(), before->second));
+    if (!fresh) return bad(fmt::format("{} is already listed in line {}", frame.file(), before->second));
     *list_.manifest.add_frames() = std::move(frame);
     list_.lines.push_back(line_);
     return absl::OkStatus();

@@ -1,4 +1,4 @@
-// Photographs and what the monitor showed in each, from a table (docs/archive.md) or by a layout.
+// Photographs and what the monitor showed in each, from a table (docs/archive.md) or from a layout.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-// Options of the command line, which override the list.
+// Command-line options, which override the list.
 struct PhotographOptions {
   std::vector<std::string> monitors;    // NAME:WIDTHxHEIGHT
   std::optional<std::string> response;  // of PhotographResponse
@@ -22,7 +22,7 @@ struct PhotographOptions {
 
 struct PhotographList {
   // Frames in the list's order; their files are relative to the photographs' directory. Without the camera,
-  // which is known only once a photograph is read.
+  // which is known only after a photograph is read.
   v1::CaptureManifest manifest;
   std::string response;        // of PhotographResponse; empty: not declared
   double black = 0.0;          // codes of the photographs
@@ -34,9 +34,9 @@ struct PhotographList {
   std::string place(int frame) const;
 };
 
-// Asks where white is if the largest code of all photographs, which have `bits`, is the highest of fewer
-// bits: codes of 10, 12 or 14 bits, which stand at either end of 16, are then too dark, or not seen to be
-// saturated. INVALID_ARGUMENT: it is.
+// Asks for the white code if the largest code of all photographs, which have `bits`, is the maximum for fewer
+// bits: codes of 10, 12 or 14 bits, stored at either end of 16, would then be too dark, or their saturation
+// would go unnoticed. INVALID_ARGUMENT: that is the case.
 absl::Status check_white(const std::filesystem::path& path, int largest, int bits);
 
 // INVALID_ARGUMENT names the file, the line, the wrong value and what would be accepted. NOT_FOUND: no such

@@ -25,7 +25,7 @@ absl::StatusOr<v1::CaptureManifest> header_of(const VideoOptions& options) {
   const std::vector<std::string>& monitors = options.photographs.monitors;
   if (monitors.size() != 1)
     return absl::InvalidArgumentError(fmt::format(
-        "--monitor is given {} times; a video needs it once, as back:1920x1080", monitors.size()));
+        "--monitor is given {} times; a video needs it once, such as back:1920x1080", monitors.size()));
   v1::CaptureManifest manifest;
   manifest.set_format_version(1);
   GW_ASSIGN_OR_RETURN(*manifest.add_monitors(), parse_monitor_argument(monitors.front()));
@@ -60,7 +60,7 @@ absl::Status check_likeness(const std::string& what, const Image16& image, int b
   if (image.width_px == first.width_px() && image.height_px == first.height_px() && bits == first.bits())
     return absl::OkStatus();
   return absl::InvalidArgumentError(
-      fmt::format("{} is {}x{} of {} bits; it must be as the first frame, {}x{} of {} bits", what,
+      fmt::format("{} is {}x{} of {} bits; it must match the first frame, {}x{} of {} bits", what,
                   image.width_px, image.height_px, bits, first.width_px(), first.height_px(), first.bits()));
 }
 
@@ -70,9 +70,8 @@ absl::Status check_empty_frames(const fs::path& path, int count, const VideoOpti
   if (!options.empty_directory.empty()) return absl::OkStatus();
   if (empty >= 1 && empty < count) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      fmt::format("--empty-frames is {}; {} has {} frames: it must be how many of these show the empty stage "
-                  "first, 1 to {}, or "
-                  "--empty must name a directory of such frames",
+      fmt::format("--empty-frames is {}; {} has {} frames: it must be the number of leading frames of the "
+                  "empty stage, 1 to {}, or --empty must name a directory of such frames",
                   empty, path.string(), count, count - 1));
 }
 
@@ -97,7 +96,7 @@ absl::StatusOr<std::vector<fs::path>> empty_pictures(const VideoOptions& options
   files = numbered_pictures(options.empty_directory);
   if (files.empty()) {
     return absl::NotFoundError(
-        fmt::format("--empty: {} holds no pictures whose names end in a number", options.empty_directory));
+        fmt::format("--empty: {} contains no pictures whose names end in a number", options.empty_directory));
   }
   return files;
 }
@@ -170,7 +169,7 @@ absl::StatusOr<FrameSource> file_source(const fs::path& path, const VideoOptions
   int count = 0;
   Progress progress("decoding");
   for (std::optional<Image16> image; (image = reader.next()); ++count) {
-    if (interrupted()) return absl::CancelledError("the import was broken off before anything was written");
+    if (interrupted()) return absl::CancelledError("the import was interrupted before anything was written");
     if (count == 0) set_camera(image->width_px, image->height_px, kBits, manifest);
     GW_RETURN_IF_ERROR(
         check_likeness(fmt::format("{}: frame {}", path.string(), count), *image, kBits, manifest.camera()));

@@ -8,10 +8,10 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMaxSurveyed = 0.05;  // edges a pixel; with more a blurred edge reaches the next
+constexpr double kMaxSurveyed = 0.05;  // edges per pixel; with more, a blurred edge reaches the next
 constexpr double kClear = 0.6;         // contrast, without complements
 constexpr int kMinEdges = 10;          // that a decision needs
-constexpr int kMinDirected = 5;        // of the coarsest bars, a line each
+constexpr int kMinDirected = 5;        // of the coarsest bars, one per line
 constexpr double kMajority = 0.75;
 
 // Coarse to fine.
@@ -22,7 +22,7 @@ std::vector<BarShots> waves_of(const LayoutSpan& span, bool pairs) {
   return waves;
 }
 
-// What the edges of all waves say of the code: each pair of neighbouring waves has a vote, so that a bad
+// What the edges of all waves say about the code: each pair of neighbouring waves has a vote, so that a bad
 // photograph, which is in two pairs, is outvoted.
 struct EdgeSurvey {
   int edges = 0;
@@ -53,8 +53,8 @@ EdgeSurvey survey(const PatternView& view, const std::array<std::vector<BarShots
   return result;
 }
 
-// 1: the coarsest bars are dark, then lit, along the pictures' axis; -1: lit, then dark; 0: not seen. Of a
-// Gray code the next finer bars are dark, lit, dark: they tell nothing.
+// 1: the coarsest bars are dark, then lit, along the pictures' axis; -1: lit, then dark; 0: not seen. In a
+// Gray code the next finer bars are dark, lit, dark: they give no information.
 int direction_of(const PatternView& view, const std::vector<BarShots>& waves, size_t axis) {
   if (waves.empty()) return 0;
   const PatternView::EdgeCounts counts = view.edges(waves.front(), waves.front(), axis);
@@ -72,7 +72,7 @@ std::string direction_words(const std::array<int, 2>& direction) {
                                  words(direction[0], "is to the right", "is to the left"),
                                  words(direction[1], "is down", "is up"));
   if (direction[0] * direction[1] < 0) text += ": a mirrored view";
-  if (direction[0] < 0 && direction[1] < 0) text += ": the camera lies upside down";
+  if (direction[0] < 0 && direction[1] < 0) text += ": the camera is upside down";
   return text;
 }
 
@@ -92,15 +92,15 @@ absl::StatusOr<BarsSeen> settle_bars(const PatternView& view, const std::vector<
   if (seen.edges < kMinEdges || std::max(seen.binary, gray_votes) < kMajority * (seen.binary + gray_votes) ||
       seen.binary + gray_votes == 0.0) {
     return absl::InvalidArgumentError(fmt::format(
-        "whether the bars are a Gray code or a binary one is not settled: of {} places where bars have an "
-        "edge, {:.0f} % are edges of the next finer ones too (Gray: 0, binary: 100); pass --layout "
-        "opencv-graycode or --layout binary, with --order and --inverse",
+        "the bars may be a Gray code or a binary code: of {} places where bars have an edge, {:.0f} % are "
+        "also edges of the next finer ones (Gray: 0, binary: 100); pass --layout opencv-graycode or --layout "
+        "binary, with --order and --inverse",
         seen.edges, 100.0 * seen.share_of_binary));
   }
   layout.code = binary ? PatternCode::kBinary : PatternCode::kGray;
-  reasons.push_back(fmt::format("of {} edges of bars {:.0f} % are edges of the next finer bars too: {}",
+  reasons.push_back(fmt::format("of {} edges of bars {:.0f} % are also edges of the next finer bars: {}",
                                 seen.edges, 100.0 * seen.share_of_binary,
-                                binary ? "a binary code" : "a Gray code, no binary one"));
+                                binary ? "a binary code" : "a Gray code, not a binary one"));
   if (pairs) reasons.push_back("the photographs come in pairs of complements");
   const bool inverted = !binary && seen.inverted_gray > seen.gray;
   if (inverted && !pairs) {

@@ -1,4 +1,4 @@
-// What bars say of their code (layout_guess.h).
+// What bars show about their code (layout_guess.h).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -13,13 +13,13 @@
 namespace glasswing {
 
 struct BarsSeen {
-  // By axis; 1: positions on the monitor rise along the pictures' axis; -1: they fall; 0: not seen.
+  // Per axis; 1: positions on the monitor rise along the pictures' axis; -1: they fall; 0: not seen.
   std::array<int, 2> direction{};
   std::array<std::vector<BarShots>, 2> waves;  // by axis, coarse to fine
 };
 
 // Gray code or binary, and whether complements come before or after their pattern. Adds the reasons.
-// INVALID_ARGUMENT: the pictures do not tell, and which options do.
+// INVALID_ARGUMENT: the pictures do not determine it; names the options that do.
 absl::StatusOr<BarsSeen> settle_bars(const PatternView& view, const std::vector<LayoutSpan>& spans,
                                      PhotographLayout& layout, std::vector<std::string>& reasons);
 

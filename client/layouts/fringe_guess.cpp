@@ -56,9 +56,9 @@ absl::Status check_periods(const Axis& axis, const std::vector<FringePeriod>& gi
   const std::vector<double> ratios = axis.ratios();
   if (given_periods.size() != ratios.size()) {
     return absl::InvalidArgumentError(fmt::format(
-        "{}; along {} their frequencies are as {}: pass --periods with the number of fringes along a side of "
-        "the monitor for each, or their lengths, in this order",
-        given_periods.empty() ? "how long the fringes were cannot be seen"
+        "{}; along {} their frequencies are in the ratio {}: pass --periods with the number of fringes along "
+        "a side of the monitor for each, or their lengths, in this order",
+        given_periods.empty() ? "the fringes' length cannot be determined"
                               : fmt::format("--periods names {} fringes, the photographs show {}",
                                             given_periods.size(), ratios.size()),
         axis.name, numbers(ratios)));
@@ -73,7 +73,8 @@ absl::Status check_periods(const Axis& axis, const std::vector<FringePeriod>& gi
   }
   if (fits) return absl::OkStatus();
   return absl::InvalidArgumentError(fmt::format(
-      "--periods does not fit: along {} the photographs show frequencies as {}, those given are as {}",
+      "--periods does not fit: along {} the photographs show frequencies in the ratio {}, those given are in "
+      "the ratio {}",
       axis.name, numbers(ratios), numbers(given)));
 }
 
@@ -98,7 +99,8 @@ class FringeSettler {
       double residual = 0.0;
       for (const PatternView::Fringe& wave : axis.waves) residual = std::max(residual, wave.residual);
       reasons_.push_back(fmt::format(
-          "along {}: {} waves of {} steps, frequencies as {}; a sinusoid leaves {:.1f} % of their energy",
+          "along {}: {} waves of {} steps, frequencies in the ratio {}; a sinusoid leaves {:.1f} % of their "
+          "energy unexplained",
           axis.name, axis.waves.size(), layout_.steps, numbers(axis.ratios()), 100.0 * residual));
       GW_RETURN_IF_ERROR(check_periods(axis, evidence_.facts.periods));
     }
@@ -121,7 +123,7 @@ class FringeSettler {
     }
     layout_.backward = backward.value_or(false);
     const bool mirrored = axes_.size() == 2 && falling == 1;
-    reasons_.push_back(fmt::format("{}{}", backward ? "the steps go as --shift says" : "the steps go forward",
+    reasons_.push_back(fmt::format("{}{}", backward ? "the steps follow --shift" : "the steps go forward",
                                    mirrored ? ", in a mirrored view" : ""));
     return absl::OkStatus();
   }
@@ -137,7 +139,7 @@ class FringeSettler {
     }
   }
 
-  // How much alike the phases of a wave are at the edges of all clear bars, once or twice around.
+  // How well the phases of a wave agree at the edges of all clear bars, once or twice around.
   double likeness(const Axis& axis, size_t wave, bool twice) const {
     std::complex<double> sum;
     double count = 0.0;
@@ -180,13 +182,13 @@ class FringeSettler {
       return absl::OkStatus();
     }
     return absl::InvalidArgumentError(fmt::format(
-        "how wide a cell of the code is, is not settled{}; pass --cell",
+        "the width of the code's cells is ambiguous{}; pass --cell",
         cells.empty() ? ": neither a period of --periods, half of one nor 1 px has as many bits as the "
                         "photographs show"
                       : fmt::format(": it may be {:.6g} px", fmt::join(cells, " or "))));
   }
 
-  // Where edges of bars lie the phase is known: the first step's phase makes up the difference.
+  // At the edges of bars the phase is known: the difference is the first step's phase.
   std::complex<double> first_phase(const Axis& axis, size_t wave, bool backward) const {
     const double period_px = layout_.periods[wave].px(axis.side_px);
     std::complex<double> sum;
@@ -212,7 +214,9 @@ class FringeSettler {
       layout_.backward = *evidence_.facts.backward;
     } else if ((forward > 0) == (backward > 0)) {
       return absl::InvalidArgumentError(
-          "which way the fringes move beside the bars is not seen; pass --shift forward or --shift backward");
+          "the direction of the fringes beside the bars cannot be determined; pass --shift forward or "
+          "--shift "
+          "backward");
     } else {
       layout_.backward = backward > 0;
     }
@@ -228,8 +232,8 @@ class FringeSettler {
     }
     if (count == 0.0 || std::abs(sum) < kSamePhase * count) {
       return absl::InvalidArgumentError(
-          "the fringes' phase at the edges of the bars is not the same everywhere, so what they share is not "
-          "settled; name the layout with --cell and --phase");
+          "the fringes' phase at the edges of the bars is not the same everywhere, so their relation is "
+          "ambiguous; name the layout with --cell and --phase");
     }
     const double seen_deg = std::arg(sum) * 360.0 / kTurn, grid_deg = 180.0 / layout_.steps;
     const double nearest_deg = grid_deg * std::round(seen_deg / grid_deg);
@@ -239,8 +243,8 @@ class FringeSettler {
     if (layout_.phase_deg < 0.0) layout_.phase_deg += 360.0;
     if (layout_.phase_deg == 360.0) layout_.phase_deg = 0.0;
     reasons_.push_back(
-        fmt::format("beside the bars the fringes move {}, and their first phase is {:.0f} "
-                    "deg ({:.1f} seen)",
+        fmt::format("beside the bars the fringes move {}, and their first phase is {:.0f} deg ({:.1f} "
+                    "measured)",
                     layout_.backward ? "backward" : "forward", layout_.phase_deg, seen_deg));
     return absl::OkStatus();
   }

@@ -1,4 +1,4 @@
-// What fringes say of their steps, periods and place (layout_guess.h).
+// What fringes show about their steps, periods and place (layout_guess.h).
 #pragma once
 
 #include <absl/status/status.h>
@@ -22,9 +22,9 @@ struct FringeEvidence {
   const LayoutCosts& costs;  // know which photographs are bad
 };
 
-// Holds the periods that were given to the pictures, and settles the direction of the steps; beside bars also
-// the first step's phase and the code's cells. Adds the reasons. INVALID_ARGUMENT: the pictures contradict or
-// do not tell, and which options settle it.
+// Checks the given periods against the pictures, and determines the direction of the steps; with bars, also
+// the first step's phase and the code's cells. Adds the reasons. INVALID_ARGUMENT: the pictures contradict
+// them or are ambiguous; names the options that resolve it.
 absl::Status settle_fringes(const PatternView& view, const FringeEvidence& evidence, PhotographLayout& layout,
                             std::vector<std::string>& reasons);
 

@@ -10,20 +10,20 @@ namespace {
 
 constexpr double kBad = 0.75;  // in the worst cost
 
-// What a picture of half the solid's light, or of patterns, differs by is several of these.
+// A picture with half the solid's light, or with patterns, differs by several times this.
 constexpr double kSolidSlack = 0.2, kSolidSd = 0.08;
 constexpr double kAlongAxis = 0.8;  // of all edges
 constexpr double kAlongAxisSd = 0.1;
-constexpr double kOctaveSd = 0.35;       // of the number of edges, for what noise and objects do to it
-constexpr double kMaxDensity = 0.2;      // edges a pixel; above it they blur into one another
+constexpr double kOctaveSd = 0.35;       // of the number of edges, as tolerance for noise and objects
+constexpr double kMaxDensity = 0.2;      // edges per pixel; above it they blur into one another
 constexpr double kResolved = 0.6;        // contrast of fine bars whose edges can be counted
 constexpr double kManyEdges = 4.0;       // on a line; such bars may be too fine for the camera
 constexpr double kMostAtCoarsest = 1.8;  // log2 of its edges on a line
 constexpr double kComplement = 0.2, kComplementSd = 0.05, kSurelyComplements = 0.15;
 constexpr double kResidualSd = 0.08, kMeanSd = 0.15, kCoherenceSd = 0.2, kAmplitudeSd = 0.5;
-// A quarter of a period has 40 %; bars have hardly others.
+// A quarter of a period has 40 %; bars have almost none.
 constexpr double kFewPhases = 0.4, kFewPhasesSd = 0.1;
-// Two steps of three sum to half of their variances, bars and their complements to none.
+// Two steps of three sum to half of their variances, bars and their complements to zero.
 constexpr double kLeastSum = 0.3, kLeastSumSd = 0.05;
 constexpr double kLeastAmplitude = 0.2, kLeastAmplitudeSd = 0.04;
 // Where all phases are seen, all steps vary alike.
@@ -106,7 +106,7 @@ std::vector<double> LayoutCosts::costs_of_bars(size_t axis, int first, int bits,
   costs.front() += 2.0 * square(std::max(0.0, coarsest - kMostAtCoarsest));
   for (int i = 0; i + 1 < bits * shots; i += shots) {
     const PatternView::Look &one = view_.look(first + i), &other = view_.look(first + i + 1);
-    // White and black are no fine bars.
+    // White and black are not fine bars.
     const bool solids = std::max(one.low, other.low) > 0.75 && std::min(one.high, other.high) < 0.25;
     if (pairs && solids && i / shots > 1) costs[i] += kWorst;
     if (!one.has_bars() || !other.has_bars()) continue;

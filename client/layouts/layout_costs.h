@@ -1,6 +1,6 @@
 // How badly photographs fit a block of a layout: about the negative logarithm of their likelihood, from 0 for
-// photographs that are as they should be to kWorst for each that may as well be anything. A photograph that
-// went wrong, then, adds kWorst to the right layout and does not rule it out.
+// photographs that fit to kWorst for each that might be anything. So a bad photograph adds kWorst to the
+// right layout and does not rule it out.
 #pragma once
 
 #include <array>
@@ -24,10 +24,11 @@ class LayoutCosts {
   int photographs() const { return view_.photographs(); }
 
   double solid(int photograph, bool white) const;
-  // Bits from coarse to fine; `pairs`: each with its complement beside it. Every wave has twice the edges of
-  // the one before.
+  // Bits from coarse to fine; `pairs`: each with its complement next to it. Every wave has twice as many
+  // edges as the previous one.
   double bars(size_t axis, int first, int bits, bool pairs);
-  // Waves of `steps` photographs each, of unlike periods. Any cost above `most`, where it is above.
+  // Waves of `steps` photographs each, of different periods. An arbitrary cost above `most` if it exceeds
+  // `most`.
   double fringes(size_t axis, int first, int steps, int waves, double most);
 
   // The photograph of a wave, from 0 on, that is bad; -1: none.

@@ -16,8 +16,9 @@ namespace glasswing {
 namespace {
 
 constexpr double kMinLit = 0.002;  // of the frame
-constexpr double kMargin = 5.0;    // by which the next best reading must be worse: a likelihood ratio of 150
-// What the photographs of the right layout cost at most: each a little, and one in eight of them all.
+constexpr double kMargin =
+    5.0;  // by which the next best interpretation must be worse: a likelihood ratio of 150
+// The maximum cost of the right layout: a little for each photograph, and everything for one in eight.
 constexpr double kUsual = 0.6, kBadShare = 0.125;
 constexpr int kMaxDoublings = 6;  // of a cell, which a question proposes
 
@@ -68,7 +69,8 @@ std::string words_of(const LayoutReading& reading, const std::vector<std::string
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
-// One of the layout's readings against the photographs: a layout as far as the reading tells it.
+// One interpretation of the layout compared with the photographs: a layout as far as the interpretation
+// determines it.
 class Guesser {
  public:
   Guesser(const PatternView& view, const std::vector<std::string>& files, const v1::Monitor& monitor,
@@ -83,7 +85,7 @@ class Guesser {
     double most = LayoutCosts::kWorst * count();
     for (const LayoutFamily family : kLayoutFamilies) {
       for (LayoutReading& reading : search_layouts(costs_, family, own_bits_, most, kMargin)) {
-        // Beside bars, only what could be the answer is searched for.
+        // With bars, only possible answers are searched.
         most = std::min({most, reading.cost, most_cost(count())});
         readings.push_back(std::move(reading));
       }
@@ -93,12 +95,12 @@ class Guesser {
     drop_impossible(readings);
     const LayoutReading& best = readings.front();
     if (readings.size() > 1 && readings[1].cost < best.cost + kMargin) {
-      return unsettled(fmt::format("two layouts fit alike: {}; or else {}", words_of(best, files_),
+      return unsettled(fmt::format("two layouts fit equally well: {}; or {}", words_of(best, files_),
                                    words_of(readings[1], files_)));
     }
     reasons_.push_back(words_of(best, files_));
     if (const std::string bad = bad_photographs(best); !bad.empty())
-      reasons_.push_back(bad + " not, and are taken for it all the same");
+      reasons_.push_back(bad + " not, but are accepted anyway");
     return layout_of(best);
   }
 
@@ -130,7 +132,7 @@ class Guesser {
     return layout;
   }
 
-  // Of a code; 0 along an axis that has none.
+  // For a code; 0 along an axis that has none.
   static std::array<int, 2> bits_along_axes(const LayoutReading& reading) {
     std::array<int, 2> bits{};
     for (const LayoutSpan& span : reading.spans) {
@@ -139,13 +141,13 @@ class Guesser {
     return bits;
   }
 
-  // Whether a code of such cells has these bits.
+  // Whether a code with such cells has these bits.
   bool has_bits(const std::array<int, 2>& bits, double cell_px) const {
     return (bits[0] == 0 || bits[0] == bits_of(monitor_.width_px() / cell_px)) &&
            (bits[1] == 0 || bits[1] == bits_of(monitor_.height_px() / cell_px));
   }
 
-  // Cells are as wide as high. Beside fringes one is a pixel, a period or half of one.
+  // Cells are square. Beside fringes one is a pixel, a period or half of one.
   bool is_possible(const LayoutReading& reading) const {
     if (reading.family == LayoutFamily::kFringes) return true;
     if (reading.family == LayoutFamily::kBarsAndFringes && !facts_.cell_px && facts_.periods.empty())
@@ -162,7 +164,7 @@ class Guesser {
     return std::ranges::any_of(cells_px, [&](double cell_px) { return has_bits(bits, cell_px); });
   }
 
-  // Of readings that fit alike, those that no cell has, unless that are all.
+  // Of interpretations that fit equally, those that no cell size allows, unless that is all of them.
   void drop_impossible(std::vector<LayoutReading>& readings) const {
     const double most = readings.front().cost + kMargin;
     if (std::ranges::any_of(readings,
@@ -170,7 +172,7 @@ class Guesser {
       std::erase_if(readings, [&](const LayoutReading& one) { return !is_possible(one); });
   }
 
-  // A code of the monitor's own size, or the question of what size it is.
+  // A code of the monitor's own size, or a question about its size.
   absl::Status settle_cells(const LayoutReading& reading, PhotographLayout& layout) const {
     layout.cell_px = facts_.cell_px.value_or(1.0);
     const std::array<int, 2> bits = bits_along_axes(reading);
@@ -187,7 +189,8 @@ class Guesser {
       const double cell_px = std::exp2(doublings);
       if (!has_bits(bits, cell_px)) continue;
       return absl::InvalidArgumentError(fmt::format(
-          "{}: {:g}x{:g}? If so, pass --cell {:g}; else the size that the code was made for as --monitor",
+          "{}: {:g}x{:g}? If so, pass --cell {:g}; otherwise pass the size that the code was made for as "
+          "--monitor",
           seen, std::ceil(monitor_.width_px() / cell_px), std::ceil(monitor_.height_px() / cell_px),
           cell_px));
     }
@@ -196,7 +199,7 @@ class Guesser {
         seen, bits[0], bits[1]));
   }
 
-  // "x.png and y.png should show vertical bars and do", for a sentence that goes on; empty: none.
+  // "x.png and y.png should show vertical bars and do", for use within a sentence; empty: none.
   std::string bad_photographs(const LayoutReading& reading) {
     std::vector<std::string> bad;
     for (const LayoutSpan& span : reading.spans) {
@@ -233,7 +236,7 @@ class Guesser {
       if (best == readings.end()) continue;
       const std::string bad = bad_photographs(*best);
       failures.push_back(
-          fmt::format("as {} {}", words_of(family), bad.empty() ? "they fit poorly all over" : bad + " not"));
+          fmt::format("as {} {}", words_of(family), bad.empty() ? "they all fit poorly" : bad + " not"));
     }
     return unsettled(fmt::format(
         "no standard layout explains these {} photographs: {}", count(),
@@ -255,12 +258,11 @@ LayoutGuess guess_layout(const StackSamples& samples, const std::vector<std::str
                          const v1::Monitor& monitor, const LayoutFacts& facts) {
   LayoutGuess result{.reasons = {}, .layout = absl::InternalError("")};
   const PatternView view(samples);
-  result.reasons.push_back(fmt::format("{} photographs of {}x{} px; {:.1f} % of the frame sees the patterns",
+  result.reasons.push_back(fmt::format("{} photographs of {}x{} px; {:.1f} % of the frame shows the patterns",
                                        files.size(), samples.width_px, samples.height_px,
                                        100.0 * view.lit_share()));
   if (view.lit_share() < kMinLit) {
-    result.layout =
-        unsettled(fmt::format("the patterns are seen by less than {} % of the frame", 100.0 * kMinLit));
+    result.layout = unsettled(fmt::format("less than {} % of the frame shows the patterns", 100.0 * kMinLit));
   } else {
     result.layout = Guesser(view, files, monitor, facts, result.reasons).guess();
   }

@@ -1,9 +1,9 @@
-// --layout auto: which layout a stack of photographs follows, by what its pictures show. Whole layouts
+// --layout auto: detects which layout a stack of photographs follows from the pictures. Whole layouts
 // compete: a Gray code or a binary one with or without complements, phase-shifted fringes of one period or
-// more, and fringes beside a code, each by columns or rows first, with white and black at any place or not at
-// all. The one whose photographs fit best (layout_costs.h) wins, if it fits well and no other one fits nearly
-// as well. The number of bits is free: a code of another size than the monitor's is recognised, and asked
-// about.
+// more, and fringes beside a code, each by columns or rows first, with white and black in any position or not
+// at all. The one whose photographs fit best (layout_costs.h) wins, if it fits well and no other fits nearly
+// as well. The number of bits is free: a code whose size differs from the monitor's is recognised, and the
+// size is asked for.
 //
 // Gray codes and binary ones differ where the coarser bars have an edge: there the next finer ones of a Gray
 // code are lit on both sides, and those of a binary code have an edge too. Edges also lie at the same phase
@@ -29,7 +29,7 @@ struct LayoutFacts {
 
 struct LayoutGuess {
   std::vector<std::string> reasons;  // what the pictures show, also where that does not settle the layout
-  // INVALID_ARGUMENT: what could not be settled, and which options settle it.
+  // INVALID_ARGUMENT: what is ambiguous, and which options resolve it.
   absl::StatusOr<PhotographLayout> layout;
 };
 

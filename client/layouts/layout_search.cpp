@@ -9,7 +9,7 @@ constexpr int kMinBits = 2, kMaxBits = 14;
 constexpr int kFewestSteps = 3, kMostSteps = 32, kMostStepsBesideBars = 16, kMaxWaves = 6;
 constexpr double kBlock = 1.0;        // of one more block
 constexpr double kTwoFamilies = 4.0;  // a code and fringes
-constexpr double kOtherBits = 5.0;    // than the monitor's, where a code is all that there is
+constexpr double kOtherBits = 5.0;    // than the monitor's, if there is only a code
 
 constexpr std::array kAllBlocks{LayoutBlock::kWhite, LayoutBlock::kBlack,         LayoutBlock::kColumns,
                                 LayoutBlock::kRows,  LayoutBlock::kFringeColumns, LayoutBlock::kFringeRows};
@@ -46,7 +46,7 @@ class Search {
   }
 
  private:
-  // All ways to go on from a photograph.
+  // All ways to continue from a photograph.
   void place(int at) {
     if (at == costs_.photographs()) return keep();
     for (const LayoutBlock block : kAllBlocks) {

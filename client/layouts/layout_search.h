@@ -1,4 +1,4 @@
-// Searches all orders of blocks for the layout that photographs fit best.
+// Searches all orders of blocks for the layout that fits the photographs best.
 #pragma once
 
 #include <array>
@@ -24,8 +24,8 @@ struct LayoutReading {
   int bits(const LayoutSpan& span) const { return pairs ? span.count / 2 : span.count; }
 };
 
-// Readings of a family that are within `margin` of its best one, and of `most`, best first. `own_bits`: of
-// the monitor, along x and y, which cost less than others.
+// Interpretations in a family that are within `margin` of its best one and at most `most`, best first.
+// `own_bits`: of the monitor, along x and y, which cost less than others.
 std::vector<LayoutReading> search_layouts(LayoutCosts& costs, LayoutFamily family,
                                           const std::array<int, 2>& own_bits, double most, double margin);
 

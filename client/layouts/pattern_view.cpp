@@ -13,9 +13,9 @@ namespace {
 
 constexpr float kMinRange = 8.0f / 255.0f;
 constexpr float kMinShareOfRange = 0.25f;
-constexpr int kReach_px = 2;  // an edge is blurred by no more
+constexpr int kReach_px = 2;  // maximum blur of an edge
 constexpr size_t kSpan = 2 * kReach_px + 1;
-constexpr size_t kFew = 10;  // photographs, of which none is passed over
+constexpr size_t kFew = 10;  // photographs, none of which is left out
 constexpr size_t kPhases = 40;
 constexpr size_t kGathered_px = 2500;  // of an axis are enough for fringes
 constexpr float kSure = 0.3f;  // a bar's value differs from the edge's by this much of white minus black
@@ -303,7 +303,7 @@ PatternView::Fringe PatternView::fringe(int first, int steps, int left_out) cons
         cosines += u * rows.cosine[k];
         sines += u * rows.sine[k];
       }
-      // Of least squares, the fit's energy is its product with the samples.
+      // In least squares, the fit's energy is its product with the samples.
       const double explained = fit[0] * sum + fit[1] * cosines + fit[2] * sines;
       unexplained += std::max(0.0, energy - explained);
       modulated += energy - sum * sum / used;

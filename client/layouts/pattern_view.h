@@ -1,6 +1,6 @@
-// What the lines of a stack show of its patterns. A pixel's value in a photograph is its code between the
-// pixel's own dark and lit code in the stack, 0 to 1, so what the patterns fall on does not count. Dark and
-// lit are a tenth of the photographs from the lowest and highest: a few bad ones do not decide.
+// The patterns of a stack, measured along its lines. A pixel's value in a photograph is its code between the
+// pixel's own dark and lit code in the stack, 0 to 1, so the surface behind the patterns does not matter.
+// Dark and lit are a tenth of the photographs from the lowest and highest: a few bad ones do not matter.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-// A picture of bars, with its complement where there is one; indices of photographs.
+// A picture of bars, with its complement if there is one; indices of photographs.
 struct BarShots {
   int lit = 0, complement = -1;
 };
@@ -60,12 +60,12 @@ class PatternView {
     std::array<double, 2> coherence{};  // of neighbours' phases, along x and y: 1 if they turn alike
     std::array<double, 2> turn_rad{};   // mean change of the phase from pixel to pixel, along x and along y
   };
-  // `left_out`: a photograph that does not count; -1: none. Needs steps of four others, or three in all.
+  // `left_out`: a photograph to ignore; -1: none. Needs four other steps, or three in all.
   Fringe fringe(int first, int steps, int left_out = -1) const;
-  // By how much the phase of one wave turns from pixel to pixel more than that of another, along an axis.
+  // How much faster the phase of one wave changes from pixel to pixel than that of another, along an axis.
   double beat_rad(int first, int other, int steps, size_t axis) const;
 
-  // Of a wave at the edges of bars along an axis: the mean of e^(i phase), and of e^(2 i phase).
+  // For a wave at the edges of bars along an axis: the mean of e^(i phase), and of e^(2 i phase).
   struct EdgePhases {
     std::complex<double> once, twice;
     int count = 0;
@@ -89,10 +89,10 @@ class PatternView {
 
   void gather(size_t axis);
   void correlate();
-  // Of the values of two photographs that are near one another, over the gathered pixels along x.
+  // For the values of two photographs that are close to one another, over the gathered pixels along x.
   double covariance(int a, int b) const;
 
-  // Lit pixels of the lines that have most of them, photographs side by side.
+  // Lit pixels on the lines that have the most of them, with photographs side by side.
   struct Gathered {
     std::vector<float> values;
     std::vector<char> follows;  // by pixel: it is the neighbour of the one before

@@ -32,7 +32,7 @@ std::string_view number_at(const std::string& text, size_t& at) {
   return std::string_view(text).substr(start, at - start);
 }
 
-// Names that begin with a dot are no pictures: macOS leaves ._NAME beside each file on other systems' disks.
+// Names that begin with a dot are not pictures: macOS puts ._NAME beside each file on other systems' disks.
 bool is_picture(const fs::path& file) {
   if (file.filename().string().starts_with('.')) return false;
   constexpr std::array<std::string_view, 8> kSuffixes{".png",  ".jpg", ".jpeg", ".tif",
@@ -42,7 +42,7 @@ bool is_picture(const fs::path& file) {
   return std::ranges::find(kSuffixes, suffix) != kSuffixes.end() || is_raw_file(file);
 }
 
-// The last number of a file's name; none: it has none, or one that is too large.
+// The last number of a file's name; none: it has no number, or one that is too large.
 std::optional<std::int64_t> last_number(const std::string& file) {
   const std::string name = fs::path(file).stem().string();
   const size_t end = name.find_last_of("0123456789");
@@ -54,8 +54,8 @@ std::optional<std::int64_t> last_number(const std::string& file) {
   return error == std::errc() ? std::optional(number) : std::nullopt;
 }
 
-// Where the numbers of sorted names begin if they wrapped: behind the only gap, while 9999 (or 999, ...) and
-// 0 or 1 are both there. 0: they did not.
+// Where the numbers of sorted names begin if they wrapped: after the only gap, while 9999 (or 999, ...) and 0
+// or 1 are both there. 0: they did not wrap.
 size_t begin_of(const std::vector<std::string>& files) {
   std::vector<std::int64_t> numbers;
   for (const std::string& file : files) {
@@ -89,9 +89,8 @@ absl::Status unwrap(const fs::path& directory, std::vector<std::string>& files) 
   if (!dates.front().empty() && dates.front() != dates.back() && std::ranges::is_sorted(dates))
     return absl::OkStatus();
   return absl::InvalidArgumentError(
-      fmt::format("the numbers of {} and {} seem to be of one series that wrapped, but no dates in the files "
-                  "say so; rename "
-                  "them in their order",
+      fmt::format("the numbers of {} and {} seem to belong to one series that wrapped, but the files contain "
+                  "no dates to confirm it; rename them in order",
                   (directory / last).string(), (directory / first).string()));
 }
 
@@ -126,7 +125,7 @@ absl::StatusOr<std::vector<std::string>> photographs_in(const fs::path& director
     files.push_back(file);
     if (files.size() > kMaxPhotographs) {
       return absl::InvalidArgumentError(
-          fmt::format("{} holds more than {} photographs; --files can choose some of them",
+          fmt::format("{} contains more than {} photographs; select some of them with --files",
                       directory.string(), kMaxPhotographs));
     }
   }

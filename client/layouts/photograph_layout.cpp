@@ -84,11 +84,14 @@ absl::StatusOr<std::vector<LayoutBlock>> order_of(const std::string& text) {
 
 absl::Status set_fringes(const LayoutOptions& options, PhotographLayout& layout) {
   if (!options.steps || *options.steps < kMinSteps || *options.steps > kMaxSteps) {
-    return bad(fmt::format("--steps is {}; fringes need the number of steps in a period, {} to {}",
+    return bad(fmt::format("--steps is {}; fringes need the number of steps per period, {} to {}",
                            options.steps ? std::to_string(*options.steps) : "not given", kMinSteps,
                            kMaxSteps));
   }
-  if (!options.periods) return bad("fringes need --periods, the number of fringes along a side, as 1,8,64");
+  if (!options.periods)
+    return bad(
+        "fringes need --periods, the number of fringes along a side, such as "
+        "1,8,64");
   layout.steps = *options.steps;
   layout.phase_deg = options.phase_deg.value_or(0.0);
   if (!(std::abs(layout.phase_deg) <= 360.0))
@@ -230,8 +233,8 @@ absl::StatusOr<std::vector<FringePeriod>> periods_of(const std::string& text) {
     if (error != std::errc() || end != part.data() + part.size() || !(period.value >= 0.01) ||
         !(period.value <= 1e6)) {
       return bad(
-          fmt::format("--periods is \"{}\"; it must be numbers of fringes along a side, as 1,8,64, or "
-                      "lengths, as 1920px,120px",
+          fmt::format("--periods is \"{}\"; it must be numbers of fringes along a side, such as 1,8,64, or "
+                      "lengths, such as 1920px,120px",
                       text));
     }
     periods.push_back(period);

@@ -6,7 +6,7 @@
 //   binary           bit b of n: lit from 2^b to 2 2^b cells, and so every 2 2^b cells
 //   phase-shift      (1 + cos(2 pi (t / period - step / steps) - phase)) / 2, all steps of a period together
 //
-// Bits go from ceil(log2(side / cell)) - 1 down to 0, periods as they are given. The Gray code and its order
+// Bits go from ceil(log2(side / cell)) - 1 down to 0, periods in the given order. The Gray code and its order
 // are those of OpenCV's GrayCodePattern. Bars and fringes may follow one another; a complementary Gray code
 // has cells of half a period.
 #pragma once
@@ -22,8 +22,8 @@
 namespace glasswing {
 
 enum class PatternCode { kGray, kBinary, kPhaseShift };
-// Columns are vertical bars or fringes, across x. The fringes of a layout that has bars too are blocks of
-// their own.
+// Columns are vertical bars or fringes, across x. In a layout that also has bars, fringes are separate
+// blocks.
 enum class LayoutBlock { kColumns, kRows, kWhite, kBlack, kFringeColumns, kFringeRows };
 enum class Complements { kNone, kAfter, kBefore };  // each after or before its pattern
 
@@ -49,10 +49,10 @@ bool is_fringe(LayoutBlock block);
 // Columns and rows of phase-shift are fringes too.
 bool has_fringes(const PhotographLayout& layout, LayoutBlock block);
 bool is_solid(LayoutBlock block);
-// 0: along x; 1: along y. Of blocks other than solids.
+// 0: along x; 1: along y. For blocks other than solids.
 size_t axis_of(LayoutBlock block);
 
-// The command line's options, as they were typed.
+// The command line's options, as typed.
 struct LayoutOptions {
   std::string layout{};  // "auto" too; empty: none
   std::optional<std::string> order{}, inverse{}, periods{}, shift{};
@@ -68,17 +68,17 @@ absl::StatusOr<PhotographLayout> layout_of(const LayoutOptions& options);
 absl::StatusOr<std::vector<FringePeriod>> periods_of(const std::string& text);
 absl::StatusOr<bool> is_backward(const std::string& text);
 
-// The options that stand for this layout: "--layout binary --order rows,columns --inverse none".
+// The equivalent options for this layout: "--layout binary --order rows,columns --inverse none".
 std::string options_of(const PhotographLayout& layout);
 
 // The bits of a code of this many cells.
 int bits_of(double cells);
 
-// How many photographs a block has.
+// The number of photographs in a block.
 int count_of(const PhotographLayout& layout, LayoutBlock block, const v1::Monitor& monitor);
 
 // Frames of an object, one for each of these files, in their order. INVALID_ARGUMENT: there are more or fewer
-// files than the layout has patterns; it tells the patterns by block.
+// files than the layout has patterns; the message lists the patterns by block.
 absl::StatusOr<std::vector<v1::Frame>> frames_of(const PhotographLayout& layout, const v1::Monitor& monitor,
                                                  const std::vector<std::string>& files);
 

@@ -23,7 +23,7 @@ int lines_of(const Image16& first, size_t photographs, int side_px) {
       std::min({affordable, static_cast<size_t>(kMaxLines), static_cast<size_t>(side_px)}));
 }
 
-// The middle of the i-th of `count` equal parts of a side.
+// The centre of the i-th of `count` equal parts of a side.
 int place_of(int i, int count, int side_px) {
   return (2 * i + 1) * side_px / (2 * count);
 }
@@ -51,7 +51,7 @@ absl::StatusOr<StackSamples> sample_stack(const std::filesystem::path& directory
   StackSamples samples;
   Progress progress("looking");
   for (size_t i = 0; i < files.size(); ++i) {
-    if (interrupted()) return absl::CancelledError("the import was broken off before anything was written");
+    if (interrupted()) return absl::CancelledError("the import was interrupted before anything was written");
     GW_ASSIGN_OR_RETURN(const CodedPhotograph photograph, read_photograph(directory / files[i], white));
     const Image16 image = interpolated(photograph);
     if (i == 0) {
@@ -64,7 +64,7 @@ absl::StatusOr<StackSamples> sample_stack(const std::filesystem::path& directory
     if (image.width_px != samples.width_px || image.height_px != samples.height_px ||
         photograph.bits != samples.bits) {
       return absl::InvalidArgumentError(
-          fmt::format("{} is {}x{} of {} bits; it must be as the first one, {}, which is {}x{} of {} bits",
+          fmt::format("{} is {}x{} of {} bits; it must match the first one, {}, which is {}x{} of {} bits",
                       files[i], image.width_px, image.height_px, photograph.bits, files[0], samples.width_px,
                       samples.height_px, samples.bits));
     }

@@ -1,5 +1,5 @@
 // Lines of the photographs of a stack: evenly spaced rows and columns, at full resolution, of the green
-// channel. They are enough to see what the patterns were, and what curve the camera has.
+// channel. They are enough to identify the patterns, and the camera's curve.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -25,7 +25,7 @@ struct StackSamples {
   SampledLines rows, columns;
 };
 
-// Reads the photographs. INVALID_ARGUMENT: one is not of the first one's size and bits. CANCELLED: Ctrl-C.
+// Reads the photographs. INVALID_ARGUMENT: one differs from the first in size or bits. CANCELLED: Ctrl-C.
 // Other errors are those of read_photograph, which takes `white`.
 absl::StatusOr<StackSamples> sample_stack(const std::filesystem::path& directory,
                                           const std::vector<std::string>& files,

@@ -100,7 +100,7 @@ class Live {
     GW_RETURN_IF_ERROR(shown);
     if (!enough_ && !broken_off) return status_from(ended, solver.title);
     report();
-    return enough_ ? absl::OkStatus() : absl::CancelledError("broken off; the rig is free again");
+    return enough_ ? absl::OkStatus() : absl::CancelledError("interrupted; the rig is free again");
   }
 
  private:
@@ -205,7 +205,8 @@ void add_live_command(CLI::App& app, Client& client) {
       *app.add_subcommand("live", "Composite the object over another picture live, as the camera sees it.");
   command.footer(
       "The server shows the colour ramp on the monitor, and a listening solver averages frames of the empty "
-      "stage. Once\nthe object is there, every frame that there is time for becomes a composite. Escape or q "
+      "stage. Once\nthe object is in place, frames become composites as fast as the solver can process them. "
+      "Escape or q "
       "closes the window.\n\nExamples:\n"
       "  glasswing live --background harbour.png\n"
       "  glasswing live --background sea.mp4 --output - | ffplay -\n"

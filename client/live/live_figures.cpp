@@ -54,7 +54,7 @@ std::string LiveFigures::line() const {
   return fmt::format(
       "{} frames, {:.1f} a second; latency {:.0f} ms (95 %: {:.0f}, worst {:.0f}) from the exposure's "
       "middle; "
-      "{} passed over; {} px of the object, {} flagged",
+      "{} skipped; {} px of the object, {} flagged",
       frames(), frames_per_second(), latency.median, latency.p95, latency.worst,
       newest_.frames_passed_over() - passed_over_before_, newest_.object_pixel_count(),
       newest_.flagged_pixel_count());

@@ -10,11 +10,11 @@
 
 namespace glasswing {
 
-// Latency is glass to glass: from a frame's exposure until its composite was handed over. The exposure starts
+// Latency is glass to glass: from a frame's exposure until its composite is delivered. The exposure starts
 // with its first row; its middle is half way to the end of its last row.
 class LiveFigures {
  public:
-  // Times by this program's clock.
+  // Times are in this program's clock.
   void add(const v1::LiveFrame& frame, ClockReading exposure_start, ClockReading exposure_end,
            nanoseconds shown);
 

@@ -38,7 +38,7 @@ absl::StatusOr<Connection> connect() {
   const xcb_screen_t* const screen = xcb_setup_roots_iterator(xcb_get_setup(connection.get())).data;
   if (screen->root_depth != 24)
     return absl::UnavailableError(
-        fmt::format("the X display has {} bits a pixel; a window needs 24", screen->root_depth));
+        fmt::format("the X display has {} bits per pixel; a window needs 24", screen->root_depth));
   return connection;
 }
 

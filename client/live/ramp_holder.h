@@ -25,8 +25,8 @@ class RampHolder {
   ~RampHolder();  // frees the rig
 
   const v1::ShowRampResponse& shown() const { return shown_; }
-  // Asks for the object, then polls whether the ramp is still shown; calls `lost` once if it is not or the
-  // server is gone.
+  // Requests the object, then polls whether the ramp is still shown; calls `lost` once if it is not or the
+  // server is unreachable.
   absl::Status bring_object(std::function<void()> lost);
   // OK until the ramp is lost.
   absl::Status status() const;

@@ -74,7 +74,7 @@ bool give_serial(X509* certificate) {
 }
 
 // Makes a certificate signed with `signer`, the key of `issuer`; without an issuer it is self-signed. Null:
-// OpenSSL has the reason.
+// OpenSSL provides the reason.
 Certificate made_certificate(const X509_NAME& subject, EVP_PKEY& key, int days, X509* issuer,
                              EVP_PKEY& signer, X509_EXTENSION* names) {
   constexpr long kSlowClocks_s = 3600;
@@ -91,7 +91,7 @@ Certificate made_certificate(const X509_NAME& subject, EVP_PKEY& key, int days, 
     good = good && extend(x, by, NID_basic_constraints, "critical,CA:TRUE,pathlen:0") &&
            extend(x, by, NID_key_usage, "critical,keyCertSign,cRLSign");
   } else {
-    // Tells two authorities of one name apart, while a lab replaces one by the other.
+    // Distinguishes two authorities with the same name while a lab replaces one with the other.
     good = good &&
            (X509_get0_subject_key_id(by) == nullptr ||
             extend(x, by, NID_authority_key_identifier, "keyid:always")) &&
@@ -133,8 +133,8 @@ IssuedCertificate described(const std::string& name, const X509& certificate) {
   return issued;
 }
 
-// Writes both files under temporary names, then renames them, so that they replace the old ones at once but
-// for the time between the two renames.
+// Writes both files under temporary names, then renames them, so that they replace the old ones atomically,
+// except between the two renames.
 absl::Status write_pair(const fs::path& certificate, const fs::path& key, const X509& x, const EVP_PKEY& k) {
   const fs::path new_certificate = certificate.string() + ".new", new_key = key.string() + ".new";
   GW_RETURN_IF_ERROR(write_secret_flushed(new_key, pem_of(k)));
@@ -194,13 +194,13 @@ absl::Status CertificateAuthority::check_free(const std::string& name) const {
   std::error_code ignored;
   if (fs::exists(certificate, ignored)) {
     return absl::AlreadyExistsError(
-        name == kAuthority ? fmt::format("{} is there already; another authority needs another directory",
+        name == kAuthority ? fmt::format("{} already exists; another authority needs another directory",
                                          certificate.string())
-                           : fmt::format("{} is there already; glasswing pki renew {} {} replaces it",
+                           : fmt::format("{} already exists; glasswing pki renew {} {} replaces it",
                                          certificate.string(), directory_.string(), name));
   }
   if (!fs::exists(key, ignored)) return absl::OkStatus();
-  return absl::AlreadyExistsError(fmt::format("{} is there without {}; put that back, or take the key away",
+  return absl::AlreadyExistsError(fmt::format("{} exists without {}; put that back, or remove the key",
                                               key.string(), certificate.filename().string()));
 }
 
@@ -212,7 +212,7 @@ absl::StatusOr<IssuedCertificate> CertificateAuthority::sign(const std::string& 
       floor<std::chrono::days>(valid_until() - floor<std::chrono::seconds>(std::chrono::system_clock::now()));
   if (left.count() < days) {
     return absl::InvalidArgumentError(
-        left.count() < 1 ? fmt::format("the authority {} has expired; the lab needs another one",
+        left.count() < 1 ? fmt::format("the authority {} has expired; the lab needs a new one",
                                        file(kAuthority, ".pem").string())
                          : fmt::format("--days is {}; the authority {} is valid for {} more", days,
                                        file(kAuthority, ".pem").string(), left.count()));

@@ -1,6 +1,6 @@
 // A lab's own certificate authority, in a directory: ca.pem and ca.key, and NAME.pem and NAME.key for each
-// name that it issued a certificate for. Keys are on P-256 and readable only by their owner. Files are
-// written atomically. An open authority is locked: other processes wait.
+// issued certificate. Keys are on P-256 and readable only by their owner. Files are written atomically. An
+// open authority is locked: other processes wait.
 #pragma once
 
 #include <absl/status/status.h>
@@ -27,10 +27,10 @@ class CertificateAuthority {
   static constexpr int kMaxDays = 3650;  // validity of its own certificate
 
   // Makes the directory and a new authority, `name` being its certificate's common name. ALREADY_EXISTS:
-  // there is one, or a part of one. Or the system's error.
+  // there is one, or part of one. Or the system's error.
   static absl::StatusOr<CertificateAuthority> init(const std::filesystem::path& directory,
                                                    const std::string& name);
-  // NOT_FOUND: there is none. INVALID_ARGUMENT: ca.pem is not a certificate.
+  // NOT_FOUND: there is no authority. INVALID_ARGUMENT: ca.pem is not a certificate.
   static absl::StatusOr<CertificateAuthority> open(const std::filesystem::path& directory);
 
   // ALREADY_EXISTS: there are files for this name.
@@ -39,8 +39,8 @@ class CertificateAuthority {
   // `days` from now. Errors: as check_free(). NOT_FOUND: ca.key is missing. INVALID_ARGUMENT: it does not
   // belong to ca.pem, or the authority expires earlier.
   absl::StatusOr<IssuedCertificate> issue(const CertificateRequest& request, int days) const;
-  // Replaces certificate and key by new ones for the same roles and hosts. NOT_FOUND: it issued none of this
-  // name. Other errors: as issue().
+  // Replaces the certificate and key with new ones for the same roles and hosts. NOT_FOUND: it issued none
+  // with this name. Other errors: as issue().
   absl::StatusOr<IssuedCertificate> renew(const std::string& name, int days) const;
   // The certificates in the directory that it signed, sorted by name.
   absl::StatusOr<std::vector<IssuedCertificate>> issued() const;

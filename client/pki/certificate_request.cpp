@@ -18,7 +18,7 @@ namespace {
 absl::Status check_role(const std::string& role) {
   if (std::ranges::find(kRoleNames, role) != kRoleNames.end()) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      fmt::format("\"{}\" is no role; there are {}", role, fmt::join(kRoleNames, ", ")));
+      fmt::format("\"{}\" is not a role; the roles are {}", role, fmt::join(kRoleNames, ", ")));
 }
 
 absl::Status check_host(const std::string& host) {
@@ -28,7 +28,7 @@ absl::Status check_host(const std::string& host) {
   if (is_ip_address(host) || (std::regex_match(host, kHostName) && !std::regex_match(host, kNumbers)))
     return absl::OkStatus();
   return absl::InvalidArgumentError(fmt::format(
-      "\"{}\" is no host; it must be a name such as rig.lab, or an address such as 10.0.0.5", host));
+      "\"{}\" is not a host; it must be a name such as rig.lab, or an address such as 10.0.0.5", host));
 }
 
 absl::Status check_once(const std::vector<std::string>& words) {

@@ -124,8 +124,7 @@ void add_pki_commands(CLI::App& app, Client& client) {
       "Everything is in one directory, on a machine outside the rig. Copy to each machine ca.pem and its own "
       "NAME.pem and NAME.key.\nNever copy ca.key: whoever has it can issue certificates.\n"
       "A certificate's name owns the names of the displays and cameras that it registers; glasswing nodes "
-      "release "
-      "hands one over.\n\n"
+      "release frees one.\n\n"
       "Examples:\n"
       "  glasswing pki init certificates\n"
       "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5 operator:me\n"
@@ -164,11 +163,10 @@ void add_pki_commands(CLI::App& app, Client& client) {
       ->type_name("REQUEST");
   add_days(issue_command);
   issue_command.footer(
-      "ROLE is what its owner may do: operator (runs sessions) or viewer (looks at them) for people; server, "
-      "display, camera\nor solver for programs, several for a machine that runs several; console for a "
-      "certificate of its own. HOST is a name or "
-      "address "
-      "at which others call the\nmachine; default: NAME. Existing files are not replaced.\n\n"
+      "ROLE determines what its owner may do: operator (runs sessions) or viewer (views them) for people; "
+      "server, display, camera\nor solver for programs, several for a machine that runs several; console for "
+      "the console's own certificate. HOST is a name or address under which others call the\nmachine; "
+      "default: NAME. Existing files are not replaced.\n\n"
       "Examples:\n"
       "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5\n"
       "  glasswing pki issue certificates console:console=rig.lab,localhost,127.0.0.1\n"
@@ -183,7 +181,7 @@ void add_pki_commands(CLI::App& app, Client& client) {
       ->capture_default_str();
   add_days(renew_command);
   renew_command.footer(
-      "Programs load the new files once these replace the old ones.\n\n"
+      "Programs load the new files once they replace the old ones.\n\n"
       "Examples:\n  glasswing pki renew certificates\n"
       "  glasswing pki renew certificates rig solver-1\n"
       "  glasswing pki renew certificates --within 90");

@@ -1,5 +1,5 @@
 // The C++ part of the Python package: files of mattes and of rays, compositing, and picture files.
-// glasswing/_native.pyi has the types; only the package calls this module, and it checks shapes before.
+// glasswing/_native.pyi has the types; only the package calls this module, and it checks shapes first.
 //
 // Messages cross as bytes, never as objects, so that python3-protobuf and this module share only Debian's
 // libprotobuf, whose descriptor pool works in whatever order they are loaded.
@@ -233,7 +233,7 @@ class NativeRays {
 
 v1::RigGeometry geometry_of(const std::string& bytes) {
   v1::RigGeometry geometry;
-  absl::Status status = absl::InvalidArgumentError("the geometry is no message RigGeometry");
+  absl::Status status = absl::InvalidArgumentError("the geometry is not a RigGeometry message");
   if (geometry.ParseFromString(bytes)) status = check_geometry(geometry);
   if (!status.ok()) throw StatusError{status};
   return geometry;
@@ -256,7 +256,8 @@ RayMatte& rays_of(const py::object& self) {
   return self.cast<NativeRays&>().rays();
 }
 
-// Numbers of each ray: height x width x 3 x rays, then `shape`; `first` is the first of the first ray.
+// Numbers of each ray: height x width x 3 x rays, then `shape`; `first` points to the first ray's first
+// number.
 template <typename Value>
 py::array of_rays(const py::object& self, const Value& first, const std::vector<py::ssize_t>& shape = {}) {
   const RayMatte& rays = rays_of(self);

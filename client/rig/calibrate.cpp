@@ -39,8 +39,8 @@ void print_monitors(const Client& client, const v1::SyncCalibration& measured) {
   print_table(client,
               {{"MONITOR"}, {"LAG_MS", true}, {"SETTLING_MS", true}, {"ERROR_MS", true}, {"SCAN-OUT"}}, rows);
   if (client.tsv) return;
-  std::cout << "Light follows a row's scan-out by the lag and has settled after that time more; proofs of "
-               "captures count on it from now on.\n";
+  std::cout << "Light follows a row's scan-out by the lag and settles after the settling time; proofs of "
+               "captures use these from now on.\n";
 }
 
 v1::SyncCalibration read_measured(grpc::ClientReader<v1::CalibrateSyncResponse>& reader) {
@@ -69,7 +69,7 @@ absl::Status calibrate_sync(const Client& client, const v1::CalibrateSyncRequest
   }
   if (interrupted()) {
     return absl::CancelledError(fmt::format(
-        "the measurement was broken off; the rig is free again, and {} of its monitors {} measured",
+        "the measurement was interrupted; the rig is free again, and {} of its monitors {} measured",
         measured.monitors_size(), measured.monitors_size() == 1 ? "was" : "were"));
   }
   return status.ok() ? absl::OkStatus() : status_from(status, server.title);
@@ -166,7 +166,7 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
       "  glasswing calibrate all -o curves      everything, in the right order; about two minutes\n"
       "  glasswing calibrate camera             after a change of gain, aperture or lens\n"
       "  glasswing calibrate display            after a change of a monitor's settings, and every few weeks\n"
-      "  glasswing calibrate list               the present calibrations\n"
+      "  glasswing calibrate list               the current calibrations\n"
       "  glasswing calibrate geometry a b c ... lens and poses, for glasswing rays");
 
   CLI::App& all =

@@ -29,7 +29,7 @@ struct GeometryArguments {
   std::string output;
 };
 
-// By monitor; "": of all others.
+// Per monitor; "": for all others.
 using Pitches = std::map<std::string, double>;
 
 absl::StatusOr<Pitches> parse_pitches(const std::vector<std::string>& texts) {
@@ -43,7 +43,8 @@ absl::StatusOr<Pitches> parse_pitches(const std::vector<std::string>& texts) {
     const auto [rest, error] = std::from_chars(begin, end, pitch_mm);
     if (error != std::errc() || rest != end || !(pitch_mm > 0.0 && pitch_mm <= kMaxPitch_mm)) {
       return absl::InvalidArgumentError(fmt::format(
-          "--pitch-mm is \"{}\"; it must be a number in (0, {}] or MONITOR:NUMBER, as 0.2745 or back:0.2745",
+          "--pitch-mm is \"{}\"; it must be a number in (0, {}] or MONITOR:NUMBER, such as 0.2745 or "
+          "back:0.2745",
           text, kMaxPitch_mm));
     }
     pitches[monitor] = pitch_mm;
@@ -56,7 +57,7 @@ absl::StatusOr<double> pitch_of(const Pitches& pitches, const std::string& monit
     if (const auto found = pitches.find(name); found != pitches.end()) return found->second;
   }
   return absl::InvalidArgumentError(
-      fmt::format("--pitch-mm names no pitch of monitor \"{0}\"; add --pitch-mm {0}:MM", monitor));
+      fmt::format("--pitch-mm gives no pitch for monitor \"{0}\"; add --pitch-mm {0}:MM", monitor));
 }
 
 absl::StatusOr<StageView> view_in(const Client& client, const std::string& pose, const std::string& output) {
@@ -82,7 +83,7 @@ absl::StatusOr<AllViews> all_views(const Client& client, const GeometryArguments
       all.height_px = stage.height_px;
     } else if (stage.width_px != all.width_px || stage.height_px != all.height_px) {
       return absl::InvalidArgumentError(
-          fmt::format("{} is of a picture of {}x{} px, {} of {}x{}; all poses must be of one camera", pose,
+          fmt::format("{} has a picture of {}x{} px, {} of {}x{}; all poses must be from one camera", pose,
                       stage.width_px, stage.height_px, arguments.poses[0], all.width_px, all.height_px));
     }
     for (MonitorView& view : stage.monitors) {
@@ -198,27 +199,27 @@ absl::Status calibrate_geometry(const Client& client, const GeometryArguments& a
 void add_geometry_command(CLI::App& calibrate, Client& client) {
   CLI::App& geometry = *calibrate.add_subcommand(
       "geometry",
-      "Find the camera's lens and where monitors stand, from sessions of a monitor at several poses.");
+      "Find the camera's lens and the monitors' poses, from sessions with a monitor at several poses.");
   geometry.footer(
-      "Each pose is a solved session, or its matte's file: a plan with square waves, as "
-      "deploy/plans/hierarchical.txtpb, captured with nothing on the stage; or with an object, beside which "
-      "the monitor is seen. Move the monitor or the camera between sessions, not within one: six or more "
-      "poses, turned by 20 to 40 degrees about either axis, that together fill the picture. Of several "
-      "monitors in view each is a pose of its own.\n\n"
-      "The file has the camera and a pose for each session, with standard errors and covariances "
+      "Each pose is a solved session, or its matte's file: a plan with square waves, such as "
+      "deploy/plans/hierarchical.txtpb, captured with nothing on the stage; or with an object beside which "
+      "the monitor is visible. Move the monitor or the camera between sessions, not within one: six or more "
+      "poses, turned by 20 to 40 degrees about either axis, that together fill the picture. If several "
+      "monitors are in view, each is a separate pose.\n\n"
+      "The file contains the camera and a pose for each session, with standard errors and covariances "
       "(docs/rays.md).\n\n"
       "Examples:\n"
       "  glasswing calibrate geometry tilt1 tilt2 tilt3 tilt4 near far --pitch-mm 0.2745 -o rig.txtpb\n"
       "  glasswing calibrate geometry poses/*.exr --pitch-mm back:0.2745 --pitch-mm left:0.311 -o rig.txtpb");
   auto arguments = std::make_shared<GeometryArguments>();
-  geometry.add_option("poses", arguments->poses, "sessions, or mattes' files (.exr), one for each pose")
+  geometry.add_option("poses", arguments->poses, "sessions, or matte files (.exr), one for each pose")
       ->required()
       ->type_name("SESSION");
   geometry
       .add_option(
           "--pitch-mm", arguments->pitches,
-          "distance between the monitor's pixels, mm: its width over its pixels; MONITOR:MM for one of "
-          "several, repeated")
+          "distance between the monitor's pixels, mm: its width divided by its pixels; MONITOR:MM for one of "
+          "several; may be repeated")
       ->required()
       ->allow_extra_args(false);
   geometry.add_option("-o,--output", arguments->output, "the .txtpb file to write, or - for standard output")

@@ -28,11 +28,11 @@ namespace {
 constexpr std::chrono::minutes kFitTimeout(10);
 
 constexpr const char* kCameraGuide =
-    "Measuring which light the camera's codes stand for. Nothing on the stage, the room dark or its light "
+    "Measuring the light of the camera's codes. Nothing on the stage, the room dark or its light "
     "steady; automatic exposure, gain and white balance off, and the aperture and gain that you will capture "
     "with.\n";
 constexpr const char* kDisplayGuide =
-    "Measuring which light the monitors make of their codes. Nothing on the stage; monitors warm (half an "
+    "Measuring the light of the monitors' codes. Nothing on the stage; monitors warm (half an "
     "hour), their automatic brightness, dynamic contrast and night colours off.\n";
 
 double percent(double share) {
@@ -79,7 +79,7 @@ void print_camera(const v1::CameraCalibration& camera) {
              percent(camera.read_sd()), camera.shot_gain(),
              1.0 / std::sqrt(std::max(camera.read_sd() * camera.read_sd() + camera.shot_gain(), 1e-12)));
   if (camera.has_fall_off()) {
-    std::cout << fmt::format("  fall-off    corners have {:.1f} % of the middle's light\n",
+    std::cout << fmt::format("  fall-off    corners have {:.1f} % of the centre's light\n",
                              percent(1.0 + camera.fall_off().r2() + camera.fall_off().r4()));
   }
   if (camera.white_ms() > 0.0)
@@ -113,12 +113,12 @@ void print_display(const v1::DisplayCalibration& display) {
       << fmt::format(
              "  contrast    {:.0f} : 1 in this room; white has {:.0f} % of the camera's scale at {:.3g} ms\n",
              black > 0.0 ? (white + black) / black : 0.0, percent(white), display.exposure_ms())
-      << fmt::format("  crosstalk   {:.1f} % at most, of a primary in another channel\n", percent(stray))
-      << fmt::format("  drift       {:.2f} % while it was measured\n", percent(display.drift()));
+      << fmt::format("  crosstalk   at most {:.1f} % of a primary in another channel\n", percent(stray))
+      << fmt::format("  drift       {:.2f} % during the measurement\n", percent(display.drift()));
   if (display.has_uniformity() && !display.uniformity().light().empty()) {
     const auto [low, high] =
         std::minmax_element(display.uniformity().light().begin(), display.uniformity().light().end());
-    std::cout << fmt::format("  evenness    {:.1f} to {:.1f} % of the middle's light\n", percent(*low),
+    std::cout << fmt::format("  evenness    {:.1f} to {:.1f} % of the centre's light\n", percent(*low),
                              percent(*high));
   }
   print_warnings(display.warnings());
@@ -182,7 +182,7 @@ absl::StatusOr<v1::FitCalibrationResponse> fitted_by(const Peer<v1::RigService>&
   v1::FitCalibrationResponse fitted;
   const grpc::Status status = server.stub->FitCalibration(&context, request, &fitted);
   if (interrupted())
-    return absl::CancelledError("the server goes on fitting; glasswing calibrate list shows the result");
+    return absl::CancelledError("the server continues fitting; glasswing calibrate list shows the result");
   if (!status.ok()) return status_from(status, server.title);
   return fitted;
 }
@@ -217,7 +217,7 @@ absl::StatusOr<v1::ListCalibrationsResponse> known(const Client& client) {
   return call_pages(server, &v1::RigService::Stub::ListCalibrations, {});
 }
 
-// Captures what the server plans for this request, and fits it.
+// Captures the server's plan for this request, and fits it.
 absl::Status calibrate(const Client& client, const CalibrateArguments& arguments, v1::MakePlanRequest request,
                        const char* guide) {
   for (const std::string& name : arguments.monitors) request.add_monitors(name);

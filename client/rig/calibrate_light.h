@@ -1,4 +1,4 @@
-// `glasswing calibrate camera|display`: captures a session of method "calibration", has the server fit it,
+// `glasswing calibrate camera|display`: captures a session of method "calibration", lets the server fit it,
 // and prints the result.
 #pragma once
 

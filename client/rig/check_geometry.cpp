@@ -25,8 +25,7 @@ absl::StatusOr<std::string> newest_solved(const Client& client) {
     if (session.matte_ready() && session.frame_count() == 0) return session.name();
   }
   return absl::NotFoundError(
-      "no session is solved that could show where monitors stand; capture and solve one, or name a matte "
-      "with "
+      "no solved session shows where the monitors are; capture and solve one, or name a matte with "
       "--session");
 }
 
@@ -35,7 +34,7 @@ struct Checked {
   PoseCheck check;
 };
 
-// The pose that the view is compared with.
+// The pose with which the view is compared.
 absl::StatusOr<Checked> checked(const v1::RigGeometry& geometry, const MonitorView& view) {
   std::vector<const v1::MonitorPose*> poses;
   for (const v1::MonitorPose& pose : geometry.monitors()) {
@@ -50,7 +49,7 @@ absl::StatusOr<Checked> checked(const v1::RigGeometry& geometry, const MonitorVi
     return view.rail_mm && pose->has_rail_mm() && pose->rail_mm() == *view.rail_mm;
   });
   if (poses.empty()) {
-    return absl::NotFoundError(fmt::format("the geometry has no pose of monitor \"{}\"", view.monitor));
+    return absl::NotFoundError(fmt::format("the geometry has no pose for monitor \"{}\"", view.monitor));
   }
   std::optional<Checked> best;
   absl::Status unsuited;
@@ -75,13 +74,13 @@ v1::Finding finding_of(const std::string& file, const MonitorView& view,
   const PoseCheck& check = found->check;
   finding.set_level(check.has_moved() ? v1::FINDING_LEVEL_PROBLEM : v1::FINDING_LEVEL_OK);
   finding.set_text(fmt::format(
-      "monitor {} {} as pose {} of {} has it: session {} sees its places {:.2f} px from there, by {:.2f} mm "
+      "monitor {} {} as in pose {} of {}: session {} sees its points {:.2f} px from there, by {:.2f} mm "
       "({:+.2f} mm away from the camera) and {:.2f} degrees",
       view.monitor, check.has_moved() ? "does not stand" : "stands", found->pose->name(), file, view.session,
       check.off_px, check.shift_mm, check.away_mm, check.turn_deg));
   if (check.has_moved())
     finding.set_advice(
-        "monitor or camera has moved; put it back, or calibrate again: glasswing calibrate geometry");
+        "the monitor or the camera has moved; put it back, or calibrate again: glasswing calibrate geometry");
   return finding;
 }
 
@@ -101,7 +100,7 @@ absl::StatusOr<std::vector<v1::Finding>> check_rig_geometry(const Client& client
   if (!stage.ok()) return input.error(stage.status());
   const v1::CameraGeometry& camera = geometry.camera();
   if (camera.width_px() != stage->width_px || camera.height_px() != stage->height_px) {
-    return absl::InvalidArgumentError(fmt::format("{} is of a camera of {}x{} px, {} of one of {}x{}", file,
+    return absl::InvalidArgumentError(fmt::format("{} is for a camera of {}x{} px, {} for one of {}x{}", file,
                                                   camera.width_px(), camera.height_px(), input.name,
                                                   stage->width_px, stage->height_px));
   }

@@ -1,4 +1,4 @@
-// Whether a rig still stands as it was calibrated.
+// Checks whether a rig is still where it was calibrated.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,11 +11,10 @@
 
 namespace glasswing {
 
-// Compares the poses of a geometry's file with where the pixels of a solved session look beside its object, a
-// finding for each monitor. `session`: a name, or a matte's file; empty: the newest that is solved. A
-// monitor's pose is that of the session's name, else of its position on its rail, else the one that suits
-// best. NOT_FOUND: there is no such session, or no solved one. INVALID_ARGUMENT: the file, or it is of
-// another camera.
+// Compares the poses in a geometry file with the places seen by pixels beside the object of a solved session;
+// one finding per monitor. `session`: a name, or a matte file; empty: the newest solved one. A monitor's pose
+// is the one with the session's name, or else with its rail position, or else the best-fitting one.
+// NOT_FOUND: no such session, or no solved one. INVALID_ARGUMENT: the file is invalid, or for another camera.
 absl::StatusOr<std::vector<v1::Finding>> check_rig_geometry(const Client& client, const std::string& file,
                                                             const std::string& session);
 

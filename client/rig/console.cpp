@@ -74,7 +74,7 @@ absl::Status revoke_tokens(const Client& client, const std::vector<std::string>&
 void add_token_command(CLI::App& console, Client& client) {
   CLI::App& command = *console.add_subcommand("token", "Make a link that logs a browser in to the console.");
   command.footer(
-      "Treat the link as a password until it expires; `glasswing console revoke` ends it earlier. It ends "
+      "Treat the link as a password until it expires; `glasswing console revoke` ends it earlier. It expires "
       "with\n"
       "your own certificate at the latest.\n\n"
       "Examples:\n"

@@ -26,7 +26,7 @@ struct Panel {
   double y(double value) const { return top + height * (high - std::clamp(value, low, high)) / (high - low); }
 };
 
-// A step of 1, 2 or 5 times a power of ten, at most `max_count` of them in `range`.
+// A step of 1, 2 or 5 times a power of ten, so that at most `max_count` fit in `range`.
 double tick_step(double range, int max_count) {
   const double ten = std::pow(10.0, std::floor(std::log10(range / max_count)));
   for (const double part : {1.0, 2.0, 5.0}) {
@@ -79,7 +79,7 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
-// `laws`: the plain curve that each channel is compared with.
+// `laws`: the simple curve with which each channel is compared.
 std::string chart(const std::string& title, const std::vector<Curve>& curves,
                   const std::vector<std::function<double(double)>>& laws, const std::string& law_name) {
   const Panel light{.top = kTop, .height = kHeight, .low = 0.0, .high = 1.0};

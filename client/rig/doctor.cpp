@@ -88,7 +88,7 @@ absl::Status check_rig(const Client& client, const DoctorArguments& arguments) {
   std::vector<v1::Finding> findings = read_findings(client, *reader);
   const grpc::Status status = reader->Finish();
   if (interrupted())
-    return absl::CancelledError("the check was broken off; the rig is free again, and nothing of it changed");
+    return absl::CancelledError("the check was interrupted; the rig is free again and unchanged");
   if (!status.ok()) return status_from(status, server.title);
   if (!arguments.geometry.empty()) {
     GW_ASSIGN_OR_RETURN(const std::vector<v1::Finding> geometry,
@@ -113,9 +113,8 @@ void add_doctor_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
       "doctor", "Test the rig before a session and report what is wrong; succeeds only without problems.");
   command.footer(
-      "With --geometry it says whether monitors still stand before the camera as they were calibrated, by "
-      "where "
-      "the pixels of a solved session look beside its object (docs/rays.md).\n\n"
+      "With --geometry it reports whether the monitors are still where they were calibrated, from the places "
+      "seen by pixels beside the object of a solved session (docs/rays.md).\n\n"
       "Examples:\n"
       "  glasswing doctor --plan deploy/plans/crystal.txtpb\n"
       "  glasswing doctor --geometry rig.txtpb --session vase-200");
@@ -129,8 +128,8 @@ void add_doctor_command(CLI::App& app, Client& client) {
   command
       .add_option(
           "--session", arguments->session,
-          "with --geometry: the session, or its matte's file, that shows where monitors stand now; default: "
-          "the newest that is solved")
+          "with --geometry: the session, or matte file, that shows where the monitors are now; default: the "
+          "newest solved one")
       ->type_name("SESSION");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return check_rig(client, *arguments); }; });

@@ -119,7 +119,7 @@ void print_fleet(const Client& client, const v1::GetFleetResponse& fleet) {
   if (client.tsv || !fleet.solves().empty()) {
     print_solves(client, fleet);
   } else {
-    std::cout << "no work; begin some with: glasswing solve SESSION\n";
+    std::cout << "no work; start some with: glasswing solve SESSION\n";
   }
 }
 
@@ -131,8 +131,8 @@ absl::StatusOr<v1::GetFleetResponse> ask(const FleetPeer& server) {
 absl::Status watch_fleet(const Client& client, const FleetPeer& server) {
   if (client.json || client.tsv || ::isatty(STDOUT_FILENO) != 1) {
     return absl::InvalidArgumentError(
-        "--watch draws on a terminal; it must be left out with --json, --tsv and where output goes "
-        "elsewhere");
+        "--watch draws on a terminal; it cannot be used with --json, with --tsv or when output is "
+        "redirected");
   }
   std::mutex mutex;
   std::condition_variable wake;
@@ -171,7 +171,7 @@ absl::Status show_fleet(const Client& client, bool watch) {
 
 void add_fleet_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("fleet", "List the solvers, their work and speed, and what is still to be solved.");
+      *app.add_subcommand("fleet", "List the solvers, their work and speed, and what remains to be solved.");
   command.footer(
       "Rates cover the last minute. --tsv prints both lists, separated by an empty line.\n\n"
       "Examples:\n"

@@ -40,7 +40,7 @@ class HeldRig {
   absl::StatusOr<std::string> take() {
     v1::HoldRigResponse response;
     if (!reader_->Read(&response)) return status_from(reader_->Finish(), server_.title);
-    // Reads until the end, since the server takes a client that does not read for dead.
+    // Reads until the end, since the server treats a client that does not read as dead.
     waiting_ = std::thread([this] {
       v1::HoldRigResponse nothing;
       while (reader_->Read(&nothing)) {
@@ -58,7 +58,7 @@ class HeldRig {
   }
 
  private:
-  // The server notices the end of a call a little later; until then it would refuse the next hold.
+  // The server notices the end of a call slightly later; until then it would refuse the next hold.
   void release() {
     if (token_.empty()) return;
     ::setenv(kHoldVariable, token_.c_str(), 1);

@@ -27,7 +27,7 @@ const char* kind_name(v1::NodeKind kind) {
   }
 }
 
-// "12.5 ms +- 40 us", "-3 d 4 h +- 60 us": clocks count from the start of their machine.
+// "12.5 ms +- 40 us", "-3 d 4 h +- 60 us": clocks count from their machine's boot.
 std::string clock_text(const v1::Node& node) {
   if (!node.has_clock()) return "-";
   return fmt::format("{} +- {}", offset_text(static_cast<double>(node.clock().offset_ns())),
@@ -90,11 +90,11 @@ void add_nodes_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("nodes", "List the rig's displays, cameras and solvers.");
   command.footer("Example:\n  glasswing nodes --json");
   command.callback([&client] { client.run = [&client] { return list_nodes(client); }; });
-  CLI::App& release = *command.add_subcommand("release", "Forget a node that is away, and release its name.");
+  CLI::App& release = *command.add_subcommand("release", "Forget an unreachable node, and release its name.");
   release.footer(
       "A display's or camera's name belongs to the certificate that registered it first. Once it is "
       "released, the\n"
-      "next certificate may take it.\n\n"
+      "next certificate may use it.\n\n"
       "Example:\n  glasswing nodes release camera-1");
   auto name = std::make_shared<std::string>();
   release.add_option("name", *name, "the node's name")->required();

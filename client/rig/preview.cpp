@@ -51,10 +51,10 @@ absl::StatusOr<std::string> camera_address(const Client& client, const std::stri
   if (!name.empty())
     return absl::UnavailableError(fmt::format("no camera node \"{}\" is up; there are: {}", name, all));
   return absl::FailedPreconditionError(
-      fmt::format("the rig has several cameras, {}; name one by --camera", all));
+      fmt::format("the rig has several cameras, {}; name one with --camera", all));
 }
 
-// Replaces the file atomically, so that viewers never see half a picture. Not flushed to disk. On standard
+// Replaces the file atomically, so that viewers never see a partial picture. Not flushed to disk. On standard
 // output pictures follow one another.
 absl::Status show_picture(const std::string& path, const std::string& bytes) {
   if (path == kStandardOutput) return write_output(path, bytes);
@@ -89,7 +89,7 @@ void print_line(const v1::PreviewResponse& shown, const PreviewArguments& argume
             << std::endl;
 }
 
-// What the camera does before its first picture.
+// What the camera is doing before its first picture.
 class Preparing {
  public:
   explicit Preparing(bool json) : json_(json) {}
@@ -164,8 +164,7 @@ void add_preview_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
       "preview", "Write the camera's live picture to a file, for framing and focus, until interrupted.");
   command.footer(
-      "Focus is 0 to 1, whatever the exposure: 1 is an edge as sharp as the pixels, 0.5 one that is blurred "
-      "by\n"
+      "Focus is 0 to 1, whatever the exposure: 1 is an edge as sharp as the pixels, 0.5 one blurred by\n"
       "about a pixel.\n\n"
       "Examples:\n"
       "  glasswing preview -o live.jpg --fps 2\n"
@@ -183,7 +182,7 @@ void add_preview_command(CLI::App& app, Client& client) {
       ->capture_default_str();
   command
       .add_option("--exposure-ms", arguments->exposure_ms,
-                  "exposure while no capture runs, ms; default: about 4")
+                  "exposure while no capture is running, ms; default: about 4")
       ->check(CLI::Range(0.01, 10000.0));
   command.add_option(
       "--pattern", arguments->pattern,

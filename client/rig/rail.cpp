@@ -38,8 +38,7 @@ absl::Status rail(const Client& client, const std::string& wanted) {
   if (!wanted.empty()) {
     GW_ASSIGN_OR_RETURN(const RailPositions to, parse_rail_positions("the position", wanted));
     if (to.mm.size() != 1) {
-      return absl::InvalidArgumentError(
-          fmt::format("the position is \"{}\"; a monitor stands at one", wanted));
+      return absl::InvalidArgumentError(fmt::format("the position is \"{}\"; give exactly one", wanted));
     }
     GW_ASSIGN_OR_RETURN(const RigView before, read_rig_view(client, ""));
     GW_ASSIGN_OR_RETURN(const std::string monitor, monitor_to_move(to.monitor, before));
@@ -54,7 +53,9 @@ absl::Status rail(const Client& client, const std::string& wanted) {
 
 void add_rail_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "rail", "Move a monitor along its rail, a linear stage; or list the rails and where monitors stand.");
+      "rail",
+      "Move a monitor along its rail, a linear stage; or list the rails and the monitors' "
+      "positions.");
   command.footer(
       "Positions are on the rail's own scale (glasswing-display --rail). To capture at several positions: "
       "glasswing capture --rail-mm.\n\n"

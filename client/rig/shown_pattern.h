@@ -14,7 +14,7 @@
 
 namespace glasswing {
 
-// Shows the pattern, which holds the rig, until it is destroyed; then the rig is free.
+// Shows the pattern, which holds the rig, until destroyed; then the rig is free.
 class ShownPattern {
  public:
   // `monitors`: names; empty: all.

@@ -69,7 +69,7 @@ void add_annotate_commands(CLI::App& app, Client& client) {
   auto name = std::make_shared<std::string>();
   auto text = std::make_shared<std::optional<std::string>>();
   note_command.add_option("session", *name, "the session's name")->required();
-  note_command.add_option("text", *text, "the new note; without it, print the present one");
+  note_command.add_option("text", *text, "the new note; without it, print the current one");
   note_command.callback(
       [&client, name, text] { client.run = [&client, name, text] { return note(client, *name, *text); }; });
 

@@ -111,7 +111,7 @@ absl::Status read_target(const std::string& text, v1::Adapt& adapt) {
   return absl::OkStatus();
 }
 
-// The first images of a session that adapts, where no plan is given.
+// The first images of an adaptive session without a plan.
 absl::StatusOr<v1::Plan> first_images(const Client& client) {
   constexpr int kFirstImages = 50;  // a monitor
   GW_ASSIGN_OR_RETURN(const RigLimits rig, read_plan_limits(client, {.for_rig = true, .monitors = {}}));
@@ -123,7 +123,7 @@ absl::StatusOr<v1::Plan> first_images(const Client& client) {
 
 absl::StatusOr<v1::Plan> plan_to_capture(const Client& client, const CaptureArguments& arguments) {
   if (!arguments.adapt && (!arguments.target_error.empty() || arguments.at_most != 0))
-    return absl::InvalidArgumentError("--target-error and --at-most go with --adapt");
+    return absl::InvalidArgumentError("--target-error and --at-most need --adapt");
   if (arguments.plan.empty() && !arguments.adapt)
     return absl::InvalidArgumentError("name a plan, a .txtpb file; without one --adapt makes its own");
   GW_ASSIGN_OR_RETURN(v1::Plan plan,
@@ -227,35 +227,34 @@ void add_capture_command(CLI::App& app, Client& client) {
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<CaptureArguments>();
   command.add_option("plan", arguments->plan, "the plan, a .txtpb file; with --adapt it may be left out");
-  command.add_option("--session", arguments->session,
-                     "the session's name; the server chooses one if left out");
+  command.add_option("--session", arguments->session, "the session's name; default: chosen by the server");
   command.add_option("--note", arguments->note, "a note to keep with it");
-  command.add_option("--tag", arguments->tags, "a tag to find it by; may be repeated")
+  command.add_option("--tag", arguments->tags, "a tag for finding it; may be repeated")
       ->allow_extra_args(false);
   command.add_flag(
       "--solve", arguments->solve,
-      "solve it by the plan's method as soon as it is captured, and drafts of it before (fetch --partial)");
+      "solve it with the plan's method as soon as it is captured, and drafts before that (fetch --partial)");
   command.add_flag("--adapt", arguments->adapt,
                    "after the plan's images show further ones, chosen by what is still uncertain, until the "
                    "object is known well enough; then solve it");
-  command.add_option(
-      "--target-error", arguments->target_error,
-      "with --adapt: stop when 95 % of the object's pixels are expected to be as good: 42dB of "
-      "a composite, or 0.1px on the monitor; default: 40dB");
+  command.add_option("--target-error", arguments->target_error,
+                     "with --adapt: stop when 95 % of the object's pixels are expected to be this good: 42dB "
+                     "of a composite, "
+                     "or 0.1px on the monitor; default: 40dB");
   command
       .add_option("--at-most", arguments->at_most,
-                  fmt::format("with --adapt: stop at so many images; default: {}", kDefaultAtMost))
+                  fmt::format("with --adapt: stop at this many images; default: {}", kDefaultAtMost))
       ->check(CLI::Range(30, 20000));
   command
       .add_option(
           "--rail-mm", arguments->rail_mm,
-          "capture a session at each of these positions of a monitor, NAME-MM as vase-200, one after the "
-          "other: its rail moves it there, or you do and press Enter; one of several monitors as "
-          "back:200,251.2")
+          "capture a session at each of these positions of a monitor, named NAME-MM such as vase-200, one "
+          "after the other: its rail moves it there, or you do and press Enter; for one of several monitors, "
+          "such as back:200,251.2")
       ->type_name("MM,MM");
   command.add_flag(
       "--watch", arguments->watch,
-      "wait until it is captured, with --solve until it is solved; any other outcome is a failure");
+      "wait until it is captured, or with --solve until it is solved; any other outcome is a failure");
   command.add_flag("--dry-run", arguments->dry_run,
                    "capture nothing: check everything, and print the cost and who holds the rig");
   command.callback(

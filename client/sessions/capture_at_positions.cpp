@@ -37,7 +37,7 @@ absl::Status ask_operator(const std::string& what) {
   std::string line;
   if (std::getline(std::cin, line)) return absl::OkStatus();
   std::cerr << "\n";
-  return absl::CancelledError("standard input ended while you were asked to " + what);
+  return absl::CancelledError("standard input ended while waiting for you to " + what);
 }
 
 void print_what_follows(const std::string& session, const std::vector<v1::Session>& captured) {
@@ -48,12 +48,12 @@ void print_what_follows(const std::string& session, const std::vector<v1::Sessio
     if (each.state() != v1::SESSION_STATE_DONE)
       std::cout << fmt::format("glasswing solve {} --watch\n", each.name());
   }
-  // Rays take two; the outer ones tell directions best.
+  // Rays need two; the outer ones determine directions best.
   std::cout << fmt::format("glasswing rays {} {} --geometry rig.txtpb -o {}-rays.exr\n", names.front(),
                            names.back(), session);
 }
 
-// The series under way.
+// The series in progress.
 class Series {
  public:
   Series(const Client& client, const v1::CreateSessionRequest& request, std::string monitor, bool has_rail)
@@ -86,7 +86,7 @@ class Series {
   }
 
  private:
-  // A person must place the object, or take it off.
+  // The operator must place or remove the object.
   static bool waits_for_object(const v1::Session& session) {
     return session.state() == v1::SESSION_STATE_PAUSED && (session.reason().starts_with("place the object") ||
                                                            session.reason().starts_with("take the object"));
@@ -103,13 +103,13 @@ absl::Status check_range(const RailPositions& positions, const std::string& moni
   for (const double position_mm : positions.mm) {
     if (position_mm >= rail.min_mm() && position_mm <= rail.max_mm()) continue;
     return absl::InvalidArgumentError(
-        fmt::format("--rail-mm has {}; the rail of monitor \"{}\" takes {} to {} mm", position_mm, monitor,
-                    rail.min_mm(), rail.max_mm()));
+        fmt::format("--rail-mm has {}; the rail of monitor \"{}\" goes from {} to {} mm", position_mm,
+                    monitor, rail.min_mm(), rail.max_mm()));
   }
   return absl::OkStatus();
 }
 
-// Whatever would be refused at a later position is refused before anything is moved.
+// Anything that would be rejected at a later position is rejected before anything is moved.
 absl::Status check_captures(const Client& client, const v1::CreateSessionRequest& request,
                             const RailPositions& positions) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
@@ -137,7 +137,7 @@ absl::Status with_rest(const absl::Status& status, const RailPositions& position
 absl::Status check_series(const std::string& session, const RailPositions& positions) {
   if (session.empty()) {
     return absl::InvalidArgumentError(
-        "--rail-mm needs --session: the sessions are called after it and their positions, as vase-200");
+        "--rail-mm needs --session: the sessions are named after it and their positions, such as vase-200");
   }
   for (const double position_mm : positions.mm)
     GW_RETURN_IF_ERROR(check_name("session", session_at(session, position_mm)));
@@ -153,8 +153,8 @@ absl::Status capture_at_positions(const Client& client, const v1::CreateSessionR
   const bool has_rail = rig.rails.contains(monitor), several = positions.mm.size() > 1;
   if (!has_rail && several && !can_ask()) {
     return absl::FailedPreconditionError(fmt::format(
-        "monitor {0} has no rail (glasswing-display --rail), and standard input is no terminal to "
-        "ask at; move it by hand, and capture each position by itself: --rail-mm {0}:{1}",
+        "monitor {0} has no rail (glasswing-display --rail), and standard input is not a terminal to ask at; "
+        "move it by hand, and capture each position separately: --rail-mm {0}:{1}",
         monitor, positions.mm[0]));
   }
   if (has_rail) GW_RETURN_IF_ERROR(check_range(positions, monitor, rig.rails.at(monitor)));

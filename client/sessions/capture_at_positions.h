@@ -12,14 +12,14 @@
 
 namespace glasswing {
 
-// INVALID_ARGUMENT: the sessions, named after `session` and their positions, would have no good names.
+// INVALID_ARGUMENT: the sessions, named after `session` and their positions, would have invalid names.
 absl::Status check_series(const std::string& session, const RailPositions& positions);
 
-// Captures a session at each position, and prints them and what follows. Solves go on while the next is
-// captured; this returns when all are over. A rail moves the monitor; without one the operator is asked to,
-// and of a single position taken at their word. `annotate`: called with each new session.
-// FAILED_PRECONDITION: standard input is no terminal to ask at; or a session was not captured, which says
-// what is left.
+// Captures a session at each position, and prints them and the next command. Solves continue while the next
+// is captured; this returns when all have ended. A rail moves the monitor; without one the operator is asked
+// to, and a single position is accepted unchecked. `annotate`: called with each new session.
+// FAILED_PRECONDITION: standard input is not a terminal to ask at; or a session was not captured, and the
+// message says what remains.
 absl::Status capture_at_positions(const Client& client, const v1::CreateSessionRequest& request,
                                   const RailPositions& positions,
                                   const std::function<absl::StatusOr<v1::Session>(v1::Session)>& annotate);

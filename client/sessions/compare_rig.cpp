@@ -18,7 +18,7 @@
 namespace glasswing {
 namespace {
 
-// A node's archives. Stays connected, since it is asked for each session.
+// A node's archives. Stays connected, since it is needed for each session.
 struct Keeper {
   explicit Keeper(const std::string& title_in, const std::string& address)
       : title(title_in), archives(title_in, address) {}
@@ -32,8 +32,8 @@ bool is_away(const absl::Status& status) {
   return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status);
 }
 
-// The frames that the catalogue counts are in the archive. A capture that runs, and one that is given up, may
-// have any number.
+// Whether the archive has the frames that the catalogue counts. A running or abandoned capture may have any
+// number.
 bool has_settled_frames(const v1::Session& session) {
   return session.proven_count() > 0 && session.state() != v1::SESSION_STATE_CREATED &&
          session.state() != v1::SESSION_STATE_CAPTURING && session.state() != v1::SESSION_STATE_CANCELLED;
@@ -59,13 +59,13 @@ class Comparison {
     GW_ASSIGN_OR_RETURN(const v1::ListSessionsResponse listed,
                         call(server_, &v1::SessionService::Stub::ListSessions, {}));
     for (int i = 0; i < listed.sessions_size(); ++i) {
-      if (interrupted()) return absl::CancelledError("the comparison was broken off");
+      if (interrupted()) return absl::CancelledError("the comparison was interrupted");
       known_.insert(listed.sessions(i).name());
       compare_archives(listed.sessions(i));
       GW_RETURN_IF_ERROR(compare_mattes(listed.sessions(i)));
       tell((i + 1.0) / listed.sessions_size());
     }
-    // After the sessions: one that began meanwhile is asked for by name.
+    // After the sessions: one that began meanwhile is looked up by name.
     for (auto& [address, keeper] : keepers_) GW_RETURN_IF_ERROR(find_strangers(keeper));
     return absl::OkStatus();
   }
@@ -90,7 +90,7 @@ class Comparison {
     }
   }
 
-  // `elsewhere`: another node may have the frames too.
+  // `elsewhere`: another node may also have the frames.
   void compare_archive(const v1::Session& session, Keeper& keeper, bool elsewhere) {
     if (!keeper.answers) return;
     v1::GetManifestRequest request;
@@ -101,7 +101,7 @@ class Comparison {
     ++report_.found.file_count;
     std::string what(archive.status().message());
     if (absl::IsNotFound(archive.status()))
-      what = "the catalogue has the session, and this node has no archive of it";
+      what = "the catalogue has the session, but this node has no archive of it";
     if (archive.ok()) {
       const int frames = archive->manifest().frames_size();
       if (frames >= session.proven_count()) return;
@@ -111,9 +111,9 @@ class Comparison {
         {.file = fmt::format("archive of session \"{}\" on {}", session.name(), keeper.title),
          .what = what,
          .meaning = elsewhere
-                        ? "solves read another copy, if one is whole; glasswing replicate makes copies again"
-                        : fmt::format("its frames cannot be read: restore the archive from a backup, or "
-                                      "give the session up with glasswing delete {}",
+                        ? "solves read another copy, if one is complete; glasswing replicate makes new copies"
+                        : fmt::format("its frames cannot be read: restore the archive from a backup, or give "
+                                      "up the session with glasswing delete {}",
                                       session.name()),
          .repair = ""});
   }
@@ -128,7 +128,7 @@ class Comparison {
     return absl::OkStatus();
   }
 
-  // The server verifies all of a matte before it sends the first chunk.
+  // The server verifies a whole matte before it sends the first chunk.
   absl::Status compare_matte(const v1::Session& session, std::optional<int> frame) {
     v1::FetchMatteRequest request;
     request.set_name(session.name());
@@ -149,7 +149,7 @@ class Comparison {
         {.file = frame ? fmt::format("matte of frame {} of session \"{}\"", *frame, session.name())
                        : fmt::format("matte of session \"{}\"", session.name()),
          .what = status.error_message(),
-         .meaning = "it cannot be fetched; its frames make it again",
+         .meaning = "it cannot be fetched; solve it again from its frames",
          .repair = ""});
     return absl::OkStatus();
   }
@@ -174,8 +174,8 @@ class Comparison {
       report_.found.findings.push_back(
           {.file = fmt::format("archive of session \"{}\" on {}", name, keeper.title),
            .what = "the catalogue has no such session",
-           .meaning = "another server's, or of an earlier catalogue; glasswing import of the archive's "
-                      "directory, on the node's machine, makes a session of it",
+           .meaning = "it belongs to another server, or to an earlier catalogue; to make it a session, run "
+                      "glasswing import on the archive's directory, on the node's machine",
            .repair = "",
            .is_damage = false});
     }

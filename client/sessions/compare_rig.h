@@ -1,5 +1,5 @@
-// `glasswing fsck --rig`: compares the server's catalogue with the archives that the nodes hold, and asks the
-// server whether each matte is whole. Frames are not read: the nodes' own fsck does that.
+// `glasswing fsck --rig`: compares the server's catalogue with the nodes' archives, and asks the server
+// whether each matte is intact. Frames are not read: the nodes' own fsck does that.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,7 +17,7 @@ struct RigReport {
   std::vector<std::string> unanswered;  // nodes, and why; what they hold was not compared
 };
 
-// `tell`: how much is compared, in [0, 1].
+// `tell`: progress in [0, 1].
 absl::StatusOr<RigReport> compare_rig(const Client& client, const std::function<void(double fraction)>& tell);
 
 }  // namespace glasswing

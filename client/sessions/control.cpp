@@ -33,12 +33,12 @@ void add(CLI::App& app, Client& client, const std::string& verb, const std::stri
 
 void add_control_commands(CLI::App& app, Client& client) {
   add(app, client, "pause",
-      "Stop a capture after the step on screen, or a solve; proven steps and solved tiles are kept.",
+      "Stop a capture after the current step, or a solve; proven steps and solved tiles are kept.",
       &Stub::PauseSession);
   add(app, client, "resume", "Continue a paused session with the steps or tiles that remain.",
       &Stub::ResumeSession);
   add(app, client, "cancel",
-      "End a capture for good and keep its frames; or end a solve and return to the previous matte.",
+      "End a capture permanently and keep its frames; or end a solve and return to the previous matte.",
       &Stub::CancelSession);
 }
 

@@ -28,7 +28,7 @@ std::string mattes_text(const v1::Session& session) {
   return session.matte_ready() ? ", a matte" : "";
 }
 
-// FAILED_PRECONDITION if any of them cannot be deleted now: then none is.
+// FAILED_PRECONDITION if any of them cannot be deleted now; then none is deleted.
 absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Sessions& server,
                                                             const DeleteArguments& arguments) {
   std::vector<v1::Session> sessions;
@@ -98,7 +98,7 @@ absl::Status delete_sessions(const Client& client, const DeleteArguments& argume
 
 void add_delete_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("delete", "Delete sessions, their frames and their mattes for good.");
+      *app.add_subcommand("delete", "Delete sessions, their frames and their mattes permanently.");
   command.footer(
       "On a terminal it asks for confirmation. Repeat an interrupted deletion to finish it.\n\n"
       "Examples:\n  glasswing delete vase\n  glasswing delete vase vase-2 --yes");

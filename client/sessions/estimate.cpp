@@ -27,13 +27,13 @@ void print_cost(const v1::Plan& plan, const v1::EstimateSessionResponse& estimat
   }
   std::cout << fmt::format("steps     {} ({} of them without the object)\n", estimate.step_count(),
                            estimate.steps_without_object())
-            << fmt::format("duration  {} (each held for {} refreshes, nothing retaken)\n",
+            << fmt::format("duration  {} (each held for {} refreshes, without retakes)\n",
                            seconds_text(estimate.seconds()), hold_refreshes_of(plan))
             << fmt::format("data      {} ({} frames of {}x{})\n", bytes_of(estimate.bytes()),
                            estimate.step_count(), estimate.camera().width_px(), estimate.camera().height_px())
             << fmt::format("monitors  {}\n", fmt::join(monitors, ", "));
   if (estimate.video_frames() == 0) return;
-  std::cout << fmt::format("video     {} at {:.4g} frames a second, {} of it; each frame once\n",
+  std::cout << fmt::format("video     {} at {:.4g} frames per second, {} of it; each frame once\n",
                            seconds_text(estimate.video_seconds()),
                            estimate.video_frames() / estimate.video_seconds(),
                            bytes_of(estimate.video_bytes()));

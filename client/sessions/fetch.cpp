@@ -61,7 +61,7 @@ absl::StatusOr<Fetched> verified(const PositionedFile& file) {
   return fetched;
 }
 
-// Writes a matte to a file as it comes: it is never whole in memory.
+// Writes a matte to a file as it arrives: it is never completely in memory.
 absl::StatusOr<Fetched> fetched(const Sessions& server, const v1::FetchMatteRequest& request,
                                 const fs::path& path, Waiting* waiting = nullptr) {
   UnfinishedFile unfinished(path);
@@ -71,7 +71,7 @@ absl::StatusOr<Fetched> fetched(const Sessions& server, const v1::FetchMatteRequ
   absl::StatusOr<Fetched> matte = verified(file);
   if (!matte.ok()) {
     return absl::Status(matte.status().code(),
-                        fmt::format("the matte of {}session {} came damaged: {}",
+                        fmt::format("the matte of {}session {} arrived damaged: {}",
                                     request.has_frame() ? fmt::format("frame {} of ", request.frame()) : "",
                                     request.name(), std::string(matte.status().message())));
   }
@@ -97,7 +97,7 @@ absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const FetchArgum
   Waiting waiting("fetching");
   GW_ASSIGN_OR_RETURN(Fetched whole, fetched(server, request_of(arguments), arguments.output, &waiting));
   // Only a partial matte has rows that are not solved yet: in a finished one, rows without a solved pixel are
-  // those that saw the id patch.
+  // those that see the id patch.
   if (!arguments.partial) whole.unsolved_rows = 0;
   return whole;
 }
@@ -157,7 +157,7 @@ bool is_there(const fs::path& path, const v1::Session& session, int frame,
              std::map<std::string, std::string>(session.options().begin(), session.options().end());
 }
 
-// Mattes come from the last finished solve, but the session describes the last solve. True if they are the
+// Mattes come from the last finished solve, but the session describes the last solve. True if both are the
 // same.
 bool describes_mattes(const v1::Session& session) {
   return session.state() == v1::SESSION_STATE_DONE || !session.matte_ready();
@@ -253,10 +253,11 @@ absl::Status fetch(const Client& client, const FetchArguments& arguments) {
   if (frames) {
     if (to_directory || (!fs::path(arguments.output).has_extension() && arguments.output != kStandardOutput))
       return fetch_video(client, server, found.session(), arguments);
-    return absl::InvalidArgumentError(fmt::format(
-        "session {} is a video of {} frames; -o is {}: it must be a directory (a new one may end in /), or "
-        "--frame must name one",
-        arguments.session, found.session().frame_count(), arguments.output));
+    return absl::InvalidArgumentError(
+        fmt::format("session {} is a video of {} frames; -o is {}: it must be a directory (end a new one in "
+                    "/), or select "
+                    "one frame with --frame",
+                    arguments.session, found.session().frame_count(), arguments.output));
   }
   FetchArguments still = arguments;
   if (to_directory) {
@@ -271,9 +272,8 @@ absl::Status fetch(const Client& client, const FetchArguments& arguments) {
 void add_fetch_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("fetch", "Fetch a matte, or the mattes of a video.");
   command.footer(
-      "The solved frames of a video become 0000.exr, 0001.exr, ... in a directory; files that are already "
-      "there "
-      "are not fetched again.\n\n"
+      "The solved frames of a video become 0000.exr, 0001.exr, ... in a directory; existing files are not "
+      "fetched again.\n\n"
       "Examples:\n"
       "  glasswing fetch vase -o vase.exr\n"
       "  glasswing fetch vase -o rim.exr --crop 640x480+1200+300\n"
@@ -285,19 +285,18 @@ void add_fetch_command(CLI::App& app, Client& client) {
   command.add_option("session", arguments->session, "the session's name")->required();
   command
       .add_option("-o,--output", arguments->output,
-                  "the OpenEXR file to write, or - for standard output; of a video the directory")
+                  "the OpenEXR file to write, or - for standard output; for a video, the directory")
       ->required();
   command.add_option("--frame", arguments->frame, "fetch only this frame of a video, counted from 0")
       ->check(CLI::Range(0, 17999));
   command
       .add_flag("--partial", arguments->partial,
-                "fetch the newest draft of a session that is captured or solved, or what is solved so far, "
-                "also of a "
-                "failed solve; the rest is flagged \"not solved\"")
+                "fetch the newest draft of a session that is being captured or solved, or what is solved so "
+                "far, also after a failed solve; the rest is flagged \"not solved\"")
       ->excludes("--frame");
   command
       .add_option("--crop", *crop,
-                  "WIDTHxHEIGHT+X+Y: fetch only this region, px from the picture's top left corner")
+                  "WIDTHxHEIGHT+X+Y: fetch only this region, px from the picture's top-left corner")
       ->check([](const std::string& text) { return std::string(parse_region(text).status().message()); });
   command.callback([&client, arguments, crop] {
     if (!crop->empty()) arguments->region = parse_region(*crop).value();

@@ -31,7 +31,7 @@ namespace {
 
 constexpr char kServerProgram[] = "glasswing-server";
 
-// The program beside this one, as packages and builds have it; else the one in $PATH.
+// The program beside this one, as in packages and builds; otherwise the one in $PATH.
 std::string path_of(const std::string& program) {
   std::error_code error;
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
@@ -39,17 +39,17 @@ std::string path_of(const std::string& program) {
   return !error && std::filesystem::exists(beside, error) ? beside.string() : program;
 }
 
-// A program under way. Its answer is kept until it has ended, so that it never meets a progress bar.
+// A program under way. Its answer is buffered until it has ended, so that it never mixes with a progress bar.
 class Child {
  public:
   static absl::StatusOr<Child> start(const std::vector<std::string>& command) {
     Child child;
     int ends[2] = {-1, -1};
-    if (::pipe2(ends, O_CLOEXEC) != 0) return absl::ErrnoToStatus(errno, "cannot make a pipe");
+    if (::pipe2(ends, O_CLOEXEC) != 0) return absl::ErrnoToStatus(errno, "cannot create a pipe");
     child.errors_ = Descriptor(ends[0]);
     const Descriptor errors_end(ends[1]);
     child.answer_ = Descriptor(::memfd_create("answer", MFD_CLOEXEC));
-    if (!child.answer_.is_open()) return absl::ErrnoToStatus(errno, "cannot make a file in memory");
+    if (!child.answer_.is_open()) return absl::ErrnoToStatus(errno, "cannot create an in-memory file");
     std::vector<char*> argv;
     for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
     argv.push_back(nullptr);
@@ -61,14 +61,14 @@ class Child {
     ::posix_spawn_file_actions_destroy(&actions);
     if (error == ENOENT) {
       return absl::NotFoundError(fmt::format(
-          "{0} is not installed here, and it alone can check the data of a server; install the package {0}",
+          "{0} is not installed here, and only it can check the data of a server; install the package {0}",
           command[0]));
     }
     if (error != 0) return absl::ErrnoToStatus(error, fmt::format("cannot run {}", command[0]));
     return child;
   }
 
-  // Calls `tell` for every line on its standard error, to the last.
+  // Calls `tell` for every line on its standard error.
   void read_lines(const std::function<void(const std::string& line)>& tell) {
     const std::unique_ptr<FILE, decltype(&std::fclose)> in(::fdopen(errors_.release(), "r"), std::fclose);
     char* line = nullptr;
@@ -78,7 +78,7 @@ class Child {
     std::free(line);
   }
 
-  // The exit status, as a shell tells it.
+  // The exit status, as a shell reports it.
   int wait() {
     int status = 0;
     while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
@@ -100,7 +100,7 @@ class Child {
   Descriptor answer_, errors_;
 };
 
-// Runs `glasswing-server fsck`, in whose words the answer is. Returns its exit status: 0 or kDamage.
+// Runs `glasswing-server fsck`, and prints its answer. Returns its exit status: 0 or kDamage.
 absl::StatusOr<int> check_by_server(const FsckArguments& arguments) {
   std::vector<std::string> command = {path_of(kServerProgram), "fsck", "--show-progress"};
   if (arguments.repair) command.push_back("--repair");
@@ -153,14 +153,14 @@ absl::Status check_rig(Client& client, FsckArguments arguments) {
   client.exit_status = print_report(report->found, arguments);
   if (report->unanswered.empty()) return absl::OkStatus();
   return absl::UnavailableError(
-      fmt::format("what these hold was not compared: {}", fmt::join(report->unanswered, "; ")));
+      fmt::format("the data of these was not compared: {}", fmt::join(report->unanswered, "; ")));
 }
 
 absl::Status check(Client& client, FsckArguments arguments, bool rig) {
   arguments.json = client.json;
   if (rig) return check_rig(client, std::move(arguments));
   if (arguments.path.empty())
-    return absl::InvalidArgumentError("fsck needs a directory, a matte's file, or --rig");
+    return absl::InvalidArgumentError("fsck needs a directory, a matte file, or --rig");
   GW_ASSIGN_OR_RETURN(const CheckTarget target, recognise(arguments.path));
   GW_ASSIGN_OR_RETURN(client.exit_status,
                       target.kind == "server" ? check_by_server(arguments) : check_here(arguments));
@@ -180,10 +180,9 @@ void add_fsck_command(CLI::App& app, Client& client) {
   auto rig = std::make_shared<bool>(false);
   CLI::Option* directory = command.get_option("directory")->required(false);
   command
-      .add_flag(
-          "--rig", *rig,
-          "while the rig runs: compare the server's catalogue with the archives that the nodes hold, and "
-          "verify its mattes")
+      .add_flag("--rig", *rig,
+                "while the rig runs: compare the server's catalogue with the nodes' archives, and verify its "
+                "mattes")
       ->excludes(directory)
       ->excludes("--repair");
   command.callback([&client, arguments, rig] {

@@ -1,4 +1,4 @@
-// Mattes that a command reads: files, or those of sessions.
+// Mattes that a command reads: files, or from sessions.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,17 +17,17 @@
 
 namespace glasswing {
 
-// Adds a matte to a file as it comes. `waiting`: shows how much came.
+// Appends a matte to a file as it arrives. `waiting`: shows the progress.
 absl::Status stream_matte(const Peer<v1::SessionService>& server, const v1::FetchMatteRequest& request,
                           FileWriter& writer, Waiting* waiting = nullptr);
 
 // A file, or the name of a session.
 struct MatteInput {
   std::string name;
-  // Sessions' names have neither.
+  // Session names contain neither.
   bool is_file() const { return name.ends_with(".exr") || name.find('/') != std::string::npos; }
-  // The matte's file, not checked. A session's is streamed to a file beside `output` that has lost its name
-  // when this returns, so mattes of any size are never whole in memory and none stay on the disk.
+  // The matte file, unchecked. A session's matte is streamed to a file beside `output` that is already
+  // unlinked when this returns, so mattes are never completely in memory and never left on the disk.
   absl::StatusOr<std::shared_ptr<const MappedFile>> open(const Client& client,
                                                          const std::filesystem::path& output) const;
   // An error about the matte's content, with its name.

@@ -40,8 +40,7 @@ absl::Status check(const Client& client, const PlanCheckArguments& arguments) {
     const std::filesystem::path file = photo_path(path, photo);
     if (std::filesystem::is_regular_file(file)) continue;
     return absl::NotFoundError(
-        fmt::format("{}: photos: {} is not there; it must be a picture file, named relative "
-                    "to the plan",
+        fmt::format("{}: photos: {} does not exist; it must be a picture file, named relative to the plan",
                     path, file.string()));
   }
   GW_ASSIGN_OR_RETURN(const RigLimits rig, read_rig_limits(client, arguments.rig, plan.camera()));
@@ -68,8 +67,8 @@ absl::Status check(const Client& client, const PlanCheckArguments& arguments) {
   for (const std::string& warning : warnings) std::cerr << fmt::format("warning: {}\n", printable(warning));
   if (is_video(plan)) {
     std::cout << fmt::format(
-        "{} is good: a video of {} frames, {} frames of the empty stage before, {} refreshes a frame\n", path,
-        ramp_frames_of(plan.ramp()), empty_ramp_frames_of(plan.ramp()), hold_refreshes_of(plan));
+        "{} is valid: a video of {} frames, {} frames of the empty stage before it, {} refreshes per frame\n",
+        path, ramp_frames_of(plan.ramp()), empty_ramp_frames_of(plan.ramp()), hold_refreshes_of(plan));
     return absl::OkStatus();
   }
   std::vector<std::string> parts{plan.method()};
@@ -94,7 +93,7 @@ void add_plan_check_command(CLI::App& plan, Client& client) {
   CLI::App& command =
       *plan.add_subcommand("check", "Check a plan; an error names the file, the line and the wrong value.");
   command.footer(
-      "With --for-rig, or for monitors that are given, it also warns about whatever does not suit them.\n\n"
+      "With --for-rig, or with given monitors, it also warns about anything that does not suit them.\n\n"
       "Examples:\n"
       "  glasswing plan check deploy/plans/crystal.txtpb\n"
       "  glasswing plan check deploy/plans/crystal.txtpb --for-rig");

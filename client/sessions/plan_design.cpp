@@ -46,8 +46,7 @@ absl::Status design(const Client& client, PlanDesignArguments arguments) {
     arguments.wish.noise = noise_of(rig.camera->camera());
   } else if (!arguments.noise) {
     return absl::InvalidArgumentError(
-        "--noise is missing; give the camera's, such as 0.005, or --for-rig to take that of the rig's "
-        "camera");
+        "--noise is missing; give the camera's, such as 0.005, or --for-rig to use that of the rig's camera");
   }
   if (arguments.noise) arguments.wish.noise.read_sd = *arguments.noise;
   if (arguments.full_well) arguments.wish.noise.full_well = arguments.full_well;
@@ -55,7 +54,7 @@ absl::Status design(const Client& client, PlanDesignArguments arguments) {
   std::string text = plan_text(designed.plan, rig, "glasswing plan design");
   const DesignWish& wish = arguments.wish;
   const std::string expected = fmt::format(
-      "For noise of {:g} of full scale{}, {} place{} a pixel, sigmas {:.3g} to {:.3g} px: {}.\n"
+      "For noise of {:g} of full scale{}, {} place{} per pixel, sigmas {:.3g} to {:.3g} px: {}.\n"
       "Expected standard deviations: {}\n",
       wish.noise.read_sd,
       wish.noise.full_well ? fmt::format(" and a full well of {:g} electrons", *wish.noise.full_well) : "",
@@ -74,7 +73,7 @@ absl::Status design(const Client& client, PlanDesignArguments arguments) {
   GW_RETURN_IF_ERROR(write_output(arguments.output, text));
   std::cerr << expected << other;
   if (arguments.output != kStandardOutput) {
-    std::cerr << fmt::format("{}: {} images with the object; what it costs: glasswing plan estimate {}\n",
+    std::cerr << fmt::format("{}: {} images with the object; for its cost: glasswing plan estimate {}\n",
                              arguments.output, images_of(designed.plan, rig), arguments.output);
   }
   return absl::OkStatus();
@@ -84,11 +83,11 @@ absl::Status design(const Client& client, PlanDesignArguments arguments) {
 
 void add_plan_design_command(CLI::App& plan, Client& client) {
   CLI::App& command = *plan.add_subcommand(
-      "design", "Make the plan of so many images that tells most with a camera's noise.");
+      "design", "Design the most informative plan for an image budget and a camera's noise.");
   command.footer(
-      "Chooses sinusoids or stripes, their periods or widths, and directions, by the information that they "
-      "are expected to give; prints the standard deviations that are left. Without --monitor the server's "
-      "monitors are used; --for-rig also chooses exposures and hold_refreshes by its camera.\n\n"
+      "Chooses sinusoids or stripes, their periods or widths, and directions, by their expected information; "
+      "prints the expected standard deviations. Without --monitor the server's monitors are used; --for-rig "
+      "also chooses exposures and hold_refreshes for its camera.\n\n"
       "Examples:\n"
       "  glasswing plan design --images 100 --noise 0.005 --monitor back:1920x1080 -o vase.txtpb\n"
       "  glasswing plan design --images 50 --for-rig\n"
@@ -97,7 +96,7 @@ void add_plan_design_command(CLI::App& plan, Client& client) {
   add_rig_limits_options(command, arguments->rig);
   command
       .add_option("--images", arguments->wish.images,
-                  "so many in all, with and without the object, on all monitors, at each exposure")
+                  "total number, with and without the object, on all monitors, at each exposure")
       ->check(CLI::Range(kMinDesignImages, 20000))
       ->required();
   command
@@ -107,14 +106,14 @@ void add_plan_design_command(CLI::App& plan, Client& client) {
       ->check(CLI::Range(1e-5, 0.5));
   command
       .add_option("--full-well", arguments->full_well,
-                  "electrons at full scale; default: the camera's with --for-rig, else no photon noise")
+                  "electrons at full scale; default: the camera's with --for-rig, otherwise no photon noise")
       ->check(CLI::Range(10.0, 1e7));
-  command.add_option("--modes", arguments->wish.modes, "most places that a pixel sees")
+  command.add_option("--modes", arguments->wish.modes, "maximum number of places that a pixel sees")
       ->check(CLI::Range(1, kMaxFootprints))
       ->capture_default_str();
   command.add_option(
       "--sigma-range", arguments->sigma_range,
-      "LOW:HIGH, widths of footprints in monitor pixels; default: 0.3:4 before 128 px, wider before more");
+      "LOW:HIGH, widths of footprints in monitor pixels; default: 0.3:4 for 128 px, wider for more");
   command.add_option("-o,--output", arguments->output, "the plan to write, a .txtpb file; default: print it")
       ->check(output_file({".txtpb", kStandardOutput}));
   command.callback(

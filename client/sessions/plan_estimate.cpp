@@ -73,7 +73,8 @@ absl::StatusOr<Estimate> estimate_of(const v1::Plan& plan, const absl::StatusOr<
   } else {
     camera.set_width_px(monitors[0].width_px());
     camera.set_height_px(monitors[0].height_px());
-    estimate.assumed.push_back(fmt::format("the camera has as many pixels as {}", monitors[0].name()));
+    estimate.assumed.push_back(
+        fmt::format("the camera is assumed to have as many pixels as {}", monitors[0].name()));
   }
   GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(plan, monitors));
   add_cost(plan, steps, estimate.cost);
@@ -87,7 +88,7 @@ absl::StatusOr<v1::EstimateSessionResponse> ask_server(const Client& client, con
   return call(server, &v1::SessionService::Stub::EstimateSession, request, kLongCallTimeout);
 }
 
-// `rig`: the server's estimate for a capture now, or why there can be none.
+// `rig`: the server's estimate for a capture now, or why there is none.
 void print_estimate_json(const std::string& path, const v1::Plan& plan, const Estimate& estimate,
                          const absl::StatusOr<v1::EstimateSessionResponse>& rig) {
   const v1::EstimateSessionResponse& cost = estimate.cost;

@@ -28,7 +28,7 @@ absl::Status make(const Client& client, const PlanMakeArguments& arguments) {
   const std::string text = plan_text(plan, rig);
   GW_RETURN_IF_ERROR(write_output(arguments.output, text));
   if (arguments.output != kStandardOutput) {
-    std::cerr << fmt::format("{}: {} images with the object; what it costs: glasswing plan estimate {}\n",
+    std::cerr << fmt::format("{}: {} images with the object; for its cost: glasswing plan estimate {}\n",
                              arguments.output, images_of(plan, rig), arguments.output);
   }
   return absl::OkStatus();
@@ -38,11 +38,10 @@ absl::Status make(const Client& client, const PlanMakeArguments& arguments) {
 
 void add_plan_make_command(CLI::App& plan, Client& client) {
   CLI::App& command =
-      *plan.add_subcommand("make", "Make a plan of method gaussian that fits the monitors and the camera.");
+      *plan.add_subcommand("make", "Make a plan for method gaussian that fits the monitors and the camera.");
   command.footer(
-      "Without --monitor the server's monitors are used; --for-rig also chooses exposures and "
-      "hold_refreshes by "
-      "its camera.\n\n"
+      "Without --monitor the server's monitors are used; --for-rig also chooses exposures and hold_refreshes "
+      "for its camera.\n\n"
       "Examples:\n"
       "  glasswing plan make --for-rig -o vase.txtpb\n"
       "  glasswing plan make --for-rig --quality best --images 800 -o vase.txtpb\n"
@@ -59,11 +58,11 @@ void add_plan_make_command(CLI::App& plan, Client& client) {
   command
       .add_option(
           "--object", arguments->object,
-          "clear: glass, water, crystal; frosted, brushed too: wider stripes; metal: a second exposure, "
-          "for highlights; dark: a second exposure, longer")
+          "clear: glass, water, crystal; frosted, also brushed: wider stripes; metal: a second exposure, for "
+          "highlights; dark: a second exposure, longer")
       ->check(CLI::IsMember(object_kinds()))
       ->capture_default_str();
-  command.add_option("--images", arguments->images, "at most so many with the object, at each exposure")
+  command.add_option("--images", arguments->images, "maximum number with the object, at each exposure")
       ->check(CLI::Range(1, 20000));
   command.add_option("-o,--output", arguments->output, "the plan to write, a .txtpb file; default: print it")
       ->check(output_file({".txtpb", kStandardOutput}));

@@ -34,10 +34,11 @@ absl::StatusOr<RailPositions> parse_rail_positions(std::string_view option, cons
     double mm = 0.0;
     const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), mm);
     if (error != std::errc() || end != number.data() + number.size() || !std::isfinite(mm)) {
-      return absl::InvalidArgumentError(fmt::format(
-          "{} is \"{}\"; it must be mm divided by commas, as 200,251.2, of one of several monitors "
-          "MONITOR:MM,MM, as back:200,251.2",
-          option, text));
+      return absl::InvalidArgumentError(
+          fmt::format("{} is \"{}\"; it must be mm separated by commas, such as 200,251.2, or for one of "
+                      "several monitors "
+                      "MONITOR:MM,MM, such as back:200,251.2",
+                      option, text));
     }
     if (std::ranges::count(positions.mm, mm) > 0)
       return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it has {} twice", option, text, mm));
@@ -61,7 +62,7 @@ absl::StatusOr<std::string> monitor_to_move(const std::string& named, const RigV
     if (names->size() == 1) return names->front();
   }
   return absl::FailedPreconditionError(
-      fmt::format("the rig has several monitors, {}; name the one that is moved, as {}:200",
+      fmt::format("the rig has several monitors, {}; name the one to move, such as {}:200",
                   fmt::join(all, ", "), all.front()));
 }
 

@@ -38,7 +38,7 @@ absl::Status replicate(const Client& client, const ReplicateArguments& arguments
   const grpc::Status status = reader->Finish();
   if (interrupted()) {
     return absl::CancelledError(
-        "the copying was broken off; what is copied stays, and the same command copies the rest");
+        "the copying was interrupted; what is copied is kept, and the same command copies the rest");
   }
   if (!status.ok()) return status_from(status, server.title);
   progress.done(fmt::format("{} frames", copied.frame_count()));

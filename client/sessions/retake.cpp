@@ -61,8 +61,8 @@ absl::Status retake(const Client& client, const RetakeArguments& arguments) {
     *request.mutable_retake() = lost_steps(found.session());
     if (request.retake().empty()) {
       return absl::FailedPreconditionError(fmt::format(
-          "nothing that happened to the rig spoiled steps of session {}; name steps with --steps, such as "
-          "--steps 10-211",
+          "no disturbance of the rig spoiled steps of session {}; name steps with --steps, such as --steps "
+          "10-211",
           arguments.session));
     }
   } else {
@@ -83,9 +83,9 @@ absl::Status retake(const Client& client, const RetakeArguments& arguments) {
 
 void add_retake_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("retake", "Capture the steps again that a knock, a lamp or a door spoiled.");
+      *app.add_subcommand("retake", "Recapture steps that a knock, a lamp or a door spoiled.");
   command.footer(
-      "A running capture is stopped for it, and goes on with these steps and those that were still to come. "
+      "A running capture is stopped for this, and continues with these steps and the remaining ones. "
       "Their\n"
       "old frames are dropped. A session that is solved, copied or a video cannot be retaken.\n\n"
       "Example:\n  glasswing retake vase --watch");

@@ -46,7 +46,7 @@ absl::Status retry(const Client& client, const RetryArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
                       call(server, &v1::SessionService::Stub::GetSession, get));
   if (!allows(found.session(), v1::SESSION_ACTION_RETRY)) {
-    return absl::FailedPreconditionError(fmt::format("session {} is {}; only one that failed can be retried",
+    return absl::FailedPreconditionError(fmt::format("session {} is {}; only a failed one can be retried",
                                                      arguments.session, state_name(found.session().state())));
   }
   v1::ResumeSessionRequest request;
@@ -64,7 +64,7 @@ absl::Status retry(const Client& client, const RetryArguments& arguments) {
 
 void add_retry_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "retry", "Retry what failed: steps without proof, or tiles or frames that were not solved.");
+      "retry", "Retry the failed parts: steps without proof, or tiles or frames that were not solved.");
   command.footer(
       "Proven steps and solved tiles are kept. To solve with other options: glasswing solve.\n\n"
       "Example:\n  glasswing retry vase --retries 30 --watch");

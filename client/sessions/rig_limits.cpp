@@ -23,7 +23,7 @@ absl::StatusOr<RigLimits> read_rig_limits(const Client& client, const RigLimitsA
   for (const std::string& text : arguments.monitors) {
     if (text.find(':') == std::string::npos) {
       return absl::InvalidArgumentError(
-          fmt::format("--monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080", text));
+          fmt::format("--monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, such as back:1920x1080", text));
     }
     GW_ASSIGN_OR_RETURN(v1::Monitor monitor, parse_monitor_argument(text));
     limits.monitors.push_back(std::move(monitor));
@@ -52,7 +52,7 @@ void add_rig_limits_options(CLI::App& command, RigLimitsArguments& arguments) {
       ->allow_extra_args(false);
   command
       .add_option("--blur", arguments.blur_px,
-                  "how far camera and monitor blur, px of the monitor (sigma), as glasswing blur tells")
+                  "blur of camera and monitor, monitor px (sigma), as measured by glasswing blur")
       ->check(CLI::Range(0.0, 200.0));
 }
 

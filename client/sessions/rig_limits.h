@@ -25,7 +25,7 @@ void add_rig_limits_options(CLI::App& command, RigLimitsArguments& arguments);
 absl::StatusOr<RigLimits> read_rig_limits(const Client& client, const RigLimitsArguments& arguments,
                                           const std::string& camera);
 
-// The same for a plan that is made, which needs monitors: the server's where none are named.
+// The same for making a plan, which needs monitors: the server's if none are named.
 absl::StatusOr<RigLimits> read_plan_limits(const Client& client, const RigLimitsArguments& arguments);
 
 }  // namespace glasswing

@@ -18,7 +18,7 @@ struct SessionsArguments {
   std::vector<std::string> tags, states;
 };
 
-// All states by their state_name().
+// All states by state_name().
 std::map<std::string, v1::SessionState> states() {
   std::map<std::string, v1::SessionState> states;
   for (int state = v1::SESSION_STATE_CREATED; v1::SessionState_IsValid(state); ++state)

@@ -28,7 +28,7 @@ void print_details(const v1::Session& session) {
                          (session.waiting().since().empty() ? "" : ", since " + session.waiting().since()));
     row("", session.waiting().advice());
   }
-  // What a running capture or solve gives as its reason is what it waits for.
+  // The reason of a running capture or solve is what it is waiting for.
   if (!session.has_waiting() || session.state() == v1::SESSION_STATE_PAUSED) row("reason", session.reason());
   row("created", session.created() + (session.started_by().empty() ? "" : " by " + session.started_by()));
   row("note", session.note());
@@ -40,7 +40,7 @@ void print_details(const v1::Session& session) {
                         session.archive_address()));
   for (const v1::ArchiveCopy& copy : session.copies()) {
     row(&copy == &session.copies(0) ? "copies" : "",
-        copy.address().empty() ? copy.node() + ", a part; finish it with: glasswing replicate " +
+        copy.address().empty() ? copy.node() + ", incomplete; finish it with: glasswing replicate " +
                                      session.name() + " " + copy.node()
                                : fmt::format("{} at {}", copy.node(), copy.address()));
   }
@@ -56,7 +56,7 @@ void print_details(const v1::Session& session) {
     causes += fmt::format("{}{} {}", causes.empty() ? "" : ", ", retakes.count(), describe(retakes.cause()));
   row("retakes", causes);
   if (session.frames_taken() > 0) {
-    row("proof", fmt::format("{} by time and id patch, {} by time alone; {} refused for their pixels",
+    row("proof", fmt::format("{} by time and id patch, {} by time alone; {} rejected for their pixels",
                              session.patch_proven_count(),
                              session.proven_count() - session.patch_proven_count(), session.refused_count()));
   }

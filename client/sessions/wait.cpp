@@ -22,16 +22,17 @@ namespace {
 
 using Clock = std::chrono::system_clock;
 
-constexpr int kTimedOut = 124;  // as timeout(1) says it
+constexpr int kTimedOut = 124;  // as in timeout(1)
 constexpr std::chrono::seconds kAskAgain(1);
-constexpr size_t kMaxSessions = 100;  // each is a call that lasts
+constexpr size_t kMaxSessions = 100;  // each is a long-running call
 
 struct WaitArguments {
   std::vector<std::string> sessions;
   double timeout_seconds = 0.0;  // 0: none
 };
 
-// How a session rests; DEADLINE_EXCEEDED: it does not yet. Goes on where a server was away for a while.
+// The session's state at rest; DEADLINE_EXCEEDED: not yet at rest. Continues if a server was unavailable for
+// a while.
 absl::StatusOr<v1::Session> at_rest(const Peer<v1::SessionService>& server, const std::string& name,
                                     Clock::time_point until) {
   v1::WatchSessionRequest request;
@@ -45,14 +46,15 @@ absl::StatusOr<v1::Session> at_rest(const Peer<v1::SessionService>& server, cons
     while (reader->Read(&response)) heard = true;
     const grpc::Status status = reader->Finish();
     if (status.ok() && heard) return std::move(*response.mutable_session());
-    if (Clock::now() >= until) return absl::DeadlineExceededError("it does not rest yet");
+    if (Clock::now() >= until) return absl::DeadlineExceededError("it is not at rest yet");
     const grpc::StatusCode code = status.error_code();
     const bool again = status.ok() || code == grpc::StatusCode::DEADLINE_EXCEEDED ||
                        code == grpc::StatusCode::UNAVAILABLE || code == grpc::StatusCode::CANCELLED;
     if (!again) return status_from(status, server.title);
     if (code == grpc::StatusCode::DEADLINE_EXCEEDED) continue;
     static std::once_flag told;
-    std::call_once(told, [&] { std::cerr << fmt::format("the {} is away; waiting for it\n", server.title); });
+    std::call_once(
+        told, [&] { std::cerr << fmt::format("the {} does not answer; waiting for it\n", server.title); });
     std::this_thread::sleep_until(std::min<Clock::time_point>(until, Clock::now() + kAskAgain));
   }
 }
@@ -104,11 +106,14 @@ absl::Status wait(Client& client, const WaitArguments& arguments) {
 }  // namespace
 
 void add_wait_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("wait", "Wait until sessions rest, without showing progress.");
+  CLI::App& command = *app.add_subcommand("wait",
+                                          "Wait until sessions come to rest, without showing "
+                                          "progress.");
   command.footer(
-      "Prints a line for each session when it rests. Exit status 0: all are then captured or done; 1: one is "
-      "paused, failed or cancelled, or does not exist; 124: the time is over. A server that restarts "
-      "meanwhile is waited for.\n\n"
+      "Prints a line for each session when it comes to rest. Exit status 0: all are then captured or done; "
+      "1: "
+      "one is paused, failed or cancelled, or does not exist; 124: the time is up. If the server restarts "
+      "meanwhile, it waits for it.\n\n"
       "Examples:\n"
       "  glasswing wait vase && glasswing fetch vase -o vase.exr\n"
       "  glasswing wait vase glass crystal --timeout 28800");
@@ -117,7 +122,7 @@ void add_wait_command(CLI::App& app, Client& client) {
       ->required()
       ->expected(1, static_cast<int>(kMaxSessions));
   command
-      .add_option("--timeout", arguments->timeout_seconds, "wait at most so many seconds; default: for ever")
+      .add_option("--timeout", arguments->timeout_seconds, "wait at most this many seconds; default: forever")
       ->check(CLI::Range(0.001, 1e8));
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return wait(client, *arguments); }; });

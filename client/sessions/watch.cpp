@@ -22,7 +22,7 @@
 namespace glasswing {
 namespace {
 
-// A session at rest can be deleted; a failed solve can be cancelled too, for the matte before it.
+// A session at rest can be deleted; a failed solve can be cancelled too, to return to its previous matte.
 bool is_under_way(const v1::Session& session) {
   return allows(session, v1::SESSION_ACTION_CANCEL) && !allows(session, v1::SESSION_ACTION_DELETE);
 }
@@ -58,15 +58,15 @@ class SessionProgress {
   }
 
  private:
-  // Prints what the session waits for, or that it goes on, on a line of its own. The time left counts from
-  // when the work goes on.
+  // Prints what the session waits for, or that it continues, on a separate line. The time left counts from
+  // when the work continues.
   void tell(const v1::Session& session) {
     told_ = session.waiting().what();
     progress_.emplace(state_name(state_));
     std::cerr << printable(summary_of(session)) << "\n";
   }
 
-  // Also on a line of its own.
+  // Also on a separate line.
   void tell_draft(const v1::Session& session) {
     drafted_ = session.draft().image_count();
     if (!session.has_draft()) return;
@@ -76,7 +76,7 @@ class SessionProgress {
                              session.name(), session.name());
   }
 
-  // Also on lines of their own.
+  // Also on separate lines.
   void tell_rounds(const v1::Session& session) {
     progress_.emplace(state_name(state_));
     done_ = -1;
@@ -84,14 +84,14 @@ class SessionProgress {
       std::cerr << describe(session.adapted(rounds_told_)) << "\n";
   }
 
-  // Without numbers that change while something lasts.
+  // Without numbers that change while the condition lasts.
   static std::vector<std::string> changes_of(const v1::Session& session) {
     std::vector<std::string> changes;
     for (const v1::RigChange& change : session.rig_changes()) changes.push_back(change.what());
     return changes;
   }
 
-  // Also on lines of their own.
+  // Also on separate lines.
   void tell_changes(const v1::Session& session) {
     progress_.emplace(state_name(state_));
     done_ = -1;
@@ -137,8 +137,9 @@ absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name
     const grpc::Status status = reader->Finish();
     if (heard && status.ok()) return response.session();  // the server ends the stream when the session rests
     if (interrupted()) {
-      return absl::CancelledError(fmt::format(
-          "session {} goes on; glasswing watch {} shows it, glasswing cancel {} ends it", name, name, name));
+      return absl::CancelledError(
+          fmt::format("session {} continues; glasswing watch {} shows it, glasswing cancel {} ends it", name,
+                      name, name));
     }
     const bool renew = heard && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
     if (!renew) return status_from(status, server.title);
@@ -173,7 +174,9 @@ absl::Status follow_to_outcome(const Client& client, const std::string& name, Go
 
 void add_watch_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "watch", "Show a session's progress until it rests; succeeds only if it is then captured or done.");
+      "watch",
+      "Show a session's progress until it comes to rest; succeeds only if it is then captured or "
+      "done.");
   command.footer("Example:\n  glasswing watch vase");
   auto name = std::make_shared<std::string>();
   command.add_option("session", *name, "the session's name")->required();

@@ -1,4 +1,4 @@
-// Follows a session until it rests.
+// Follows a session until it comes to rest.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,16 +13,16 @@ namespace glasswing {
 
 enum class Follow { kUntilItRests, kUntilCaptured };
 
-// Shows progress until the session rests (paused, captured, done, failed, cancelled), or is captured though
-// its solve follows, and returns it. CANCELLED: Ctrl-C was pressed; the session goes on, and the message says
-// how to watch or end it.
+// Shows progress until the session comes to rest (paused, captured, done, failed, cancelled), or is captured
+// but not yet solved, and returns it. CANCELLED: Ctrl-C was pressed; the session continues, and the message
+// says how to watch or end it.
 absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name,
                                    Follow until = Follow::kUntilItRests);
 
-// What the session is watched for.
+// The goal for which the session is watched.
 enum class Goal { kCapturedOrDone, kDone };
 
-// OK for a session that has reached its goal; otherwise an error that says why, and how to go on.
+// OK for a session that has reached its goal; otherwise an error that says why, and how to continue.
 absl::Status outcome_of(const v1::Session& session, Goal goal = Goal::kCapturedOrDone);
 
 // Follows the session, prints it, and returns its outcome.

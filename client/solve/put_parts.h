@@ -1,4 +1,4 @@
-// Hands the matte of parts that were solved apart to the server, as its session's.
+// Hands a matte of separately solved parts to the server, as its session's.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,8 +12,8 @@
 
 namespace glasswing {
 
-// Joins the parts in the file `matte`, which is left there. `seconds`: what solving took. Errors are those of
-// join_parts() and MatteService.PutMatte.
+// Joins the parts in the file `matte`, which is kept. `seconds`: the time that solving took. Errors are those
+// of join_parts() and MatteService.PutMatte.
 absl::StatusOr<v1::Session> put_parts(const Client& client, const std::string& session,
                                       const std::vector<std::filesystem::path>& parts,
                                       const std::filesystem::path& matte, double seconds);

@@ -86,7 +86,7 @@ class Desk {
     }
     return numbers;
   }
-  // What the solve made; what else lies there stays.
+  // Files made by the solve; other files there are kept.
   void clear() const {
     std::error_code ignored;
     for (int number = 1; number <= parts_; ++number) fs::remove(log(fmt::to_string(number)), ignored);
@@ -180,13 +180,13 @@ absl::Status follow(const std::string& job, const SlurmSolve& solve, const Desk&
                                 queue.waiting));
     if (missing.empty()) return absl::OkStatus();
     if (ended) {
-      return absl::FailedPreconditionError(fmt::format(
-          "parts {} of job {} ended without a result; {} says why. The same command solves them again",
-          array_of(missing), job, desk.log(fmt::to_string(missing.front()))));
+      return absl::FailedPreconditionError(
+          fmt::format("parts {} of job {} ended without a result; see {}. The same command solves them again",
+                      array_of(missing), job, desk.log(fmt::to_string(missing.front()))));
     }
     if (interrupted()) {
-      return absl::CancelledError(
-          fmt::format("job {0} goes on; the same command takes its result, and scancel {0} ends it", job));
+      return absl::CancelledError(fmt::format(
+          "job {0} continues; the same command fetches its result, and scancel {0} ends it", job));
     }
     if (Clock::now() - asked >= kAskEvery) {
       asked = Clock::now();
@@ -194,7 +194,7 @@ absl::Status follow(const std::string& job, const SlurmSolve& solve, const Desk&
       if (now.ok()) {
         queue = *now;
         answered = asked;
-        // Its last files may appear a little later.
+        // Its last files may appear slightly later.
         ended = queue.running + queue.waiting == 0;
         if (ended) std::this_thread::sleep_for(kAskEvery);
         continue;
@@ -205,7 +205,7 @@ absl::Status follow(const std::string& job, const SlurmSolve& solve, const Desk&
   }
 }
 
-// FAILED_PRECONDITION: it holds other frames than the session has now.
+// FAILED_PRECONDITION: its frames differ from the session's current ones.
 absl::Status check_archive(const fs::path& archive, const v1::Session& session) {
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_any_manifest(archive));
   const Peer<v1::ArchiveService> node("camera node at " + session.archive_address(),
@@ -216,16 +216,16 @@ absl::Status check_archive(const fs::path& archive, const v1::Session& session) 
                       call(node, &v1::ArchiveService::Stub::GetManifest, request, kLongCallTimeout));
   if (archive_digest(manifest) == archive_digest(own.manifest())) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      fmt::format("{} is not the archive that session {} has now; remove it, or name another one",
+      fmt::format("{} is not the current archive of session {}; remove it, or name another one",
                   archive.string(), session.name()));
 }
 
-// The array that an earlier call left running, else a new one.
+// The array that an earlier call left running, otherwise a new one.
 absl::Status solve_parts(const SlurmSolve& solve, const Desk& desk, const fs::path& archive) {
   const absl::StatusOr<std::string> script = read_file(desk.script());
   if (script.ok() && *script != script_of(solve, desk, archive)) {
     return absl::FailedPreconditionError(
-        fmt::format("{} holds parts of another solve; remove it, or name another --directory",
+        fmt::format("{} contains parts of another solve; remove it, or name another --directory",
                     desk.directory().string()));
   }
   if (desk.missing().empty()) return absl::OkStatus();

@@ -1,5 +1,5 @@
-// Solves a session by an array of Slurm's jobs: parts of rows, each `glasswing-solver solve --rows`, which
-// need no daemon of ours. Slurm queues lost ones again.
+// Solves a session with a Slurm job array: parts of rows, each `glasswing-solver solve --rows`, without any
+// daemon. Slurm requeues lost ones.
 #pragma once
 
 #include <absl/status/status.h>
@@ -21,8 +21,8 @@ struct SlurmSolve {
   std::vector<std::string> sbatch;  // options for it
 };
 
-// Submits the parts that the directory lacks, follows them, joins them, and hands the matte to the server.
-// Shows progress. CANCELLED: Ctrl-C was pressed; the array goes on, and the same command takes it up.
+// Submits the parts missing in the directory, follows them, joins them, and hands the matte to the server.
+// Shows progress. CANCELLED: Ctrl-C was pressed; the array continues, and the same command resumes it.
 absl::Status solve_on_slurm(const Client& client, const SlurmSolve& solve);
 
 }  // namespace glasswing

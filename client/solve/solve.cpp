@@ -61,7 +61,8 @@ absl::Status solve(const Client& client, const SolveArguments& arguments) {
   return absl::OkStatus();
 }
 
-// The options of the method that the command line names, `solve --help gaussian` among it; else all names.
+// The options of the method that the command line names, including `solve --help gaussian`; otherwise all
+// names.
 std::string options_text(const SolveArguments& arguments) {
   const std::string& method = arguments.method.empty() ? arguments.session : arguments.method;
   std::string text;
@@ -81,19 +82,21 @@ std::string options_text(const SolveArguments& arguments) {
   return text;
 }
 
-// Of solves that need no solver of ours.
+// For solves outside the server's solvers.
 void add_cluster_options(CLI::App& command, SolveArguments& arguments) {
   CLI::Option* on =
-      command.add_option("--on", arguments.on, "solve in parts of rows, by an array of jobs of this cluster")
+      command.add_option("--on", arguments.on, "solve in parts of rows, with a job array on this cluster")
           ->check(CLI::IsMember({"slurm"}));
   SlurmSolve& slurm = arguments.slurm;
-  command.add_option("--parts", slurm.parts, "jobs of the array")
+  command.add_option("--parts", slurm.parts, "jobs in the array")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str()
       ->needs(on);
   command
-      .add_option("--directory", slurm.directory,
-                  "where parts and logs go, on a disk of all machines; default: glasswing-SESSION here")
+      .add_option(
+          "--directory", slurm.directory,
+          "directory for parts and logs, on a disk shared by all machines; default: glasswing-SESSION "
+          "here")
       ->check(output_directory())
       ->needs(on);
   command
@@ -107,7 +110,7 @@ void add_cluster_options(CLI::App& command, SolveArguments& arguments) {
       ->needs(on);
   command
       .add_option("--from", arguments.parts,
-                  "take the matte of these parts, which glasswing-solver solve --rows wrote on any cluster")
+                  "use the matte of these parts, which glasswing-solver solve --rows wrote on any cluster")
       ->type_name("FILE")
       ->excludes(on)
       ->excludes("--method")

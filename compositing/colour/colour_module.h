@@ -1,4 +1,4 @@
-// Colour spaces through OpenColorIO, which is in a module of ours that is loaded with the first one.
+// Colour spaces through OpenColorIO, which is in a separate module that is loaded with the first one.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,8 +17,8 @@ class ColourConversion {
 
 // What the module exports.
 struct ColourModule {
-  // A conversion between a space of a config (its file; empty: $OCIO) and linear Rec. 709, which the caller
-  // owns; or null, and what is wrong.
+  // A conversion between a space of a config (its file; empty: $OCIO) and linear Rec. 709, owned by the
+  // caller; or null, and the error.
   ColourConversion* (*conversion)(const std::string& config, const std::string& space, bool to_linear,
                                   std::string& error);
 };

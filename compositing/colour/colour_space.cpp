@@ -43,7 +43,7 @@ Imath::M44f rec709_of(const std::array<float, 8>& xy) {
          Imf::XYZtoRGB(rec709, 1.0f);
 }
 
-// Which known space a conversion to linear Rec. 709 starts from; null: another, or none of linear light.
+// Which known space a conversion to linear Rec. 709 starts from; null: a different one, or not linear light.
 const KnownSpace* find_known(const ColourConversion& to_linear) {
   constexpr float kTolerance = 1e-3f;  // configs' matrices have four digits or more
   const std::vector<Imath::V3f> probes{{1, 0, 0},          {0, 1, 0},    {0, 0, 1},

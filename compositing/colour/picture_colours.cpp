@@ -10,10 +10,10 @@ namespace glasswing {
 void add_colour_options(CLI::App& command, ColourArguments& arguments) {
   command
       .add_option("--ocio", arguments.both,
-                  "colour space of pictures read and written, of an OpenColorIO config: ACEScg")
+                  "colour space of input and output pictures, from an OpenColorIO config: ACEScg")
       ->type_name("SPACE");
-  command.add_option("--ocio-in", arguments.in, "the same of pictures read only")->type_name("SPACE");
-  command.add_option("--ocio-out", arguments.out, "the same of pictures written only")->type_name("SPACE");
+  command.add_option("--ocio-in", arguments.in, "the same, only for input pictures")->type_name("SPACE");
+  command.add_option("--ocio-out", arguments.out, "the same, only for output pictures")->type_name("SPACE");
   command.add_option("--ocio-config", arguments.config, "the OpenColorIO config; default: $OCIO")
       ->type_name("FILE");
 }

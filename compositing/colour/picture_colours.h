@@ -15,7 +15,7 @@
 
 namespace glasswing {
 
-// Names of colour spaces; empty: as the formats have them (image_file.h).
+// Names of colour spaces; empty: those of the formats (image_file.h).
 struct ColourArguments {
   std::string in, out, both;  // `both`: where `in` or `out` is not given
   std::string config;         // a file; empty: $OCIO
@@ -24,17 +24,17 @@ void add_colour_options(CLI::App& command, ColourArguments& arguments);
 
 class PictureColours {
  public:
-  // Errors as ColourSpace::open().
+  // Errors as in ColourSpace::open().
   static absl::StatusOr<PictureColours> open(const ColourArguments& arguments);
 
   // True if pictures are converted as they are read, or written.
   bool reads() const { return in_ != nullptr; }
   bool writes() const { return out_ != nullptr; }
 
-  // Reads linear Rec. 709, from the space of pictures read if there is one; else read_radiance().
+  // Reads linear Rec. 709, from the input space if there is one; otherwise read_radiance().
   absl::StatusOr<RadianceImage> read(const std::filesystem::path& path, Encoding encoding) const;
-  // Encodes linear Rec. 709, as a file of this name, in the space of pictures written if there is one, also
-  // in PNG and TIFF; else encode_radiance(), which tells what `coverage` does.
+  // Encodes linear Rec. 709, as a file of this name, in the output space if there is one, also in PNG and
+  // TIFF; otherwise encode_radiance(), which documents `coverage`.
   absl::StatusOr<std::string> encode(const std::filesystem::path& name, RadianceImage image,
                                      Encoding encoding, int bits, const PictureColour& colour,
                                      const RadianceImage* coverage = nullptr) const;

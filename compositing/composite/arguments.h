@@ -32,7 +32,7 @@ struct CompositeArguments {
   bool linear = false, exact = false;
   bool fill = false;    // pixels that are not solved, from their neighbours
   bool object = false;  // the object alone, with its coverage as alpha
-  // Of files of rays (composite_rays.h).
+  // For files of rays (composite_rays.h).
   std::vector<std::string> planes;
   std::string environment;
   double environment_turn_deg = 0.0;

@@ -23,7 +23,7 @@ absl::Status read_shift(const BackgroundArgument& argument, std::string_view opt
   const bool parsed = Scanner(text).number(dx_px).then(",").number(dy_px).done();
   if (parsed && std::abs(dx_px) <= kFarthest_px && std::abs(dy_px) <= kFarthest_px) return absl::OkStatus();
   return absl::InvalidArgumentError(fmt::format(
-      "{} is \"{}\"; it must be DX,DY: px of the monitor, right and down, as 12.5,-3", option, text));
+      "{} is \"{}\"; it must be DX,DY: px of the monitor, right and down, such as 12.5,-3", option, text));
 }
 
 }  // namespace
@@ -70,7 +70,7 @@ absl::StatusOr<Backdrop> Backdrop::open(const BackgroundArguments& arguments,
     }
     if (colours.reads() && is_video_file(background.file)) {
       return absl::InvalidArgumentError(
-          fmt::format("--background {} is a video, which is sRGB; --ocio and --ocio-in are of pictures",
+          fmt::format("--background {} is a video, which is sRGB; --ocio and --ocio-in apply to pictures",
                       background.file));
     }
     GW_ASSIGN_OR_RETURN(screen.picture, MovingPicture::open(background.file, read));

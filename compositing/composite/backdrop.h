@@ -46,8 +46,8 @@ class Backdrop {
   // True once all of those have started over.
   bool is_over() const;
   int announced_frames() const;  // of the longest; 0: not known
-  // What is known of the colours of a composite over them: linear Rec. 709 where the matte's monitors are
-  // calibrated, so that its channels become their primaries, and the pictures are of it.
+  // What is known about the colours of a composite over them: linear Rec. 709 if the matte's monitors are
+  // calibrated, so that its channels become their primaries, and the pictures are linear Rec. 709.
   PictureColour colour_of_composite() const;
 
  private:

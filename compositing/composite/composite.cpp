@@ -23,7 +23,7 @@
 namespace glasswing {
 namespace {
 
-// Says how many pixels are not solved, and what became of them.
+// Reports how many pixels are not solved, and how they were handled.
 void print_composite(const CommandLine& command_line, const CompositeArguments& arguments,
                      const RadianceImage& picture, const v1::MatteMetadata* metadata = nullptr,
                      const PixelCount& pixels = {}) {
@@ -48,7 +48,7 @@ void print_composite(const CommandLine& command_line, const CompositeArguments& 
   print_flagged(pixels);
 }
 
-// The output's name, or one that says what --format puts on standard output.
+// The output's name, or one with the suffix of --format for standard output.
 std::string picture_name(const CompositeArguments& arguments) {
   return arguments.output == kStandardOutput ? "standard output." + arguments.format : arguments.output;
 }
@@ -59,7 +59,7 @@ absl::Status check_outputs(const CompositeArguments& arguments) {
   if (!arguments.error.empty()) {
     if (!arguments.error.ends_with(".exr")) {
       return absl::InvalidArgumentError(
-          fmt::format("--error {} must be an .exr: other formats cannot say where the error is not known",
+          fmt::format("--error {} must be an .exr: other formats cannot mark where the error is not known",
                       arguments.error));
     }
     GW_RETURN_IF_ERROR(check_writable(arguments.error));
@@ -90,15 +90,15 @@ absl::Status composite_rays_still(const CommandLine& command_line, const Composi
   return absl::OkStatus();
 }
 
-// A matte looks at its monitors; what only rays can show is refused.
+// A matte shows only its monitors; what only rays can show is rejected.
 absl::Status check_matte_options(const CompositeArguments& arguments) {
   for (const auto& [given, option] : {std::pair{!arguments.planes.empty(), "--plane"},
                                       std::pair{!arguments.environment.empty(), "--environment"},
                                       std::pair{arguments.lossless, "--lossless"}}) {
     if (given) {
       return absl::InvalidArgumentError(fmt::format(
-          "{} is for rays; {} is not a file of them: glasswing rays makes one of the mattes of two depths",
-          option, arguments.matte));
+          "{} is for rays; {} is not a rays file: glasswing rays makes one from mattes at two depths", option,
+          arguments.matte));
     }
   }
   if (!arguments.backgrounds.pictures.empty()) return absl::OkStatus();
@@ -151,9 +151,8 @@ absl::Status composite_frames(const CommandLine& command_line, const CompositeAr
     add_notes(made.warnings, made.pixels, written);
     std::cout << written.dump(1) << "\n";
   } else {
-    std::cout << fmt::format(
-        "{}: {} frames{}\n", arguments.output, made.frames,
-        arguments.fill ? ", pixels that are not solved filled from their neighbours" : "");
+    std::cout << fmt::format("{}: {} frames{}\n", arguments.output, made.frames,
+                             arguments.fill ? ", unsolved pixels filled from their neighbours" : "");
     print_flagged(made.pixels);
   }
   return absl::OkStatus();
@@ -194,15 +193,14 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
   command
       .add_option(
           "--shift", arguments.backgrounds.shifts,
-          "[TEXTURE=]DX,DY: shift the picture by monitor px to the right and down; beyond its edges it goes "
-          "on as it ends (clamp)")
+          "[TEXTURE=]DX,DY: shift the picture by monitor px to the right and down; beyond its edges its edge "
+          "pixels continue (clamp)")
       ->allow_extra_args(false);
   command
       .add_option("--pan", arguments.backgrounds.pans, "[TEXTURE=]DX,DY: shift it further with every frame")
       ->allow_extra_args(false);
-  command.add_flag(
-      "--wrap", arguments.backgrounds.wraps,
-      "of --shift and --pan: beyond its edges the picture begins anew, as for a pan without end");
+  command.add_flag("--wrap", arguments.backgrounds.wraps,
+                   "for --shift and --pan: the picture repeats beyond its edges, for endless pans");
   command.add_option("--frames", arguments.frame_count, "number of frames, for one matte")
       ->check(CLI::Range(1, 1000000));
   command.add_option("--fps", arguments.frame_rate_hz, "frame rate of the written video, Hz")
@@ -225,31 +223,31 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
       "elsewhere all are 0");
   command.add_flag(
       "--object", arguments.object,
-      "the object alone, to lay over other pictures: coverage as alpha, R, G and B premultiplied in "
-      "an EXR, not in a PNG");
+      "the object alone, to put over other pictures: coverage as alpha, R, G and B premultiplied in an EXR, "
+      "not in a PNG");
   command.add_option("--crop", arguments.crop, kCropHelp);
   command.add_flag("--fill", arguments.fill,
-                   "fill pixels that are not solved, such as those that saw the id patch, from their "
-                   "neighbours");
+                   "fill unsolved pixels, such as those that see the id patch, from their neighbours");
   command
       .add_option("--plane", arguments.planes,
-                  "of rays: DEPTH_MM[:PICTURE], a picture this far from the camera, as large as the monitor; "
-                  "default: --background's; may be repeated, nearer ones hide others")
+                  "for rays: DEPTH_MM[:PICTURE], a picture at this distance from the camera, as large as the "
+                  "monitor; default: --background's; may be repeated, nearer ones hide others")
       ->allow_extra_args(false);
   command.add_option(
       "--environment", arguments.environment,
-      "of rays: a picture of all directions, equirectangular; its middle lies ahead of the camera");
+      "for rays: a picture of all directions, equirectangular; its centre is straight ahead of the camera");
   command
       .add_option("--environment-turn", arguments.environment_turn_deg,
-                  "turn the environment about the vertical, degrees; what lay ahead moves to the right")
+                  "turn the environment about the vertical, degrees; the view ahead moves to the right")
       ->check(CLI::Range(-3600.0, 3600.0));
   command.add_option("--environment-gain", arguments.environment_gain, "factor on the environment's light")
       ->check(CLI::Range(0.0f, 1e6f))
       ->capture_default_str();
   command.add_flag("--lossless", arguments.lossless,
-                   "the object absorbs nothing: light that no monitor showed is the environment's mean");
+                   "the object absorbs nothing: light that no monitor showed is taken from the environment's "
+                   "mean");
   command.add_flag("--exact", arguments.exact,
-                   "integrate every footprint, slowly; the default is within 0.002 rms of that");
+                   "integrate every footprint, slowly; the default is within 0.002 rms of this");
   add_colour_options(command, arguments.colours);
   command.add_flag("--linear", arguments.linear,
                    "PNG and TIFF values are linear radiance, value / full scale");
@@ -263,13 +261,12 @@ void add_composite_command(CLI::App& app, CommandLine& command_line) {
   command.footer(
       "Each picture is scaled to its monitor; monitors without one are black. TEXTURE is a monitor's name;\n"
       "default: the first monitor. EXR is linear radiance, 1.0 = the archive's full scale; PNG and TIFF are\n"
-      "sRGB. An EXR has A, 1 without --object. Of an EXR with several layers or parts, which one is taken is "
-      "said.\n\n"
+      "sRGB. An EXR has A, 1 without --object. For an EXR with several layers or parts, it says which one is "
+      "used.\n\n"
       "A directory of mattes (glasswing fetch VIDEO -o DIR/) gives one picture per frame, 0000.exr or\n"
       "0000.png, or a video file. A background may be a still, a directory of pictures, or a video file; "
       "the\n"
-      "latter two repeat. One matte gives a video, too, as long as its longest background, or of "
-      "--frames.\n\n"
+      "latter two repeat. One matte also gives a video, as long as its longest background, or --frames.\n\n"
       "Examples:\n"
       "  glasswing composite vase.exr --background harbour.png -o vase.png\n"
       "  glasswing composite vase.exr --background back=harbour.png --background left=quilt.png -o "

@@ -31,14 +31,14 @@ absl::StatusOr<PlaneArgument> parse_plane(const std::string& text) {
     if (rest == end || !plane.picture.empty()) return plane;
   }
   return absl::InvalidArgumentError(fmt::format(
-      "--plane is \"{}\"; it must be DEPTH_MM or DEPTH_MM:PICTURE, up to {} mm, as 850:harbour.png", text,
-      kMaxDepth_mm));
+      "--plane is \"{}\"; it must be DEPTH_MM or DEPTH_MM:PICTURE, up to {} mm, such as 850:harbour.png",
+      text, kMaxDepth_mm));
 }
 
 absl::Status check_options(const CompositeArguments& arguments) {
   const auto refuse = [&](bool given, std::string_view option) {
-    return given ? absl::InvalidArgumentError(
-                       fmt::format("{} holds rays, for which {} is not there", arguments.matte, option))
+    return given ? absl::InvalidArgumentError(fmt::format("{} contains rays, for which {} is not available",
+                                                          arguments.matte, option))
                  : absl::OkStatus();
   };
   const BackgroundArguments& backgrounds = arguments.backgrounds;
@@ -50,15 +50,15 @@ absl::Status check_options(const CompositeArguments& arguments) {
   GW_RETURN_IF_ERROR(refuse(arguments.fill, "--fill"));
   if (backgrounds.pictures.size() > 1) {
     return absl::InvalidArgumentError(fmt::format(
-        "--background is given {} times; rays take one, at the nearest depth that was captured, and any "
-        "number of --plane",
+        "--background is given {} times; rays take one, at the nearest captured depth, and any number of "
+        "--plane",
         backgrounds.pictures.size()));
   }
   if (arguments.lossless && arguments.environment.empty())
-    return absl::InvalidArgumentError("--lossless is about light of an --environment, which is not given");
+    return absl::InvalidArgumentError("--lossless needs an --environment, which is not given");
   if (backgrounds.pictures.empty() && arguments.planes.empty() && arguments.environment.empty())
     return absl::InvalidArgumentError(
-        "--background, --plane or --environment must say what stands behind the object");
+        "--background, --plane or --environment must give the picture behind the object");
   return absl::OkStatus();
 }
 
@@ -107,7 +107,7 @@ absl::StatusOr<ObjectPicture> composite_of_rays(const CompositeArguments& argume
     GW_ASSIGN_OR_RETURN(const BackgroundArgument background,
                         parse_background(arguments.backgrounds.pictures[0], rays.metadata.matte()));
     if (background.texture != 0)
-      return absl::InvalidArgumentError("--background of rays is a picture on the first monitor");
+      return absl::InvalidArgumentError("for rays, --background is a picture on the first monitor");
     behind = background.file;
   }
   bool taken = false;  // the background stands on a --plane
@@ -115,7 +115,7 @@ absl::StatusOr<ObjectPicture> composite_of_rays(const CompositeArguments& argume
     GW_ASSIGN_OR_RETURN(const PlaneArgument plane, parse_plane(text));
     if (plane.picture.empty() && behind.empty()) {
       return absl::InvalidArgumentError(
-          fmt::format("--plane {} names no picture, and there is no --background to stand there", text));
+          fmt::format("--plane {} names no picture, and there is no --background to put there", text));
     }
     taken = taken || plane.picture.empty();
     GW_RETURN_IF_ERROR(add_plane(plane.depth_mm, plane.picture.empty() ? behind : plane.picture));

@@ -11,10 +11,10 @@
 
 namespace glasswing {
 
-// True if the file begins as one of rays. Errors of reading it are left to those who read all of it.
+// True if the file begins like a rays file. Read errors are left to the code that reads all of it.
 bool holds_rays(const std::string& file);
 
-// One picture. INVALID_ARGUMENT: an option that rays do not take, a plane that is not of the form
+// One picture. INVALID_ARGUMENT: an option that rays do not support, a plane that is not of the form
 // DEPTH_MM[:PICTURE], or nothing to show.
 absl::StatusOr<ObjectPicture> composite_of_rays(const CompositeArguments& arguments,
                                                 const PictureColours& colours,

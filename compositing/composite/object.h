@@ -23,7 +23,7 @@
 
 namespace glasswing {
 
-// A composite, and the object's coverage of each pixel where the object alone is asked for; else empty.
+// A composite, and the object's coverage of each pixel if only the object is requested; otherwise empty.
 struct ObjectPicture {
   RadianceImage light, coverage;
 
@@ -31,10 +31,10 @@ struct ObjectPicture {
 };
 
 // Composites one matte over pictures, with the options of the arguments. Holds the matte's file rather than
-// the matte, which is several times as large; with --exact both.
+// the matte, which is several times as large; with --exact, both.
 class ObjectInFront {
  public:
-  // `pictures`: how many composites will be made; of many, preparation is kept.
+  // `pictures`: how many composites will be made; for many, the preparation is kept.
   enum class Pictures { kOne, kMany };
   static absl::StatusOr<ObjectInFront> create(const std::filesystem::path& matte,
                                               const CompositeArguments& arguments, Pictures pictures);
@@ -42,11 +42,11 @@ class ObjectInFront {
   const v1::MatteMetadata& metadata() const { return outline_.metadata; }
   absl::StatusOr<ObjectPicture> composite(const std::vector<RadianceImage>& backgrounds,
                                           const std::function<void(double)>& progress = nullptr);
-  // The pixels that are not solved; known after a composite.
+  // The unsolved pixels; known after a composite.
   std::int64_t unsolved_count() const { return std::ranges::count(unsolved_, 1); }
   // The same by flags.
   const PixelCount& pixels() const { return counted_->pixels; }
-  // The standard error that the frames' noise leaves in the composite (core/footprint/composite_error.h).
+  // The standard error of the composite due to the frames' noise (core/footprint/composite_error.h).
   absl::StatusOr<RadianceImage> error(const std::vector<RadianceImage>& backgrounds,
                                       const std::function<void(double)>& progress = nullptr) const;
 
@@ -56,7 +56,7 @@ class ObjectInFront {
   absl::Status prepare(Pictures pictures, bool exact);
   absl::StatusOr<RadianceImage> composite_whole(const std::vector<RadianceImage>& backgrounds,
                                                 const std::function<void(double)>& progress);
-  // Brightens the object's own light, and notes coverage and what is not solved.
+  // Brightens the object's own light, and records coverage and unsolved pixels.
   void take(Matte& rows);
 
   std::string file_;

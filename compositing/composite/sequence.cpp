@@ -31,7 +31,7 @@ absl::StatusOr<std::vector<fs::path>> mattes_in(const fs::path& directory) {
   }
   if (mattes.empty()) {
     return absl::NotFoundError(fmt::format(
-        "{}: it holds no mattes, 0000.exr and so on, as glasswing fetch VIDEO -o DIR/ writes them",
+        "{}: it contains no mattes, 0000.exr and so on, as glasswing fetch VIDEO -o DIR/ writes them",
         directory.string()));
   }
   std::ranges::sort(mattes, [](const fs::path& a, const fs::path& b) {
@@ -55,7 +55,7 @@ void note(const ObjectInFront& object, Composited& made) {
 absl::StatusOr<Composited> composite_mattes(const CompositeArguments& arguments) {
   if (arguments.frame_count > 0) {
     return absl::InvalidArgumentError(
-        fmt::format("--frames is for one matte; {} holds a matte for each frame", arguments.matte));
+        fmt::format("--frames is for one matte; {} contains a matte for each frame", arguments.matte));
   }
   GW_ASSIGN_OR_RETURN(const std::vector<fs::path> files, mattes_in(arguments.matte));
   GW_ASSIGN_OR_RETURN(Sink sink, Sink::create(arguments));
@@ -71,8 +71,9 @@ absl::StatusOr<Composited> composite_mattes(const CompositeArguments& arguments)
       GW_ASSIGN_OR_RETURN(backdrop,
                           Backdrop::open(arguments.backgrounds, first, sink.colours(), arguments.encoding()));
     } else if (!same_monitors(first, object.metadata())) {
-      return absl::InvalidArgumentError(fmt::format(
-          "{} has other monitors than {}; they are not of one video", files[i].string(), files[0].string()));
+      return absl::InvalidArgumentError(
+          fmt::format("{} has different monitors from {}; they do not belong to one video", files[i].string(),
+                      files[0].string()));
     }
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backdrop->next());
     GW_ASSIGN_OR_RETURN(const ObjectPicture picture, object.composite(*behind));
@@ -123,7 +124,7 @@ bool is_video(const CompositeArguments& arguments) {
 absl::StatusOr<Composited> composite_sequence(const CompositeArguments& arguments) {
   if (!arguments.error.empty()) {
     return absl::InvalidArgumentError(
-        "--error is of one picture; composite a single frame's matte over stills");
+        "--error is for one picture; composite a single frame's matte over stills");
   }
   return fs::is_directory(arguments.matte) ? composite_mattes(arguments) : composite_one_matte(arguments);
 }

@@ -1,4 +1,4 @@
-// Composites of many frames: of a directory with a matte for each frame, or of one matte over moving
+// Composites of many frames: for a directory with a matte for each frame, or for one matte over moving
 // backdrops.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-// True if the arguments ask for several pictures.
+// True if the arguments request several pictures.
 bool is_video(const CompositeArguments& arguments);
 
 struct Composited {

@@ -18,13 +18,13 @@ absl::StatusOr<Sink> Sink::create(const CompositeArguments& arguments) {
   if (is_video_output(arguments.output)) {
     if (sink.colours_.writes()) {
       return absl::InvalidArgumentError(fmt::format(
-          "{} is a video, which is sRGB; --ocio and --ocio-out are of pictures", arguments.output));
+          "{} is a video, which is sRGB; --ocio and --ocio-out apply to pictures", arguments.output));
     }
     if (arguments.object) {
-      return absl::InvalidArgumentError(
-          fmt::format("{} is a video, which has no alpha; --object is of pictures: a directory, with "
-                      "--format exr or png",
-                      arguments.output));
+      return absl::InvalidArgumentError(fmt::format(
+          "{} is a video, which has no alpha; --object needs pictures: a directory, with --format "
+          "exr or png",
+          arguments.output));
     }
     if (arguments.bits != 0 && arguments.bits != 8) {
       return absl::InvalidArgumentError(

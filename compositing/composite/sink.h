@@ -1,4 +1,4 @@
-// Where the composites of several frames go.
+// The destination of composites of several frames.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,11 +12,11 @@
 
 namespace glasswing {
 
-// Writes pictures into a directory, or frames of a video. Pictures that are written stay after a failure.
+// Writes pictures into a directory, or frames of a video. Written pictures are kept after a failure.
 class Sink {
  public:
-  // `arguments` must outlive it. INVALID_ARGUMENT: the output cannot hold several pictures, or not those
-  // asked for.
+  // `arguments` must outlive it. INVALID_ARGUMENT: the output cannot hold several pictures, or not the
+  // requested ones.
   static absl::StatusOr<Sink> create(const CompositeArguments& arguments);
 
   const PictureColours& colours() const { return colours_; }

@@ -24,11 +24,11 @@ namespace glasswing {
 namespace {
 
 constexpr const char* kLayer = kIdsPart;
-constexpr int kPerLayer = 2;  // pairs of id and share, in R G and B A
+constexpr int kPerLayer = 2;  // pairs of id and coverage, in R G and B A
 constexpr std::array<const char*, 4> kColours{"R", "G", "B", "A"};
 
 absl::Status check(std::span<const ObjectShares> objects, size_t pixels) {
-  if (objects.empty()) return absl::InvalidArgumentError("there is no object to tell from others");
+  if (objects.empty()) return absl::InvalidArgumentError("there is no object to distinguish");
   std::set<std::string> names;
   std::set<std::uint32_t> ids;
   for (const ObjectShares& object : objects) {
@@ -40,7 +40,7 @@ absl::Status check(std::span<const ObjectShares> objects, size_t pixels) {
       return absl::InvalidArgumentError(fmt::format("two objects are named \"{}\"", object.name));
     if (!ids.insert(cryptomatte_id(object.name)).second)
       return absl::InvalidArgumentError(
-          fmt::format("\"{}\" has the id of another name; one must be called differently", object.name));
+          fmt::format("\"{}\" has the same id as another name; rename one of them", object.name));
   }
   return absl::OkStatus();
 }
@@ -167,7 +167,7 @@ absl::StatusOr<Cryptomatte> read_cryptomatte(const std::filesystem::path& path) 
           channel.channel().type == Imf::FLOAT)
         ids.channels.emplace_back(channel.name());
     }
-    if (ids.channels.empty()) return bad("it is no Cryptomatte of 32 bits");
+    if (ids.channels.empty()) return bad("it is not a 32-bit Cryptomatte");
     Imf::FrameBuffer buffer;
     const size_t pixels = static_cast<size_t>(ids.width_px) * ids.height_px;
     ids.planes.resize(ids.channels.size(), std::vector<float>(pixels));

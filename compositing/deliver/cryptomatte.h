@@ -3,7 +3,7 @@
 //
 // Each pixel has pairs of an id and the share of the pixel that the object covers, the largest share first.
 // An id is the MurmurHash3 (x86, 32 bits, seed 0) of the object's name in UTF-8, as the bits of a float; bit
-// 23 is flipped where that would be no normal number. The header maps names to ids.
+// 23 is flipped if the result would not be a normal number. The header maps names to ids.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -28,24 +28,24 @@ struct ObjectShares {
   std::vector<float> share;
 };
 
-// For each layer of an EXR two of a pixel's objects are told; kMaxCryptomatteLayers hold the largest six.
+// Each layer of an EXR holds two of a pixel's objects; kMaxCryptomatteLayers hold the largest six.
 inline constexpr int kMaxCryptomatteLayers = 3;
 
-// The bytes of an EXR of 32 bits: channels R, G, B, A of layers "object00", "object01" ..., and R, G, B, A,
-// how much of each pixel all objects cover, to look at. INVALID_ARGUMENT: no object, a name that is empty or
-// there twice, two names of the same id, or shares that are not as many as the pixels.
+// The bytes of a 32-bit EXR: channels R, G, B, A of layers "object00", "object01" ..., and R, G, B, A, how
+// much of each pixel all objects cover, for viewing. INVALID_ARGUMENT: no object, an empty or repeated name,
+// two names with the same id, or shares whose number differs from the pixels.
 absl::StatusOr<std::string> encode_cryptomatte(std::span<const ObjectShares> objects, int width_px,
                                                int height_px);
 
-// A Cryptomatte of a whole picture: the layers of its file, and what its header says of them.
+// A Cryptomatte of a whole picture: the layers of its file, and what its header says about them.
 struct Cryptomatte {
   int width_px = 0, height_px = 0;
   std::map<std::string, std::string> attributes;  // "cryptomatte/..."
   std::vector<std::string> channels;              // sorted
   std::vector<std::vector<float>> planes;         // of each channel, by rows
 };
-// Reads the layers that the header names. DATA_LOSS names the file, if it cannot be read, is no Cryptomatte
-// of 32 bits, or its data window is not the picture. NOT_FOUND: there is no such file.
+// Reads the layers that the header names. DATA_LOSS names the file, if it cannot be read, is not a 32-bit
+// Cryptomatte, or its data window is not the picture. NOT_FOUND: there is no such file.
 absl::StatusOr<Cryptomatte> read_cryptomatte(const std::filesystem::path& file);
 
 }  // namespace glasswing

@@ -50,7 +50,7 @@ struct Extent {
   }
 };
 
-// A matte's rows as they are to be written: the preview is of primaries, where those are known.
+// A matte's rows as they are to be written: the preview is in primaries, if those are known.
 class Planes {
  public:
   Planes(const MatteOutline& outline, const PrimaryMix& mix)
@@ -86,7 +86,7 @@ class Planes {
   const int width_px_;
 };
 
-// What has to be known of all pixels before the first is written.
+// What has to be known about all pixels before the first is written.
 struct Survey {
   Extent object;
   HalfChannels halves;
@@ -122,7 +122,7 @@ absl::StatusOr<Survey> survey_of(std::string_view matte, const MatteOutline& out
   return survey;
 }
 
-// What the samples of a part are, as the Color Interop Forum names it.
+// The Color Interop Forum's name for the samples of a part.
 const char* colour_of(size_t part, bool primaries_known) {
   if (part >= kFirstModePart) return "data";
   return part == kPreviewPart && primaries_known ? "lin_rec709_scene" : "unknown";
@@ -131,8 +131,8 @@ const char* colour_of(size_t part, bool primaries_known) {
 std::string half_text(const std::vector<std::string>& layers) {
   return fmt::format(
       "16 bits: {}; each sample of light or of an error is within 2^-11 of itself, so a composite is within "
-      "2^-11 of the light that adds up to it; all others are exact. 32 bits: what 16 would move further, as "
-      "places and widths",
+      "2^-11 of the light that adds up to it; all others are exact. 32 bits: channels that 16 would change "
+      "more, such as places and widths",
       fmt::join(layers, ", "));
 }
 
@@ -272,7 +272,7 @@ class StripWriter {
   std::optional<Imf::MultiPartOutputFile> file_;
 };
 
-// Puts the checksums, which are known at last, where their places are kept in the headers.
+// Writes the checksums, which are only known at the end, into their reserved places in the headers.
 absl::Status put_checksums(const fs::path& path, std::uint64_t head_bytes, const std::string& rows,
                            const std::string& all) {
   std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
@@ -296,7 +296,7 @@ ExrWindow window_of(const MatteOutline& outline, const DeliveryOptions& options,
   return window;
 }
 
-// What was done to the matte itself, for its list of edits; empty: nothing was.
+// The edits of the matte itself, for its list of edits; empty: none.
 std::string edit_of(const DeliveryOptions& options, const Delivery& delivery) {
   std::vector<std::string> words;
   if (options.hug) words.emplace_back("hug");
@@ -309,7 +309,7 @@ absl::StatusOr<std::optional<Cryptomatte>> ids_of(const DeliveryOptions& options
   if (options.ids.empty()) return std::nullopt;
   GW_ASSIGN_OR_RETURN(Cryptomatte ids, read_cryptomatte(options.ids));
   if (ids.width_px == matte.width_px() && ids.height_px == matte.height_px()) return ids;
-  return absl::InvalidArgumentError(fmt::format("{} is of a picture of {}x{} px, the matte of one of {}x{}",
+  return absl::InvalidArgumentError(fmt::format("{} has a picture of {}x{} px, the matte one of {}x{}",
                                                 options.ids.string(), ids.width_px, ids.height_px,
                                                 matte.width_px(), matte.height_px()));
 }
@@ -329,8 +329,8 @@ std::vector<ExrPart> described_parts(const MatteOutline& outline, const std::str
   return parts;
 }
 
-// Puts the rows of a matte that lie in the window. `make_writer` opens the file. Returns the rows' checksums,
-// and the size of the file's head.
+// Writes the rows of a matte that are in the window. `make_writer` opens the file. Returns the rows'
+// checksums, and the size of the file's head.
 struct WrittenRows {
   std::string checksums;
   std::uint64_t head_bytes = 0;

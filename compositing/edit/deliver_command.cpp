@@ -55,23 +55,23 @@ absl::Status deliver(const CommandLine& command_line, const DeliverArguments& ar
 void add_matte_deliver_command(CLI::App& matte, CommandLine& command_line) {
   auto arguments = std::make_shared<DeliverArguments>();
   CLI::App& command = add_edit_command(
-      matte, command_line, "deliver",
-      "Write a matte's file as other programs take it: small, tiled, described.",
-      "The parts and layers are a matte's, and all verbs read the file. Its header says what its colours are "
-      "and what was left out, and has a thumbnail. Keep the matte itself: the server takes no such file.\n\n"
+      matte, command_line, "deliver", "Write a matte file for other programs: small, tiled, described.",
+      "The parts and layers are a matte's, and all verbs read the file. Its header describes its colours and "
+      "what was left out, and contains a thumbnail. Keep the matte itself: the server does not accept such a "
+      "file.\n\n"
       "Examples:\n"
       "  glasswing matte deliver vase.exr --half --hug -o vase_delivery.exr\n"
       "  glasswing matte deliver both.exr --half --ids both_ids.exr -o both_delivery.exr\n"
       "  glasswing matte deliver large.exr --half --tile 128 -o large_delivery.exr",
       arguments, deliver);
   command.add_flag("--half", arguments->options.half,
-                   "16 bits where they move no composite by more than 2^-11 of its light, as for weights and "
-                   "foreground; places and widths keep 32");
+                   "16 bits where that changes no composite by more than 2^-11 of its light, such as weights "
+                   "and foreground; places and widths keep 32");
   command.add_flag("--hug", arguments->options.hug,
                    "keep only the smallest rectangle that holds the object; the display window stays the "
                    "camera's picture");
   command.add_option("--ids", arguments->options.ids,
-                     "add which object each pixel shows: a Cryptomatte that merge --ids wrote");
+                     "add which object each pixel shows: a Cryptomatte written by merge --ids");
   command
       .add_option("--tile", arguments->options.tile_px, "write tiles of this side, px; default: scan lines")
       ->check(CLI::Range(kMinTile_px, kMaxTile_px));

@@ -18,7 +18,7 @@ struct EditArguments {
   std::string matte, output;
 };
 
-// Declares a verb with its matte and output, which `run` is called for.
+// Declares a verb with its matte and output, for which `run` is called.
 CLI::App& add_edit_command(CLI::App& matte, const std::string& name, const std::string& description,
                            const std::string& footer, EditArguments& arguments);
 template <typename Arguments>
@@ -33,19 +33,19 @@ CLI::App& add_edit_command(CLI::App& matte, CommandLine& command_line, const std
   return command;
 }
 
-// Reads the matte of an edit; a failure to come is seen before. INVALID_ARGUMENT: the output's name does not
+// Reads the matte of an edit; checks for later failures first. INVALID_ARGUMENT: the output's name does not
 // end in .exr. NOT_FOUND: its directory does not exist. Errors name the file.
 absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments);
 absl::Status check_edit_output(const std::string& output);
 
-// Whether an edit makes digits that errors hide, which are dropped (core/matte/matte_rounding.h).
+// Whether an edit creates digits below the errors, which are then dropped (core/matte/matte_rounding.h).
 enum class Digits { kAsTheyAre, kNew };
 
 // Reports a written matte: "OUT: 640x480" and `words` after it, or as JSON with the members of `figures`.
 void print_edited(const CommandLine& command_line, const std::string& output, int width_px, int height_px,
                   const std::string& words, const nlohmann::ordered_json& figures);
 
-// Writes the matte, with `edit` added to what was done to it ("crop 640x480+10+20"), and reports it.
+// Writes the matte, with `edit` added to its list of edits ("crop 640x480+10+20"), and reports it.
 absl::Status write_edited(const CommandLine& command_line, const std::string& output, Matte matte,
                           const std::string& edit, Digits digits, const std::string& words,
                           const nlohmann::ordered_json& figures);

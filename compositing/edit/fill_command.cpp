@@ -30,7 +30,7 @@ absl::Status fill_matte(const CommandLine& command_line, const FillArguments& ar
 void add_matte_fill_command(CLI::App& matte, CommandLine& command_line) {
   auto arguments = std::make_shared<FillArguments>();
   CLI::App& command =
-      add_edit_command(matte, command_line, "fill", "Fill pixels that are not solved from their neighbours.",
+      add_edit_command(matte, command_line, "fill", "Fill unsolved pixels from their neighbours.",
                        "Filled pixels are a guess, and flagged as filled: their errors are not known.\n\n"
                        "Examples:\n"
                        "  glasswing matte fill vase.exr -o filled.exr\n"

@@ -35,8 +35,8 @@ void add_matte_grade_command(CLI::App& matte, CommandLine& command_line) {
   auto arguments = std::make_shared<GradeArguments>();
   CLI::App& command = add_edit_command(
       matte, command_line, "grade", "Change the colour and brightness of an object.",
-      "Saturation comes first, then exposure and gain. Light passes the object by the weights of its modes; "
-      "the foreground is the object's own light.\n\n"
+      "Saturation comes first, then exposure and gain. Light that passes the object is in the weights of its "
+      "modes; the foreground is the object's own light.\n\n"
       "Examples:\n"
       "  glasswing matte grade vase.exr --exposure 0.5 -o brighter.exr\n"
       "  glasswing matte grade vase.exr --saturation 0 --only passing -o clear.exr\n"
@@ -44,7 +44,7 @@ void add_matte_grade_command(CLI::App& matte, CommandLine& command_line) {
       arguments, grade);
   command
       .add_option("--saturation", arguments->grade.saturation,
-                  "distance from gray: 0 none, 1 as it is, above 1 more")
+                  "distance from gray: 0 gray, 1 unchanged, above 1 more saturated")
       ->check(CLI::Range(0.0f, 100.0f))
       ->capture_default_str();
   command.add_option("--exposure", arguments->grade.exposure_stops, "stops: 1 is twice as bright")

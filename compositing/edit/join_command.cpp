@@ -38,14 +38,12 @@ absl::Status join(const CommandLine& command_line, const JoinArguments& argument
 }  // namespace
 
 void add_matte_join_command(CLI::App& matte, CommandLine& command_line) {
-  CLI::App& command = *matte.add_subcommand("join", "Join parts of rows that were solved apart to a matte.");
+  CLI::App& command = *matte.add_subcommand("join", "Join separately solved parts of rows into a matte.");
   command.footer(
-      "glasswing-solver solve ARCHIVE --rows K/N -o part-K.exr writes part K of N, on any machine that reads "
-      "the archive. The "
-      "joined "
-      "file is the one of a single process, byte for byte. The parts come in any order; rows that are "
-      "missing "
-      "or doubled are refused by name, as are parts of another archive, method, option or version.\n\n"
+      "glasswing-solver solve ARCHIVE --rows K/N -o part-K.exr writes part K of N, on any machine that can "
+      "read the archive. The joined file equals that of a single process, byte for byte. The parts may be in "
+      "any order; missing or duplicate rows are rejected by name, as are parts of another archive, method, "
+      "option or version.\n\n"
       "Example:\n"
       "  glasswing matte join part-*.exr -o vase.exr");
   auto arguments = std::make_shared<JoinArguments>();

@@ -8,8 +8,7 @@ void add_matte_command(CLI::App& app, CommandLine& command_line) {
       "Edit mattes: crop, resize, flip, grade, merge, join or fill them; deliver them to other programs.");
   matte.require_subcommand(1);
   matte.footer(
-      "A composite of the edited matte is the edited composite of the matte. The file says what was done to "
-      "it.\n\n"
+      "Compositing the edited matte gives the edited composite. The file records its edits.\n\n"
       "Examples:\n"
       "  glasswing matte resize vase.exr 1920x1080 -o vase_hd.exr\n"
       "  glasswing matte merge vase.exr glass.exr -o both.exr\n"

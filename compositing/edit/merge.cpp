@@ -29,8 +29,8 @@ std::string footprint_of(const Matte& matte) {
 
 absl::Status check_alike(const Matte& front, const Matte& back) {
   const auto refuse = [](std::string_view what) {
-    return absl::InvalidArgumentError(
-        fmt::format("the mattes differ in {}; both must be of one camera before the same monitors", what));
+    return absl::InvalidArgumentError(fmt::format(
+        "the mattes differ in {}; both must be from one camera in front of the same monitors", what));
   };
   if (front.width_px() != back.width_px() || front.height_px() != back.height_px()) {
     return refuse(fmt::format("size, {}x{} and {}x{}", front.width_px(), front.height_px(), back.width_px(),
@@ -45,7 +45,7 @@ absl::Status check_alike(const Matte& front, const Matte& back) {
   if (footprint_of(front) != footprint_of(back))
     return refuse(fmt::format("footprint, {} and {}", footprint_of(front), footprint_of(back)));
   if (!are_equal(a.crosstalk(), b.crosstalk())) return refuse("crosstalk of camera and monitors");
-  if (a.linearised() != b.linearised()) return refuse("calibration: one has light, the other codes");
+  if (a.linearised() != b.linearised()) return refuse("calibration: one contains light, the other codes");
   return absl::OkStatus();
 }
 
@@ -56,7 +56,7 @@ class Merge {
     find_free();
   }
 
-  // The modes of a pixel that both cover, or back and what passes beside front.
+  // The modes of a pixel that both cover, or back and the light that passes beside front.
   void collect(int x, int y, int channel, std::vector<Mode>& modes) const {
     const float beside = 1.0f - front_.coverage(x, y);
     modes.clear();
@@ -69,7 +69,7 @@ class Merge {
     }
     reduce_modes(modes, kMaxModes, boxes_);
   }
-  // Whether it is known what passes beside it.
+  // Whether the light that passes beside it is known.
   bool is_known(int x, int y) const { return free_[index(x, y)] != kNone; }
 
  private:
@@ -77,7 +77,7 @@ class Merge {
 
   size_t index(int x, int y) const { return static_cast<size_t>(y) * front_.width_px() + x; }
 
-  // Of each pixel, the nearest that front leaves free, as steps to the four neighbours go.
+  // For each pixel, the nearest one that front leaves free, counted in steps to the four neighbours.
   void find_free() {
     const int width = front_.width_px(), height = front_.height_px();
     free_.assign(static_cast<size_t>(width) * height, kNone);
@@ -124,7 +124,7 @@ class Merge {
   std::vector<size_t> free_;
 };
 
-// The metadata of both; what only one was fitted to is left out.
+// The metadata of both; data that only one was fitted to is left out.
 v1::MatteMetadata both(const v1::MatteMetadata& front, const v1::MatteMetadata& back) {
   v1::MatteMetadata metadata = front;
   if (!are_equal(front.sweeps(), back.sweeps()) || !are_equal(front.lit_pictures(), back.lit_pictures())) {

@@ -24,7 +24,7 @@ struct MergeArguments {
   std::string ids;  // a file; empty: none
 };
 
-// Puts an object in front of those that are there.
+// Puts an object in front of the existing ones.
 void add_in_front(const std::string& file, const Matte& front, std::vector<ObjectShares>& objects) {
   ObjectShares& added = *objects.insert(objects.begin(), ObjectShares{front.metadata.session(), {}});
   if (added.name.empty()) added.name = std::filesystem::path(file).stem().string();
@@ -38,7 +38,7 @@ void add_in_front(const std::string& file, const Matte& front, std::vector<Objec
   }
 }
 
-// Objects of one session, say edits of one matte, are called as their files are.
+// Objects of one session, for example edits of one matte, are named after their files.
 void tell_apart(const std::vector<std::string>& files, std::vector<ObjectShares>& objects) {
   std::set<std::string> names;
   for (const ObjectShares& object : objects) names.insert(object.name);
@@ -72,12 +72,13 @@ absl::Status merge(const CommandLine& command_line, const MergeArguments& argume
 }  // namespace
 
 void add_matte_merge_command(CLI::App& matte, CommandLine& command_line) {
-  CLI::App& command = *matte.add_subcommand("merge", "Put objects that were captured apart into one matte.");
+  CLI::App& command = *matte.add_subcommand("merge", "Put separately captured objects into one matte.");
   command.footer(
-      "The first matte is in front; each hides the next as far as it covers a pixel. All must be of one "
-      "camera before the same monitors. One object is not seen through another: each was captured alone.\n\n"
-      "With --ids a Cryptomatte file says which object each pixel shows, so that compositors pick one by its "
-      "name: that of its session, or of its file.\n\n"
+      "The first matte is in front; each hides the next as far as it covers a pixel. All must be from one "
+      "camera in front of the same monitors. One object is not seen through another: each was captured "
+      "alone.\n\n"
+      "With --ids a Cryptomatte file records which object each pixel shows, so that compositors can pick one "
+      "by name: that of its session, or of its file.\n\n"
       "Examples:\n"
       "  glasswing matte merge vase.exr glass.exr -o both.exr\n"
       "  glasswing matte merge vase.exr glass.exr -o both.exr --ids both_ids.exr");

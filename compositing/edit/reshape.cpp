@@ -17,7 +17,7 @@
 namespace glasswing {
 namespace {
 
-// Modes collected before they are reduced to half: the time that takes grows with their square.
+// Modes collected before they are reduced to half: the time for that grows with their square.
 constexpr size_t kMaxCollected = 64;
 
 // "RGGB" of a picture that begins (dx, dy) sites later.
@@ -30,7 +30,7 @@ void shift_mosaic(v1::MatteMetadata& metadata, int dx, int dy) {
   }
 }
 
-// What of the pixels of a line falls into one of another number of pixels; shares sum to 1.
+// The shares of a line's pixels that fall into each pixel of a line of different length; shares sum to 1.
 struct Share {
   int from = 0;
   float share = 0.0f;
@@ -54,7 +54,7 @@ class Mean {
   Mean(const Matte& matte, int max_modes)
       : matte_(matte), boxes_(matte.metadata.footprint() == kBoxFootprint), max_modes_(max_modes) {}
 
-  // Sets a pixel of `out`; returns the most modes of a channel.
+  // Sets a pixel of `out`; returns the maximum number of modes of a channel.
   int put(const std::vector<Share>& columns, const std::vector<Share>& rows, Matte& out, int x, int y) {
     for (const Share& row : rows) {
       for (const Share& column : columns) {
@@ -138,7 +138,7 @@ absl::StatusOr<Matte> resized(const Matte& matte, int width_px, int height_px, i
   const int monitors = matte.metadata.monitors_size();
   if (max_modes < monitors || max_modes < 1 || max_modes > kMaxModes) {
     return absl::InvalidArgumentError(
-        fmt::format("{} modes are asked for; a matte of {} monitors has {} to {}", max_modes, monitors,
+        fmt::format("{} modes are requested; a matte with {} monitors has {} to {}", max_modes, monitors,
                     std::max(1, monitors), kMaxModes));
   }
   const auto columns = shares_of(matte.width_px(), width_px), rows = shares_of(matte.height_px(), height_px);

@@ -59,22 +59,21 @@ void add_matte_crop_command(CLI::App& matte, CommandLine& command_line) {
                    "  glasswing matte crop vase.exr 640x480+100+50 -o part.exr",
                    arguments, crop)
       .add_option("region", arguments->to,
-                  "WIDTHxHEIGHT+X+Y: px of the camera's picture, from its top left corner")
+                  "WIDTHxHEIGHT+X+Y: px of the camera's picture, from its top-left corner")
       ->required();
 }
 
 void add_matte_resize_command(CLI::App& matte, CommandLine& command_line) {
   auto arguments = std::make_shared<ReshapeArguments>();
   CLI::App& command = add_edit_command(
-      matte, command_line, "resize", "Resize a matte by area, as a picture.",
-      "A pixel keeps the modes of all pixels that it joins; where they are more than --modes, those are "
-      "merged whose light is most alike. Errors of its composites are not known any more, those of its "
-      "modes are.\n\n"
+      matte, command_line, "resize", "Resize a matte by area, like a picture.",
+      "A pixel keeps the modes of all pixels that it combines; if there are more than --modes, the most "
+      "similar ones are merged. The errors of its composites are no longer known, those of its modes are.\n\n"
       "Examples:\n"
       "  glasswing matte resize vase.exr 960x540 -o half.exr",
       arguments, resize);
   command.add_option("size", arguments->to, "WIDTHxHEIGHT of the result, px")->required();
-  command.add_option("--modes", arguments->max_modes, "modes of a pixel's channel at most")
+  command.add_option("--modes", arguments->max_modes, "maximum modes per pixel and channel")
       ->check(CLI::Range(1, kMaxModes))
       ->capture_default_str();
 }
@@ -83,7 +82,7 @@ void add_matte_flip_command(CLI::App& matte, CommandLine& command_line) {
   auto arguments = std::make_shared<ReshapeArguments>();
   add_edit_command(matte, command_line, "flip",
                    "Exchange left and right of the camera's picture, or top and bottom.",
-                   "The monitors stay as they are.\n\n"
+                   "The monitors are not changed.\n\n"
                    "Examples:\n"
                    "  glasswing matte flip vase.exr x -o mirrored.exr",
                    arguments, flip)

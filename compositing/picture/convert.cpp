@@ -38,8 +38,9 @@ absl::Status convert(const CommandLine& command_line, const ConvertArguments& ar
 void add_convert_command(CLI::App& app, CommandLine& command_line) {
   CLI::App& command = *app.add_subcommand("convert", "Convert a frame or a picture into one for viewing.");
   command.footer(
-      "The output is sRGB (PNG, TIFF) or linear (EXR), or of --ocio-out. An EXR says in its header what is\n"
-      "known of its colours.\n\n"
+      "The output is sRGB (PNG, TIFF) or linear (EXR), or in the space of --ocio-out. An EXR records in its "
+      "header what is\n"
+      "known about its colours.\n\n"
       "Examples:\n"
       "  glasswing convert --linear archive/frames/000310.tif look.png\n"
       "  glasswing convert harbour.png harbour.exr --ocio-config studio.ocio --ocio-out ACEScg");
@@ -48,7 +49,7 @@ void add_convert_command(CLI::App& app, CommandLine& command_line) {
   command.add_option("output", arguments->output, "the picture to write: .png, .tif or .exr")->required();
   command.add_option("--crop", arguments->crop, kCropHelp);
   command.add_flag("--linear", arguments->linear,
-                   "the input's PNG or TIFF values are linear radiance, as frames are");
+                   "the input's PNG or TIFF values are linear radiance, as in frames");
   add_colour_options(command, arguments->colours);
   command.callback([&command_line, arguments] {
     command_line.run = [&command_line, arguments] { return convert(command_line, *arguments); };

@@ -38,7 +38,7 @@ absl::StatusOr<MovingPicture> MovingPicture::open(const fs::path& path, PictureR
     }
     if (picture.files_.empty())
       return absl::NotFoundError(
-          fmt::format("{}: it holds no picture (PNG, JPEG, TIFF or EXR)", path.string()));
+          fmt::format("{}: it contains no picture (PNG, JPEG, TIFF or EXR)", path.string()));
     std::ranges::sort(picture.files_);
   } else if (is_video_file(path)) {
     GW_ASSIGN_OR_RETURN(picture.video_, VideoReader::open(path));
@@ -64,7 +64,7 @@ absl::StatusOr<RadianceImage> MovingPicture::next() {
     frame = video_->next();
   }
   if (!frame)
-    return absl::DataLossError(fmt::format("{}: not one picture of it can be decoded", path_.string()));
+    return absl::DataLossError(fmt::format("{}: none of its pictures can be decoded", path_.string()));
   return light_of(*frame);
 }
 

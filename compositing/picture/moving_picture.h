@@ -19,10 +19,10 @@ using PictureReader = std::function<absl::StatusOr<RadianceImage>(const std::fil
 
 class MovingPicture {
  public:
-  // `read`: of pictures; videos are sRGB. NOT_FOUND: no such file, or a directory without pictures.
+  // `read`: for pictures; videos are sRGB. NOT_FOUND: no such file, or a directory without pictures.
   static absl::StatusOr<MovingPicture> open(const std::filesystem::path& path, PictureReader read);
 
-  // What is known of the (first) picture's colours, if it is read by read_radiance().
+  // What is known about the (first) picture's colours, if it is read by read_radiance().
   PictureColour colour(Encoding encoding) const;
 
   // The still, the first picture of a directory, or the video.
@@ -30,7 +30,7 @@ class MovingPicture {
   bool is_still() const { return files_.size() == 1; }
   // True once next() has started over.
   bool has_begun_again() const { return begun_again_; }
-  // Number of pictures before it starts over; 0: not known.
+  // Number of pictures before it starts over; 0: unknown.
   int announced_frames() const {
     return video_ ? video_->announced_frames() : static_cast<int>(files_.size());
   }

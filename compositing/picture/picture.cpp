@@ -102,7 +102,7 @@ absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::s
                       left <= picture.width_px - width && top <= picture.height_px - height;
   if (!inside) {
     return absl::InvalidArgumentError(
-        fmt::format("--crop is {}; it must be WIDTHxHEIGHT+X+Y and lie within the picture, which is {}x{}",
+        fmt::format("--crop is {}; it must be WIDTHxHEIGHT+X+Y and be within the picture, which is {}x{}",
                     region, picture.width_px, picture.height_px));
   }
   RadianceImage part(width, height, picture.channels);

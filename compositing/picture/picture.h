@@ -1,4 +1,4 @@
-// Picture files of the verbs that need no server.
+// Picture files for the verbs that need no server.
 #pragma once
 
 #include <absl/status/status.h>
@@ -21,18 +21,18 @@ void print_written(const CommandLine& command_line, const std::string& file, int
 // bits (0: the default). NOT_FOUND: its directory does not exist.
 absl::Status check_output(const std::filesystem::path& output, int bits = 0);
 
-// Says on standard error which layer of a picture is read, where it is not the plain one.
+// Says on standard error which layer of a picture is read, if it is not the default one.
 void tell_layer(const std::filesystem::path& file);
 
 // An error with the file's name before it.
 absl::Status in_file(const std::string& file, const absl::Status& status);
 
 // Reads a picture as radiance. A frame of a calibrated archive is linearised by the archive's calibrations,
-// like the composite of its matte; any other picture by `encoding`. Errors: as read_radiance(), and of the
+// like the composite of its matte; any other picture by `encoding`. Errors: as in read_radiance(), and of the
 // calibrations.
 absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding);
-// The same, with what is known of its colours; a picture that is no frame by `colours`. INVALID_ARGUMENT,
-// too: they are to convert a frame, whose colours are the camera's.
+// The same, with what is known about its colours; a picture that is not a frame is read by `colours`.
+// Also INVALID_ARGUMENT: they would convert a frame, whose colours are the camera's.
 struct CapturedPicture {
   RadianceImage light;
   PictureColour colour;
@@ -43,11 +43,11 @@ absl::StatusOr<CapturedPicture> read_picture(const std::filesystem::path& file, 
 // The region "WIDTHxHEIGHT+X+Y" of a picture, px from its top-left corner; all of it if `region` is empty.
 // INVALID_ARGUMENT: `region` is not of that form, or reaches beyond the picture.
 absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::string& region);
-// Shifts the picture by dx px right and dy px down, interpolating linearly. Beyond its edges it goes on as it
-// ends (clamp), or, if it wraps, begins anew.
+// Shifts the picture by dx px right and dy px down, interpolating linearly. Beyond its edges its edge pixels
+// continue (clamp), or it repeats if it wraps.
 RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px, bool wraps);
 
 inline constexpr const char* kCropHelp =
-    "WIDTHxHEIGHT+X+Y: write only this region, px from the top left corner";
+    "WIDTHxHEIGHT+X+Y: write only this region, px from the top-left corner";
 
 }  // namespace glasswing

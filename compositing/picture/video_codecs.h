@@ -1,5 +1,5 @@
-// Videos through OpenCV. Its videoio links FFmpeg, GStreamer and two hundred libraries more, so it is in a
-// module of ours that is loaded with the first video.
+// Videos through OpenCV. Its videoio links FFmpeg, GStreamer and two hundred more libraries, so it is in a
+// separate module that is loaded with the first video.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -10,7 +10,7 @@
 
 namespace glasswing {
 
-// What the module exports: objects, opened or not, that the caller owns.
+// What the module exports: objects, opened or not, owned by the caller.
 struct VideoCodecs {
   cv::VideoCapture* (*reader)(const std::string& path);
   cv::VideoWriter* (*writer)(const std::string& path, std::array<char, 4> codec, double frame_rate_hz,

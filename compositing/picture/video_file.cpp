@@ -66,7 +66,7 @@ class VideoEncoder : public VideoWriter::Encoder {
   std::unique_ptr<cv::VideoWriter> writer_;
 };
 
-// A WebP that repeats for ever.
+// A WebP that repeats forever.
 class AnimationEncoder : public VideoWriter::Encoder {
  public:
   AnimationEncoder(std::filesystem::path file, cv::Size size, double frame_rate_hz)
@@ -151,8 +151,7 @@ absl::StatusOr<VideoReader> VideoReader::open(const std::filesystem::path& path)
   VideoReader reader;
   reader.capture_.reset(codecs->reader(path.string()));
   if (!reader.capture_->isOpened())
-    return absl::DataLossError(
-        fmt::format("{}: it is damaged or no video that can be decoded", path.string()));
+    return absl::DataLossError(fmt::format("{}: it is damaged or not a decodable video", path.string()));
   const double rate = reader.capture_->get(cv::CAP_PROP_FPS),
                count = reader.capture_->get(cv::CAP_PROP_FRAME_COUNT);
   reader.frame_rate_hz_ = std::isfinite(rate) && rate > 0.0 ? rate : 0.0;

@@ -52,7 +52,7 @@ class VideoWriter {
   VideoWriter& operator=(VideoWriter&&) = delete;
   ~VideoWriter();
 
-  // `picture`: linear radiance. INVALID_ARGUMENT: it has another size. INTERNAL: it cannot be encoded.
+  // `picture`: linear radiance. INVALID_ARGUMENT: its size differs. INTERNAL: it cannot be encoded.
   absl::Status add(const RadianceImage& picture);
   // Call after the last picture. Errors: of the file; INTERNAL.
   absl::Status finish();

@@ -13,8 +13,8 @@
 
 namespace glasswing {
 
-// Reads the matte that a word of the command line names: a file, or what else the program knows by name.
-// `output`: the file that the command writes; what must be fetched lies beside it meanwhile.
+// Reads the matte named on the command line: a file, or something else that the program knows by name.
+// `output`: the file that the command writes; fetched files are kept beside it temporarily.
 using ReadMatte =
     std::function<absl::StatusOr<Matte>(const std::string& name, const std::filesystem::path& output)>;
 

@@ -23,17 +23,16 @@ struct RaysArguments {
   double object_depth_mm = 0.0;
 };
 
-// A pose that was calibrated with the monitor elsewhere on its rail is another one.
+// A pose that was calibrated with the monitor elsewhere on its rail is a different pose.
 absl::Status check_positions(const Matte& matte, const v1::RigGeometry& geometry, const std::string& name) {
   for (const v1::Monitor& monitor : matte.metadata.monitors()) {
     const absl::StatusOr<const v1::MonitorPose*> pose = find_pose(geometry, name, monitor.name());
     if (!pose.ok() || !monitor.has_rail_mm() || !(*pose)->has_rail_mm()) continue;
     if (monitor.rail_mm() == (*pose)->rail_mm()) continue;
-    return absl::FailedPreconditionError(
-        fmt::format("monitor \"{}\" stood at {} mm of its rail for session {}, and pose \"{}\" is of it at "
-                    "{} mm; name the "
-                    "pose with --poses",
-                    monitor.name(), monitor.rail_mm(), matte.metadata.session(), name, (*pose)->rail_mm()));
+    return absl::FailedPreconditionError(fmt::format(
+        "monitor \"{}\" was at {} mm on its rail for session {}, but pose \"{}\" has it at {} mm; "
+        "name the pose with --poses",
+        monitor.name(), monitor.rail_mm(), matte.metadata.session(), name, (*pose)->rail_mm()));
   }
   return absl::OkStatus();
 }
@@ -42,7 +41,7 @@ absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const v1::RigGeometry geometry, read_geometry(arguments.geometry));
   if (arguments.mattes.size() > 2) {
     return absl::InvalidArgumentError(
-        fmt::format("there are {} mattes; rays take two, of two depths, or one", arguments.mattes.size()));
+        fmt::format("there are {} mattes; rays take two, at two depths, or one", arguments.mattes.size()));
   }
   std::vector<std::string> poses = arguments.poses;
   GW_ASSIGN_OR_RETURN(const Matte one, arguments.read(arguments.mattes[0], arguments.output));
@@ -55,16 +54,15 @@ absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
   if (arguments.mattes.size() == 1) {
     if (!(arguments.object_depth_mm > 0.0)) {
       return absl::InvalidArgumentError(
-          "one matte does not say where light goes; --object-depth must say how many mm from the camera the "
-          "object "
-          "stands, for a far environment as an approximation; or give a second matte");
+          "one matte does not determine directions; give --object-depth, the object's distance from the "
+          "camera in mm, for an approximate far environment; or give a second matte");
     }
     const std::string pose = poses.empty() ? one.metadata.session() : poses[0];
     GW_RETURN_IF_ERROR(check_positions(one, geometry, pose));
     return far_light_rays(one, geometry, pose, arguments.object_depth_mm);
   }
   if (arguments.object_depth_mm > 0.0)
-    return absl::InvalidArgumentError("--object-depth is for one matte; two show where light goes");
+    return absl::InvalidArgumentError("--object-depth is for one matte; two determine directions");
   GW_ASSIGN_OR_RETURN(const Matte other, arguments.read(arguments.mattes[1], arguments.output));
   if (poses.empty()) poses = {one.metadata.session(), other.metadata.session()};
   GW_RETURN_IF_ERROR(check_positions(one, geometry, poses[0]));
@@ -72,7 +70,7 @@ absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
   return match_rays(one, other, geometry, poses);
 }
 
-// Where the monitors stood, by what the geometry says.
+// Where the monitors were, according to the geometry.
 std::vector<const v1::MonitorPose*> poses_of(const v1::RayMetadata& metadata) {
   std::vector<const v1::MonitorPose*> poses;
   for (const std::string& name : metadata.poses()) {
@@ -133,7 +131,8 @@ absl::Status write_rays(const CommandLine& command_line, const RaysArguments& ar
   };
   line("through two measured places", counts.matched(), counts.matched_weight());
   line("ambiguous: another match is as likely", counts.ambiguous(), counts.ambiguous_weight());
-  line("seen at one depth, direction by its neighbours", counts.extrapolated(), counts.extrapolated_weight());
+  line("seen at one depth, direction from its neighbours", counts.extrapolated(),
+       counts.extrapolated_weight());
   line("seen at one depth, direction not known", counts.unknown(), counts.unknown_weight());
   return absl::OkStatus();
 }
@@ -141,13 +140,15 @@ absl::Status write_rays(const CommandLine& command_line, const RaysArguments& ar
 }  // namespace
 
 void add_rays_command(CLI::App& app, CommandLine& command_line, ReadMatte read) {
-  CLI::App& command = *app.add_subcommand(
-      "rays", "Turn mattes of one object before monitors at two depths into rays, for any surroundings.");
+  CLI::App& command =
+      *app.add_subcommand("rays",
+                          "Turn mattes of one object in front of monitors at two depths into rays, for any "
+                          "surroundings.");
   command.footer(
-      "The geometry says how the camera looks and where the monitors stood (docs/rays.md). Each matte takes\n"
-      "the pose named as its session, or those of --poses. The output is for glasswing composite with\n"
+      "The geometry describes the camera and the monitors' poses (docs/rays.md). Each matte uses\n"
+      "the pose named after its session, or those of --poses. The output is for glasswing composite with\n"
       "--environment and --plane; its layers ray.origin and ray.direction are for other programs.\n\n"
-      "One matte and --object-depth give an approximation, which says so: light from far away.\n\n"
+      "One matte and --object-depth give an approximation, which is marked as such: light from far away.\n\n"
       "Examples:\n"
       "  glasswing rays near.exr far.exr --geometry rig.txtpb -o rays.exr\n"
       "  glasswing rays near far --geometry rig.txtpb -o rays.exr\n"
@@ -164,10 +165,10 @@ void add_rays_command(CLI::App& app, CommandLine& command_line, ReadMatte read) 
   command.add_option("-o,--output", arguments->output, "the OpenEXR file to write, or - for standard output")
       ->required()
       ->check(output_file({".exr", kStandardOutput}));
-  command.add_option("--poses", arguments->poses, "the pose of each matte; default: named as its session")
+  command.add_option("--poses", arguments->poses, "the pose of each matte; default: named after its session")
       ->delimiter(',');
   command.add_option("--object-depth", arguments->object_depth_mm,
-                     "with one matte: how far from the camera the object stands, mm");
+                     "with one matte: the object's distance from the camera, mm");
   command.callback([&command_line, arguments] {
     command_line.run = [&command_line, arguments] { return write_rays(command_line, *arguments); };
   });

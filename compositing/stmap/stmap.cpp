@@ -49,28 +49,27 @@ absl::Status write_stmap(const CommandLine& command_line, const StmapArguments& 
 
 void add_stmap_command(CLI::App& app, CommandLine& command_line) {
   CLI::App& command = *app.add_subcommand(
-      "stmap", "Write one path of a matte as an STMap, by which compositing programs warp a picture.");
+      "stmap", "Write one path of a matte as an STMap, with which compositing programs warp a picture.");
   command.footer(
       "R and G are the position on the monitor, 0 to 1 from its bottom left corner; B and A are 1 where "
       "there\n"
-      "is one. Layer weight is the fraction of the light that arrives, blur the width of the path in "
-      "monitor\n"
-      "pixels. glasswing composite uses all paths and widths of a matte.\nOpenImageIO warps by it with: "
-      "oiiotool PICTURE vase_st.exr "
-      "--st_warp:flip_t=1 -o WARPED\n\n"
+      "is one. Layer weight is the fraction of the light that reaches the camera, blur the width of the path "
+      "in monitor\n"
+      "pixels. glasswing composite uses all paths and widths of a matte.\nOpenImageIO applies it with: "
+      "oiiotool PICTURE vase_st.exr --st_warp:flip_t=1 -o WARPED\n\n"
       "Examples:\n"
       "  glasswing stmap vase.exr -o vase_st.exr\n"
       "  glasswing stmap vase.exr --path 2 -o vase_reflection_st.exr\n"
       "  glasswing stmap vase.exr --monitor left --channel b -o vase_left_b.exr");
   auto arguments = std::make_shared<StmapArguments>();
-  command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
+  command.add_option("matte", arguments->matte, "a matte from glasswing fetch")->required();
   command.add_option("-o,--output", arguments->output, "the OpenEXR file to write, or - for standard output")
       ->required()
       ->check(output_file({".exr", kStandardOutput}));
   command.add_option("--monitor", arguments->monitor, "the monitor's name; default: the first");
   command
       .add_option("--channel", arguments->channel,
-                  "channel of the path; default: g, or another channel if much more of its light arrives")
+                  "channel of the path; default: g, or another channel if it has much more light")
       ->check(CLI::IsMember(kChannelNames));
   command
       .add_option("--path", arguments->path,

@@ -217,7 +217,7 @@ void add_blur_command(CLI::App& app, CommandLine& command_line) {
   CLI::App& command =
       *app.add_subcommand("blur", "Measure the blur of camera and monitor over the picture, from a matte.");
   command.footer(
-      "The blur is that of lens, monitor and camera pixel together, as a standard deviation. It is measured\n"
+      "The blur combines lens, monitor and camera pixel, as a standard deviation. It is measured\n"
       "outside the silhouette, best with an empty stage.\n\n"
       "Example:\n"
       "  glasswing capture deploy/plans/blur.txtpb --session blur --watch\n"
@@ -225,7 +225,7 @@ void add_blur_command(CLI::App& app, CommandLine& command_line) {
       "  glasswing fetch blur -o blur.exr\n"
       "  glasswing blur blur.exr -o blur.png");
   auto arguments = std::make_shared<BlurArguments>();
-  command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
+  command.add_option("matte", arguments->matte, "a matte from glasswing fetch")->required();
   command.add_option("-o,--output", arguments->output, "a map of the widths to write: .png, .exr or .tif");
   command.callback([&command_line, arguments] {
     command_line.run = [&command_line, arguments] { return blur(command_line, *arguments); };

@@ -17,7 +17,7 @@
 
 namespace glasswing {
 
-// Medians over the pixels of a region; nullopt where there are none.
+// Medians over the pixels of a region; nullopt if there are none.
 struct BlurRegion {
   int pixel_count = 0;
   std::optional<std::array<double, 2>> monitor_px = {};  // sigma along the monitor's x and y
@@ -34,7 +34,7 @@ struct Blur {
 // measured.
 absl::StatusOr<Blur> blur_of(const Matte& matte);
 
-// A map of the larger sigma of each of these pixels, in monitor px: dark blue is 0, then red, pale yellow is
+// A map of the larger sigma for each of these pixels, in monitor px: dark blue is 0, then red, pale yellow is
 // `max_px`. A bar below shows all colours; other pixels are gray.
 RadianceImage blur_picture(const Matte& matte, double max_px);
 

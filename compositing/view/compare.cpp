@@ -62,8 +62,10 @@ absl::Status compare(const CommandLine& command_line, const CompareArguments& ar
 
 absl::Status check_sizes(const RadianceImage& a, const RadianceImage& b, const Matte* matte) {
   if (a.width_px != b.width_px || a.height_px != b.height_px) {
-    return absl::InvalidArgumentError(fmt::format("the pictures are {}x{} and {}x{}; they must have one size",
-                                                  a.width_px, a.height_px, b.width_px, b.height_px));
+    return absl::InvalidArgumentError(
+        fmt::format("the pictures are {}x{} and {}x{}; they must have the same "
+                    "size",
+                    a.width_px, a.height_px, b.width_px, b.height_px));
   }
   if (matte != nullptr && (matte->width_px() != a.width_px || matte->height_px() != a.height_px)) {
     return absl::InvalidArgumentError(fmt::format("the matte is {}x{} and the pictures are {}x{}",
@@ -133,10 +135,10 @@ void add_compare_command(CLI::App& app, CommandLine& command_line) {
   command.add_option("a", arguments->a, "a picture")->required();
   command.add_option("b", arguments->b, "another picture of the same size")->required();
   command.add_option("--matte", arguments->matte, "count only the pixels that this matte covers");
-  command.add_flag(
-      "--linear", arguments->linear,
-      "PNG and TIFF values are linear radiance, value / full scale; frames of a calibrated archive are "
-      "linearised by its calibrations in any case");
+  command.add_flag("--linear", arguments->linear,
+                   "PNG and TIFF values are linear radiance, value / full scale; frames of a calibrated "
+                   "archive are always "
+                   "linearised by its calibrations");
   command.add_flag("--match", arguments->match,
                    "first fit a gain and an offset per channel that bring A closest to B");
   command.callback([&command_line, arguments] {

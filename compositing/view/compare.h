@@ -23,7 +23,7 @@ struct Difference {
 absl::StatusOr<Difference> difference_of(const RadianceImage& a, const RadianceImage& b, const Matte* matte);
 
 // `a` with a gain and an offset per channel that bring it closest to `b` (least squares over the same
-// pixels), for pictures of different exposure or ambient light. Errors: as difference_of().
+// pixels), for pictures of different exposure or ambient light. Errors: as in difference_of().
 absl::StatusOr<RadianceImage> matched(const RadianceImage& a, const RadianceImage& b, const Matte* matte);
 
 }  // namespace glasswing

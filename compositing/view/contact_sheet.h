@@ -11,9 +11,9 @@
 namespace glasswing {
 
 // `columns` panels per line (0: four, or two for wide pictures), each below its title and above its legend.
-// All are as large as the first and have one scale: small ones are enlarged by an integer factor, large ones
-// reduced. `heading` is in large letters, `lines` below it in small ones; texts that are too long end in
-// "...". Texts are ASCII.
+// All have the size of the first and one scale: small ones are enlarged by an integer factor, large ones
+// reduced. `heading` is in large letters, `lines` below it in small ones; texts that are too long are cut off
+// with "...". Texts are ASCII.
 CodeImage contact_sheet(const std::vector<MattePanel>& panels, const std::string& heading,
                         const std::vector<std::string>& lines, int columns = 0);
 

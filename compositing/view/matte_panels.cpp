@@ -143,7 +143,7 @@ MattePanel foreground_of(const Matte& matte) {
   const std::vector<double> lights = values_of(
       matte, [&](int x, int y) { return static_cast<double>(std::ranges::max(matte.foreground(x, y))); },
       is_positive);
-  // White is the brightest light but for the top 0.5 %, which are highlights.
+  // White is the brightest light except for the top 0.5 %, which are highlights.
   const double white =
       lights.empty() ? 1.0 : std::clamp(round_up(percentile(lights, 0.995)), kDarkestWhite, 1.0);
   const auto code = [white](double light) {
@@ -198,7 +198,7 @@ MattePanel modes_of(const Matte& matte) {
     return static_cast<size_t>(max_count);
   };
   MattePanel panel{.name = "modes",
-                   .title = "Modes of the channel with most; % of the object",
+                   .title = "Modes in the channel with most; % of the object",
                    .picture = painted(matte, [&](int x, int y) { return kCounts[count(x, y)]; }),
                    .keys = {},
                    .bar = std::nullopt};
@@ -308,7 +308,7 @@ MattePanel uncertainty_of(const Matte& matte, int channel) {
                      });
 }
 
-// Of kNamedFlags, and of pixels that have none.
+// Of kNamedFlags, and of pixels without flags.
 constexpr std::array<Code, kNamedFlags.size() + 1> kFlagColours{{{40, 40, 40},
                                                                  {214, 64, 52},
                                                                  {240, 170, 40},

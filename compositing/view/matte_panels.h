@@ -32,7 +32,7 @@ struct ColourBar {
 
 struct MattePanel {
   std::string name;   // for a command line: "sigma"
-  std::string title;  // for people
+  std::string title;  // human-readable
   CodeImage picture;  // of the matte's size
   std::vector<PanelKey> keys;
   std::optional<ColourBar> bar;

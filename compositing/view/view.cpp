@@ -29,7 +29,7 @@ struct ViewArguments {
   std::string matte, output, only, channel;
 };
 
-// A panel of the sheet is some hundred pixels wide: more than these are not seen in it.
+// A panel of the sheet is some hundred pixels wide: more would not be visible.
 constexpr std::int64_t kMaxSheetPixels = 2'000'000;
 
 // The matte's metadata in words.
@@ -101,7 +101,7 @@ void add_view_command(CLI::App& app, CommandLine& command_line) {
       "  glasswing view vase.exr --only preview -o vase.png\n"
       "  glasswing view pouring/0007.exr --channel r -o pouring-7.png");
   auto arguments = std::make_shared<ViewArguments>();
-  command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
+  command.add_option("matte", arguments->matte, "a matte from glasswing fetch")->required();
   command.add_option("-o,--output", arguments->output, "the PNG file to write, or - for standard output")
       ->required()
       ->check(output_file({".png", kStandardOutput}));
@@ -110,8 +110,8 @@ void add_view_command(CLI::App& app, CommandLine& command_line) {
   command
       .add_option(
           "--channel", arguments->channel,
-          "channel of centre, sigma and uncertainty; default: g, or another channel if much more of its "
-          "light arrives")
+          "channel of centre, sigma and uncertainty; default: g, or another channel if it has much more "
+          "light")
       ->check(CLI::IsMember(kChannelNames));
   command.callback([&command_line, arguments] {
     command_line.run = [&command_line, arguments] { return view(command_line, *arguments); };

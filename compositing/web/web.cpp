@@ -41,7 +41,7 @@ struct WebArguments {
   std::int64_t max_pixels() const { return static_cast<std::int64_t>(1e6 * megapixels); }
 };
 
-// What the folder shows: a matte, or rays as a matte before the faces of a cube.
+// What the folder shows: a matte, or rays as a matte in front of the faces of a cube.
 struct Shown {
   Matte matte;
   int step = 1;                    // of so many pixels along either side one is in it
@@ -59,11 +59,11 @@ fs::path default_player() {
 absl::Status check_pictures(const WebArguments& arguments, bool rays) {
   if (rays && !arguments.backgrounds.empty()) {
     return absl::InvalidArgumentError(
-        fmt::format("{} holds rays, for which --background is not there; --environment is", arguments.matte));
+        fmt::format("{} contains rays, which need --environment instead of --background", arguments.matte));
   }
   if (!rays && (arguments.lossless || !arguments.environments.empty())) {
     return absl::InvalidArgumentError(
-        fmt::format("{} is for rays; {} is not a file of them: glasswing rays makes one of the mattes of two "
+        fmt::format("{} is for rays; {} is not a rays file: glasswing rays makes one from mattes at two "
                     "depths",
                     arguments.lossless ? "--lossless" : "--environment", arguments.matte));
   }
@@ -106,7 +106,8 @@ bool is_shown_by_browsers(const fs::path& picture) {
   return std::ranges::find(kShown, picture.extension().string()) != kShown.end();
 }
 
-// A picture as the folder holds it: of an environment that browsers do not show, Radiance's .hdr.
+// A picture as stored in the folder: Radiance's .hdr for an environment in a format that browsers do not
+// support.
 struct OfferedPicture {
   fs::path name;
   std::string bytes;
@@ -128,7 +129,7 @@ absl::StatusOr<OfferedPicture> offered_environment(const fs::path& picture) {
   return OfferedPicture{picture.stem().string() + ".hdr", encode_hdr(resized(light, width, height))};
 }
 
-// Names within the folder, the pictures' own where they differ.
+// Names within the folder: the pictures' own if they are distinct.
 absl::StatusOr<std::vector<std::string>> copy_pictures(const WebArguments& arguments,
                                                        const fs::path& folder) {
   std::vector<std::string> names;
@@ -153,7 +154,7 @@ absl::StatusOr<std::vector<std::string>> copy_pictures(const WebArguments& argum
 absl::Status copy_player(const fs::path& player, const fs::path& folder) {
   if (!fs::exists(player / "index.html")) {
     return absl::NotFoundError(
-        fmt::format("the player is not in {}; deploy/build makes it, and --player names another directory",
+        fmt::format("the player is not in {}; deploy/build builds it, and --player names another directory",
                     player.string()));
   }
   std::error_code error;
@@ -176,7 +177,7 @@ absl::Status write_web_folder(const CommandLine& command_line, WebArguments argu
   if (fs::exists(folder, ignored) && !fs::is_empty(folder, ignored) &&
       !fs::exists(folder / kDescription, ignored)) {
     return absl::InvalidArgumentError(fmt::format(
-        "the output is {}, which has other files; it must be new, empty, or an earlier folder for the web",
+        "the output is {}, which has other files; it must be new, empty, or an earlier web folder",
         folder.string()));
   }
   const bool rays = holds_rays(arguments.matte);
@@ -206,8 +207,8 @@ absl::Status write_web_folder(const CommandLine& command_line, WebArguments argu
                            web.region.width_px, web.region.height_px, static_cast<double>(bytes) / 1e6,
                            static_cast<double>(web.bytes.size()) / 1e6);
   if (shown.step > 1)
-    std::cout << fmt::format("of {0} x {0} pixels one is in it; --megapixels allows more\n", shown.step);
-  std::cout << fmt::format("to look at it here: python3 -m http.server --directory {}\n", folder.string());
+    std::cout << fmt::format("it contains one pixel of {0} x {0}; --megapixels allows more\n", shown.step);
+  std::cout << fmt::format("to view it here: python3 -m http.server --directory {}\n", folder.string());
   return absl::OkStatus();
 }
 
@@ -215,13 +216,16 @@ absl::Status write_web_folder(const CommandLine& command_line, WebArguments argu
 
 void add_web_command(CLI::App& app, CommandLine& command_line) {
   CLI::App& command = *app.add_subcommand(
-      "web", "Write a folder that any web server shows: the object in front of any picture, without a rig.");
+      "web",
+      "Write a folder that any web server can serve: the object in front of any picture, without a "
+      "rig.");
   command.footer(
       "Visitors drag and scale the picture behind the object, or drop their own; nothing is uploaded. "
       "Of rays\n"
-      "(glasswing rays) the folder shows the object in an environment, which visitors turn. Another page\n"
-      "embeds the folder by one line: <iframe src=\"vase-web/\" width=\"640\" height=\"480\"></iframe>\n"
-      "The matte in it has what an eye can see (docs/web.md), a few bytes a pixel.\n\n"
+      "(glasswing rays) the folder shows the object in an environment, which visitors can turn. Another "
+      "page\n"
+      "embeds the folder with one line: <iframe src=\"vase-web/\" width=\"640\" height=\"480\"></iframe>\n"
+      "Its matte contains only what is visible (docs/web.md), a few bytes per pixel.\n\n"
       "Examples:\n"
       "  glasswing web vase.exr -o vase-web\n"
       "  glasswing web vase.exr -o vase-web --title 'A vase of 1910' --background street.jpg --background "
@@ -230,31 +234,30 @@ void add_web_command(CLI::App& app, CommandLine& command_line) {
       "  glasswing web rays.exr -o vase-web --environment street.exr --environment-turn 30 "
       "--environment-gain 0.5");
   auto arguments = std::make_shared<WebArguments>();
-  command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote, or a file of rays")
-      ->required();
+  command.add_option("matte", arguments->matte, "a matte from glasswing fetch, or a rays file")->required();
   command.add_option("-o,--output", arguments->output, "the folder to write")
       ->required()
       ->check(output_directory());
   command.add_option("--background", arguments->backgrounds,
-                     "a picture to offer behind the object, the first at once; may be repeated");
+                     "a picture to offer behind the object, the first is shown initially; may be repeated");
   command.add_option(
       "--environment", arguments->environments,
-      "of rays: light from all directions to offer, equirectangular, the first at once; may be "
-      "repeated");
+      "for rays: an environment to offer, equirectangular; the first is shown initially; may be repeated");
   command
       .add_option(
           "--environment-turn", arguments->environment_turn_deg,
-          "turn the environment about the vertical at first, degrees; what lay ahead moves to the right")
+          "initial turn of the environment about the vertical, degrees; the view ahead moves to the right")
       ->check(CLI::Range(-3600.0, 3600.0))
       ->capture_default_str();
   command
       .add_option("--environment-gain", arguments->environment_gain,
-                  "factor on the environment's light at first")
+                  "initial factor on the environment's light")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   command.add_flag(
       "--lossless", arguments->lossless,
-      "of rays: the object absorbs nothing: light that no monitor showed is the environment's mean");
+      "for rays: the object absorbs nothing: light that no monitor showed is taken from the environment's "
+      "mean");
   command.add_option("--title", arguments->title, "of the page; default: the session's name");
   command
       .add_option("--megapixels", arguments->megapixels,

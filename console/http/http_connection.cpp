@@ -15,7 +15,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr milliseconds kLook(100);      // between two looks at `give_up`
+constexpr milliseconds kLook(100);      // between two checks of `give_up`
 constexpr size_t kMaxTaken = 16 << 20;  // bytes that are dropped at the end
 
 }  // namespace

@@ -23,12 +23,12 @@ class HttpConnection {
   bool shake_hands(Clock::time_point deadline);
   // Waits for the first byte of a request. False: closed, `give_up`, or none came by then.
   bool wait_for_request(Clock::time_point deadline, const std::function<bool()>& give_up);
-  // As read(2) and write(2); -1 after the deadline too.
+  // Like read(2) and write(2); -1 after the deadline too.
   ssize_t read(char* bytes, size_t size, Clock::time_point deadline);
   ssize_t write(const char* bytes, size_t size, Clock::time_point deadline);
-  // False: the peer has gone, or takes nothing now.
+  // False: the peer has gone, or accepts nothing now.
   bool is_writable() const;
-  // Ends orderly: takes what the peer still sends, for a while, so that it can read the last answer.
+  // Closes in order: receives what the peer still sends for a while, so that it can read the last answer.
   void close(Clock::time_point deadline);
 
   SSL* ssl() const { return ssl_.get(); }

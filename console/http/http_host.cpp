@@ -56,9 +56,9 @@ bool refuses_body(const Request& request, const HttpHost::BodyLimit& limit, Resp
   if (request.method != "POST") {
     answer(response, 405, fmt::format("the method is {}; it must be GET, HEAD or POST", request.method));
   } else if (!max_bytes) {
-    answer(response, 404, fmt::format("there is nothing at {} to post to", request.path));
+    answer(response, 404, fmt::format("{} does not accept POST", request.path));
   } else if (request.has_header("Transfer-Encoding")) {
-    answer(response, 411, "the request has Transfer-Encoding; it must have Content-Length");
+    answer(response, 411, "the request has Transfer-Encoding; it must use Content-Length instead");
   } else if (request.has_header("Content-Encoding") || request.is_multipart_form_data()) {
     answer(response, 415, "the request's body is compressed or multipart; it must be sent as it is");
   } else if (size > *max_bytes) {
@@ -81,7 +81,7 @@ absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& addr
   if (!self->has_tls_ && !is_loopback(address)) {
     return absl::InvalidArgumentError(
         fmt::format("--listen is {}, which other machines reach: it needs TLS; set --ca, --certificate and "
-                    "--key, or let it be 127.0.0.1:PORT",
+                    "--key, or listen on 127.0.0.1:PORT",
                     address));
   }
   self->server_ = std::make_unique<HttpServer>(limits, self->has_tls_ ? tls_context().release() : nullptr);

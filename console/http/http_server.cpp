@@ -14,10 +14,10 @@ using Clock = HttpConnection::Clock;
 
 constexpr std::chrono::seconds kClose(2);
 
-// Set while a connection is taken only to be closed.
+// Set while a connection is accepted only to be closed.
 thread_local bool is_refusing = false;
 
-// Threads for connections, and a bounded number of those that wait for one.
+// Threads for connections, and a bounded number of those that wait for a thread.
 class Threads final : public httplib::TaskQueue {
  public:
   Threads(const HttpLimits& limits, std::atomic<size_t>& waiting)
@@ -54,7 +54,7 @@ class RequestStream final : public httplib::Stream {
     body_left_ = size_bytes;
     deadline_ = Clock::now() + limits_.body;
   }
-  // False: what is left of the body would be taken for the next request.
+  // False: the rest of the body would be read as the next request.
   bool is_read() const { return !in_head_ && body_left_ == 0; }
 
   ssize_t read(char* bytes, size_t size) override {
@@ -101,7 +101,7 @@ std::uint64_t body_bytes(const httplib::Request& request) {
   return request.get_header_value<std::uint64_t>("Content-Length");
 }
 
-// What this thread reads.
+// What this thread is reading.
 thread_local const RequestStream* request_stream = nullptr;
 
 }  // namespace
@@ -155,7 +155,7 @@ void HttpServer::serve(HttpConnection& connection) {
     bool is_closed = false;
     const bool is_answered = process_request(stream, left == 1, is_closed, [&](httplib::Request& request) {
       request.ssl = connection.ssl();
-      // Many ranges of one file would be answered with many times its size.
+      // Many ranges of one file would make an answer of many times its size.
       if (request.ranges.size() > 1) request.ranges.clear();
       stream.begin_body(body_bytes(request));
     });

@@ -1,5 +1,5 @@
-// httplib's server, with the bounds that it lacks: of connections, of the bytes and lines before a request's
-// body, of the time that each part of a request may take.
+// httplib's server, with the limits that it lacks: on connections, on the bytes and lines before a request's
+// body, and on the time of each part of a request.
 #pragma once
 
 #include <httplib.h>
@@ -36,7 +36,7 @@ class HttpServer final : public httplib::Server {
  private:
   bool process_and_close_socket(socket_t socket) override;
   void serve(HttpConnection& connection);
-  // False: the address has too many.
+  // False: the address has too many connections.
   bool take_place(const std::string& address);
   void leave_place(const std::string& address);
 

@@ -132,8 +132,8 @@ absl::StatusOr<std::string> file_of_rays(const v1::RigGeometry& geometry,
   GW_ASSIGN_OR_RETURN(const MadeRays made, made_rays(geometry, depths, limits));
   if (made.step == 1) return encode_rays(made.rays);
   return absl::FailedPreconditionError(fmt::format(
-      "the camera's picture has more than the {} pixels of which the console makes a file of rays; "
-      "glasswing rays {} {} makes it",
+      "the camera's picture has more than the {} pixels that the console can process; use glasswing rays {} "
+      "{}",
       limits.pixels, depths[0].session, depths[1].session));
 }
 

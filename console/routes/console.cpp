@@ -179,7 +179,7 @@ void Console::announce(const std::stop_token& stop) const {
       is_known = status.ok();
       if (is_known) spdlog::info("the server knows this console url={}", url_);
       if (!is_known)
-        spdlog::warn("the server does not take this console yet, retrying: {}",
+        spdlog::warn("the server does not accept this console yet, retrying: {}",
                      std::string(status.message()));
     }
   } while (pause(stop, kAnnounceInterval));
@@ -240,8 +240,8 @@ void Console::add_routes(const std::filesystem::path& files) {
     response.status = 404;
     response.set_content(
         fmt::format(
-            "The console's page is not here: {} {}. Build it with Node.js (deploy/build), or name its "
-            "folder by --files and start the console again.\n",
+            "The console's page was not found: {} {}. Build it with Node.js (deploy/build), or name its "
+            "folder with --files and start the console again.\n",
             files.string(), std::filesystem::is_directory(files) ? "has no index.html" : "is not a folder"),
         "text/plain");
   });
@@ -382,7 +382,7 @@ void Console::stream(const JsonMethod& method, const Callee& callee, const Login
   if (!streams_.take(name)) {
     return refuse(response, absl::ResourceExhaustedError(fmt::format(
                                 "too many pages of the console are open: \"{}\" may have {} live views, and "
-                                "all people together {}; close some",
+                                "all users together {}; close some",
                                 name, StreamPlaces::kMaxOfOne, StreamPlaces::kMax)));
   }
   // Of a stream that is not begun, too.

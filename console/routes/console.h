@@ -77,7 +77,7 @@ class Console {
   // Whether somebody may make a request, before its body is held.
   using Check = std::function<absl::Status(const httplib::Request&, const Principal&)>;
   // The same, with at most `max_bytes` of body. The body of a refused request is read and dropped; otherwise
-  // it would be taken for the connection's next request.
+  // it would be read as the connection's next request.
   httplib::Server::HandlerWithContentReader guarded(size_t max_bytes, Check may, BodyHandler handler) const;
   // Whose a request is. Errors are those of check_origin and ServerLink::principal_of.
   absl::StatusOr<Login> authenticate(const httplib::Request& request) const;

@@ -30,7 +30,7 @@ absl::Status check_origin(const httplib::Request& request, bool has_tls) {
   if (!has_tls &&
       !is_loopback(host.find_last_of(":]") == std::string::npos || host.back() == ']' ? host + ":0" : host))
     return absl::PermissionDeniedError(
-        fmt::format("without TLS the console answers as localhost or 127.0.0.1 alone, not as \"{}\"", host));
+        fmt::format("without TLS the console answers only as localhost or 127.0.0.1, not as \"{}\"", host));
   const std::string site = request.get_header_value("Sec-Fetch-Site"),
                     origin = request.get_header_value("Origin");
   const bool foreign =
@@ -38,7 +38,9 @@ absl::Status check_origin(const httplib::Request& request, bool has_tls) {
       (!origin.empty() && origin != fmt::format("{}://{}", has_tls ? "https" : "http", host));
   if (foreign)
     return absl::PermissionDeniedError(
-        "the request comes from another page; the console answers only its own");
+        "the request comes from another page; the console answers only its own pages pages pages pages pages pages "
+        "pages "
+        "pages");
   if (request.method == "POST" && request.get_header_value("X-Glasswing") != "console")
     return absl::PermissionDeniedError("a POST needs the header \"X-Glasswing: console\"");
   return absl::OkStatus();

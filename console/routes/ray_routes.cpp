@@ -83,7 +83,7 @@ absl::StatusOr<std::string> RayRoutes::made(const Login& login, const Request& r
   const auto place = std::shared_ptr<void>(nullptr, [this](void*) { --makes_; });
   if (++makes_ > kMaxMakes) {
     return absl::ResourceExhaustedError(
-        fmt::format("{} pages wait for rays already; try again in a minute", kMaxMakes));
+        fmt::format("{} pages are already waiting for rays; try again in a minute", kMaxMakes));
   }
   std::vector<FetchedMatte> files;
   for (RayDepth& depth : depths) {

@@ -28,7 +28,7 @@ class LocalArchive {
   // Null unless this process sees the same directory. Concurrent holders share one object.
   static std::shared_ptr<LocalArchive> open(const v1::LocateArchiveResponse& location);
 
-  // As MappedFile::open; DATA_LOSS unless the file has the form of a frame of this shape.
+  // Like MappedFile::open; DATA_LOSS unless the file has the form of a frame of this shape.
   absl::StatusOr<std::shared_ptr<const MappedFile>> map(const std::string& file, const FrameShape& shape);
 
   explicit LocalArchive(std::filesystem::path directory) : directory_(std::move(directory)) {}

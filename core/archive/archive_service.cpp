@@ -26,9 +26,8 @@ absl::Status check_import(ArchiveStore& store, const grpc::AuthContext& caller,
   const bool is_operator = !shows_certificate(caller) || (roles_of(caller) & only(Role::kOperator)) != 0;
   if (request.import_token().empty() && is_operator) return absl::OkStatus();
   if (store.is_import(request.session(), request.import_token())) return absl::OkStatus();
-  return absl::PermissionDeniedError(
-      fmt::format("the import of session \"{}\" has ended here, or another one has begun; begin it again",
-                  request.session()));
+  return absl::PermissionDeniedError(fmt::format(
+      "the import of session \"{}\" has ended, or another one has begun; begin it again", request.session()));
 }
 
 absl::Status put(ArchiveStore& store, const grpc::AuthContext& caller,

@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 namespace {
 constexpr size_t kMaxOpen = 8;                   // archives
-constexpr size_t kMaxImports = 1000;             // that nobody finished; one more ends them all
+constexpr size_t kMaxImports = 1000;             // unfinished; one more ends them all
 constexpr std::chrono::milliseconds kPoll(100);  // for callers who have gone
 }  // namespace
 
@@ -47,7 +47,7 @@ absl::StatusOr<std::shared_ptr<Archive>> ArchiveStore::find(const std::string& s
   const auto found = open_.find(session);
   if (!fs::exists(directory_ / session / "header.json")) {
     if (found != open_.end()) open_.erase(found);  // somebody deleted its directory
-    return absl::NotFoundError(fmt::format("this node holds no archive of session \"{}\"", session));
+    return absl::NotFoundError(fmt::format("this node has no archive of session \"{}\"", session));
   }
   if (found != open_.end()) return found->second;
   GW_ASSIGN_OR_RETURN(std::shared_ptr<Archive> archive, Archive::open(directory_ / session));
@@ -119,8 +119,8 @@ void ArchiveStore::end_copy(const std::string& session) {
 
 absl::StatusOr<std::int64_t> ArchiveStore::remove(const std::string& session) {
   GW_RETURN_IF_ERROR(check_name("session", session));
-  // No session has the aside name. Renamed first, so that a partly removed archive is never taken for a whole
-  // one.
+  // No session has the aside name. Renamed first, so that a partly removed archive is never mistaken for a
+  // complete one.
   const fs::path archive = directory_ / session, aside = directory_ / (".removed-" + session);
   std::error_code error;
   std::int64_t bytes = 0;

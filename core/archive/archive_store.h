@@ -32,7 +32,7 @@ class ArchiveStore {
   absl::StatusOr<std::shared_ptr<Archive>> create(const v1::CaptureManifest& header);
   // INVALID_ARGUMENT: a bad name; NOT_FOUND: no such archive here; DATA_LOSS: the archive cannot be read.
   absl::StatusOr<std::shared_ptr<Archive>> find(const std::string& session);
-  // The sessions whose archives are here, sorted.
+  // The sessions with archives on this node, sorted.
   std::vector<std::string> sessions() const;
   // Removes an archive permanently, including what an interrupted removal left; returns the bytes of its
   // frames, 0 if there is none.
@@ -41,15 +41,15 @@ class ArchiveStore {
   const DiskRoom& room() const { return room_; }
   DiskSpeed& speed() { return speed_; }
 
-  // Whoever has the token may put frames into this session's archive (PutFrame), until the import ends or
-  // this process does. An empty token is nobody's.
+  // The holder of the token may put frames into this session's archive (PutFrame), until the import ends or
+  // this process does. An empty token is held by nobody.
   void begin_import(const std::string& session, const std::string& token);
   void end_import(const std::string& session);
   bool is_import(const std::string& session, const std::string& token);
 
-  // Allows one copy of a session at a time. Waits for one whose caller has gone, however long it takes to
+  // Allows one copy of a session at a time. Waits for a copy whose caller has gone, however long it takes to
   // end. `is_gone`: this one's caller has gone; may be called until end_copy(). ABORTED: another copy is
-  // running. CANCELLED: the caller went while it waited.
+  // running. CANCELLED: the caller left while it waited.
   absl::Status begin_copy(const std::string& session, std::function<bool()> is_gone);
   void end_copy(const std::string& session);
 

@@ -28,12 +28,12 @@ class ArrivingFrames {
   ArrivingFrames(const ArrivingFrames&) = delete;
   ArrivingFrames& operator=(const ArrivingFrames&) = delete;
 
-  // Ends a frame and begins the next. Errors as Archive::add(), and INVALID_ARGUMENT: the frame before is not
-  // whole, or there are more than kMaxFrames. RESOURCE_EXHAUSTED: no room for another. After any error of
-  // these functions nothing is stored.
+  // Ends a frame and begins the next. Errors as in Archive::add(), and INVALID_ARGUMENT: the previous frame
+  // is incomplete, or there are more than kMaxFrames. RESOURCE_EXHAUSTED: no space for another. After any
+  // error of these functions nothing is stored.
   absl::Status begin(const v1::Frame& record);
-  // Bytes of the frame that was begun last. INVALID_ARGUMENT: more than a frame of the archive has. Those of
-  // a frame that is stored already are ignored.
+  // Bytes of the most recently begun frame. INVALID_ARGUMENT: more than a frame of the archive has. Those of
+  // an already stored frame are ignored.
   absl::Status add(std::string_view bytes);
   // Durable when it returns.
   absl::Status finish();

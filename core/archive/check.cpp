@@ -37,7 +37,7 @@ void check_leftovers(const fs::path& directory, Check& check) {
     if (!files->is_regular_file() || path.extension() != ".tmp") continue;
     check.found({.file = path.string(),
                  .what = "an interrupted write left it",
-                 .meaning = "it was never acknowledged as stored, and only takes space",
+                 .meaning = "it was never acknowledged as stored, and only takes up space",
                  .repair = "it is removed",
                  .is_damage = false},
                 [&path]() -> absl::Status {

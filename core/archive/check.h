@@ -1,4 +1,4 @@
-// Collects the findings of `fsck`, and repairs them if asked to. The checks themselves are in check_archive
+// Collects the findings of `fsck`, and repairs them if requested. The checks themselves are in check_archive
 // and server/fsck/check_server.
 #pragma once
 
@@ -38,9 +38,9 @@ class Check {
   Check(CheckReport& report, bool repair, std::function<void()> tell)
       : report_(report), repair_(repair), tell_(std::move(tell)) {}
 
-  // Adds a finding. `mend` repairs it, and is called at once if a repair was asked for.
+  // Adds a finding. `mend` repairs it, and is called at once if a repair was requested.
   void found(Finding finding, const std::function<absl::Status()>& mend = nullptr);
-  // As read_file(); adds to the report's counts.
+  // Like read_file(); adds to the report's counts.
   absl::StatusOr<std::string> read(const std::filesystem::path& file);
   CheckReport& report() { return report_; }
 

@@ -79,7 +79,8 @@ class ArchiveCheck {
     } else if (!manifest_) {
       check_.found({.file = path("manifest.json").string(),
                     .what = std::string(manifest_error_.message()),
-                    .meaning = "no other file says what the frames show: restore it from a copy or a backup",
+                    .meaning = "no other file records what the frames show: restore it from a copy or a "
+                               "backup",
                     .repair = ""});
       return;
     }
@@ -90,13 +91,14 @@ class ArchiveCheck {
       header_->clear_frames();
     }
     if (is_exported()) return;
-    check_.found({.file = path("header.json").string(),
-                  .what = std::string(error.message()),
-                  .meaning = manifest_ ? "the archive cannot be opened; manifest.json holds the same"
-                                       : "no other file says what the frames show: a copy on another node, "
-                                         "or a backup, has it",
-                  .repair = manifest_ ? "it is rebuilt from manifest.json" : ""},
-                 [&] { return replace("header.json", archive_json(*header_, true)); });
+    check_.found(
+        {.file = path("header.json").string(),
+         .what = std::string(error.message()),
+         .meaning = manifest_ ? "the archive cannot be opened; manifest.json has the same content"
+                              : "no other file records what the frames show; a copy on another node, "
+                                "or a backup, does",
+         .repair = manifest_ ? "it is rebuilt from manifest.json" : ""},
+        [&] { return replace("header.json", archive_json(*header_, true)); });
   }
 
   void read_journal() {
@@ -140,7 +142,7 @@ class ArchiveCheck {
     if (unreadable_lines_ > 0 || journal_ != lines_of(frames_)) found_bad_journal();
     if (is_torn_ && unreadable_lines_ == 0) {
       check_.found({.file = path("frames.jsonl").string(),
-                    .what = "its last line is torn",
+                    .what = "its last line is truncated",
                     .meaning = "this frame was never acknowledged as stored",
                     .repair = "the line is dropped",
                     .is_damage = false},
@@ -169,8 +171,8 @@ class ArchiveCheck {
          .meaning = manifest_ ? "the archive cannot be opened, or misses frames; manifest.json has them all"
                               : "the archive cannot be opened; frames of these lines count as not captured",
          .repair = manifest_ ? "it is rebuilt from manifest.json"
-                             : "these lines are dropped, and glasswing resume or retry takes their frames "
-                               "again"},
+                             : "these lines are dropped, and glasswing resume or retry recaptures their "
+                               "frames"},
         [&] { return replace("frames.jsonl", lines_of(frames_)); });
   }
 
@@ -200,8 +202,8 @@ class ArchiveCheck {
           header_->session());
       if (is_there) finding.repair = "it is set aside; its entry in the list stays, for a copy of it";
     } else {
-      finding.meaning = "the session is still being captured, and this frame can be taken again";
-      finding.repair = "it is set aside and taken off the list: glasswing resume or retry takes it again";
+      finding.meaning = "the session is still being captured, and this frame can be recaptured";
+      finding.repair = "it is set aside and removed from the list: glasswing resume or retry recaptures it";
     }
     check_.found(std::move(finding), [&]() -> absl::Status {
       if (!is_sealed_) {
@@ -244,8 +246,8 @@ class ArchiveCheck {
 void check_half(const fs::path& directory, Check& check) {
   const bool removed = directory.filename().string().starts_with(".removed-");
   check.found({.file = directory.string(),
-               .what = removed ? "its removal was interrupted" : "it holds no archive",
-               .meaning = removed ? "the session was deleted; this only takes space"
+               .what = removed ? "its removal was interrupted" : "it contains no archive",
+               .meaning = removed ? "the session was deleted; this only takes up space"
                                   : "an archive was to be created here, but was not",
                .repair = removed ? "it is removed, as requested" : "it is set aside",
                .is_damage = false},

@@ -22,7 +22,7 @@ absl::StatusOr<std::filesystem::space_info> space_of(const std::filesystem::path
   std::error_code error;
   const std::filesystem::space_info space = std::filesystem::space(directory, error);
   if (!error) return space;
-  return absl::ErrnoToStatus(error.value(), "cannot tell the space below " + directory.string());
+  return absl::ErrnoToStatus(error.value(), "cannot determine the space below " + directory.string());
 }
 
 absl::StatusOr<DiskRoom::Room> DiskRoom::room() const {
@@ -37,12 +37,12 @@ absl::StatusOr<DiskRoom::Room> DiskRoom::room() const {
 absl::Status DiskRoom::check(std::int64_t bytes) const {
   const absl::StatusOr<Room> now = room();
   if (!now.ok() || bytes <= now->free_bytes) return absl::OkStatus();  // if unknown, the write will fail
-  return absl::ResourceExhaustedError(
-      fmt::format("{:.1f} MB are missing in {}: {:.1f} MB are to be stored, {:.1f} MB are free beside the "
-                  "{:.1f} MB that stay free",
-                  static_cast<double>(bytes - now->free_bytes) / kMegabyte, directory_.string(),
-                  static_cast<double>(bytes) / kMegabyte, static_cast<double>(now->free_bytes) / kMegabyte,
-                  static_cast<double>(now->reserve_bytes) / kMegabyte));
+  return absl::ResourceExhaustedError(fmt::format(
+      "{:.1f} MB are missing in {}: {:.1f} MB are to be stored, {:.1f} MB are free, excluding the "
+      "reserve of {:.1f} MB",
+      static_cast<double>(bytes - now->free_bytes) / kMegabyte, directory_.string(),
+      static_cast<double>(bytes) / kMegabyte, static_cast<double>(now->free_bytes) / kMegabyte,
+      static_cast<double>(now->reserve_bytes) / kMegabyte));
 }
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// How fast the disk below a directory takes frames.
+// How fast the disk below a directory can store frames.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -27,7 +27,7 @@ class DiskSpeed {
                      std::function<nanoseconds()> now = monotonic_now)
       : directory_(std::move(directory)), measure_(std::move(measure)), now_(std::move(now)) {}
 
-  // Bytes a second, as measured now or at most kMaxAge ago. Errors are measured_write_speed's.
+  // Bytes per second, measured now or at most kMaxAge ago. Errors are measured_write_speed's.
   absl::StatusOr<std::int64_t> write_bytes_per_second();
 
  private:

@@ -45,7 +45,7 @@ void check_matte_file(const fs::path& file, Check& check) {
   if (status.ok()) return;
   check.found({.file = file.string(),
                .what = std::string(status.message()),
-               .meaning = "composites of it would be wrong; fetch it again, or solve its session again",
+               .meaning = "its composites would be wrong; fetch it again, or solve its session again",
                .repair = ""});
 }
 
@@ -78,7 +78,7 @@ absl::StatusOr<CheckReport> fsck(const fs::path& path, const FsckOptions& option
   CheckReport report;
   report.kind = target.kind;
   DirectoryLock lock;
-  // A lone archive, such as an exported one, lies in no directory that a daemon ever locked.
+  // A single archive, such as an exported one, is not in a directory that a daemon ever locked.
   const bool may_be_used =
       !target.used_by.empty() && (target.kind != "archive" || fs::exists(target.used_by / kLockFile));
   if (may_be_used && options.repair) {

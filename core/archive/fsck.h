@@ -25,12 +25,12 @@ absl::StatusOr<CheckTarget> recognise(const std::filesystem::path& path);
 struct FsckOptions {
   bool repair = false;
   std::function<void(double fraction)> tell = nullptr;  // how much of all bytes was read, in [0, 1]
-  // Checks a server's data. Only glasswing-server has it (server/fsck/fsck_server.h).
+  // Checks a server's data. Only glasswing-server provides it (server/fsck/fsck_server.h).
   std::function<void(const std::filesystem::path& directory, Check& check)> check_server = nullptr;
 };
 
 // Errors as recognise(). UNIMPLEMENTED: the data are a server's, and there is no check_server.
-// FAILED_PRECONDITION: a repair was asked for while a daemon uses the data.
+// FAILED_PRECONDITION: a repair was requested while a daemon is using the data.
 absl::StatusOr<CheckReport> fsck(const std::filesystem::path& path, const FsckOptions& options);
 
 }  // namespace glasswing

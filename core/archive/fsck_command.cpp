@@ -49,11 +49,11 @@ void print(const CheckReport& report, const FsckArguments& arguments) {
     if (!finding.error.empty()) std::cout << fmt::format("  not repaired: {}\n", finding.error);
   }
   if (report.in_use)
-    std::cout << "a daemon is using it: what it was just writing may be among this; stop it to be sure\n";
-  std::string verdict = "all of it is good";
+    std::cout << "a daemon is using it: some of these may be writes in progress; stop it to be sure\n";
+  std::string verdict = "everything is intact";
   if (report.kind == "rig") {
     if (!report.findings.empty())
-      verdict = fmt::format("{} missing or damaged, {} of no session", count_if(report, true, false),
+      verdict = fmt::format("{} missing or damaged, {} without a session", count_if(report, true, false),
                             count_if(report, false, false));
     std::cout << fmt::format("{}: {}, {} archives and mattes: {}\n", arguments.path, report.kind,
                              report.file_count, verdict);
@@ -61,8 +61,7 @@ void print(const CheckReport& report, const FsckArguments& arguments) {
   }
   if (!report.findings.empty()) {
     verdict = fmt::format(
-        "{} damaged, {} of them repaired; {} left over from writes that broke off, {} of "
-        "them cleared away",
+        "{} damaged, {} of them repaired; {} left over from interrupted writes, {} of them removed",
         count_if(report, true, false) + count_if(report, true, true), count_if(report, true, true),
         count_if(report, false, false) + count_if(report, false, true), count_if(report, false, true));
   }
@@ -80,9 +79,9 @@ absl::StatusOr<int> check(const FsckArguments& arguments, const FsckOptions& opt
 
 void add_fsck_arguments(CLI::App& command, FsckArguments& arguments, const std::string& examples) {
   command.footer(
-      "Reads everything and holds it against its checksums. What a repair takes out of the way goes to "
-      "damaged/ beside it: nothing that may hold data is removed. Stop the daemon first. The exit status is "
-      "0 where no damage is left, 3 where there is some.\n\nExamples:\n" +
+      "Reads everything and verifies its checksums. A repair moves damaged files to damaged/ beside it: "
+      "nothing that may hold data is removed. Stop the daemon first. The exit status is 0 if no damage is "
+      "left, 3 if there is some.\n\nExamples:\n" +
       examples);
   command
       .add_option("directory", arguments.path,
@@ -95,8 +94,7 @@ absl::Status become_owner(const std::string& path) {
   struct stat info {};
   if (::geteuid() != 0 || ::stat(path.c_str(), &info) != 0 || info.st_uid == 0) return absl::OkStatus();
   if (::setegid(info.st_gid) == 0 && ::seteuid(info.st_uid) == 0) return absl::OkStatus();
-  return absl::ErrnoToStatus(errno,
-                             fmt::format("cannot act as user {}, whom {} belongs to", info.st_uid, path));
+  return absl::ErrnoToStatus(errno, fmt::format("cannot act as user {}, who owns {}", info.st_uid, path));
 }
 
 int print_report(const CheckReport& report, const FsckArguments& arguments) {

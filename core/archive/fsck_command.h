@@ -1,4 +1,4 @@
-// `fsck` on the command line: a subcommand of every daemon that keeps data, and of `glasswing`.
+// `fsck` on the command line: a subcommand of every daemon that stores data, and of `glasswing`.
 #pragma once
 
 #include <absl/status/status.h>
@@ -16,7 +16,7 @@ struct FsckArguments {
   std::string path;
   bool repair = false;
   bool json = false;
-  // For `glasswing fsck`, which shows it: every now and then "progress FRACTION" on standard error.
+  // For `glasswing fsck`, which shows it: periodically prints "progress FRACTION" on standard error.
   bool show_progress = false;
 };
 
@@ -24,10 +24,10 @@ inline constexpr int kDamage = 3;  // exit status: damage is left
 inline constexpr char kFsckDescription[] = "Check stored data, and repair it.";
 inline constexpr char kProgressLine[] = "progress ";  // a number in [0, 1] follows
 
-// Declares PATH and --repair, and the help below them, with `examples`, one a line.
+// Declares PATH and --repair, and the help below them, with `examples`, one per line.
 void add_fsck_arguments(CLI::App& command, FsckArguments& arguments, const std::string& examples);
 
-// Root becomes the user whom the data belong to: a daemon could not write to what root had written.
+// Root becomes the owner of the data: a daemon could not write to what root had written.
 absl::Status become_owner(const std::string& path);
 
 // Writes the report to standard output. Returns the exit status: 0 or kDamage.

@@ -16,8 +16,8 @@ namespace glasswing {
 
 class RawCall {
  public:
-  // `method`: its name, as "ReadRows". A node that sends nothing for `patience` counts as gone. Requesting
-  // `stop` ends the call.
+  // `method`: its name, such as "ReadRows". A node that sends nothing for `patience` counts as unreachable.
+  // Requesting `stop` ends the call.
   RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
           const google::protobuf::MessageLite& request, std::chrono::milliseconds patience,
           std::stop_token stop);

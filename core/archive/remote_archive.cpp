@@ -202,7 +202,7 @@ absl::StatusOr<FrameRows> RemoteArchive::map_any(const Request& request) const {
   return absl::NotFoundError("no archive on this machine");
 }
 
-// Of a call that ended before all was read.
+// For a call that ended before everything was read.
 RemoteArchive::Outcome RemoteArchive::outcome_of(const grpc::Status& end, const Source& source,
                                                  std::string_view what) {
   if (end.ok()) {
@@ -253,7 +253,7 @@ RemoteArchive::Outcome RemoteArchive::read_file_from(const Source& source, const
   if (const std::string checksum = checksum_of({bytes.data(), bytes.size()}); checksum != record.checksum()) {
     done = 0;
     return {absl::DataLossError(
-                fmt::format("{} came with checksum {} instead of {}", what, checksum, record.checksum())),
+                fmt::format("{} arrived with checksum {} instead of {}", what, checksum, record.checksum())),
             Next::kOther};
   }
   return {absl::OkStatus(), Next::kNone};

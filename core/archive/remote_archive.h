@@ -32,8 +32,8 @@ struct FrameRows {
 
 enum class Reading { kMappedIfHere, kNeverMapped };
 
-// Thread-safe. UNAVAILABLE: a node is away and no other has a copy; DATA_LOSS names node and frame: no copy
-// can be read. Once `stop` is requested, pending calls fail.
+// Thread-safe. UNAVAILABLE: a node is unreachable and no other has a copy; DATA_LOSS names node and frame: no
+// copy can be read. Once `stop` is requested, pending calls fail.
 class RemoteArchive {
  public:
   // `addresses`, at least one: the capturing node's first, then those of copies. Nodes are asked in an order

@@ -83,7 +83,7 @@ absl::StatusOr<std::optional<grpc::ByteBuffer>> RowChunks::next() {
   if (size == 0) return std::nullopt;
   if (!copied.empty()) pieces.emplace_back(copied);
   grpc::ByteBuffer message = encode_row_chunk(offset_, std::move(pieces));
-  // The checksum has read every byte, so intact() now tells whether it is that of the files.
+  // The checksum has read every byte, so intact() now shows whether it is that of the files.
   for (size_t i = 0; i < mappings.size(); ++i) {
     if (mappings[i]->intact()) continue;
     const auto frame = static_cast<int>(static_cast<size_t>(offset_) / frame_bytes + i);

@@ -11,7 +11,7 @@ namespace glasswing {
 void fault_point(std::string_view name);
 
 // For tests within one process: calls `act` with the name of each point, on the thread that visits it, until
-// it is replaced. Null: nothing is called any more; a call that runs goes on.
+// it is replaced. Null: nothing is called any more; a running call continues.
 void at_fault_points(std::function<void(std::string_view)> act);
 
 }  // namespace glasswing

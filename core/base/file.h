@@ -17,16 +17,17 @@
 
 namespace glasswing {
 
-// NOT_FOUND, or the system's error, with the path. INVALID_ARGUMENT: a FIFO, which is not waited for.
+// NOT_FOUND, or the system's error, with the path. INVALID_ARGUMENT: a FIFO, which would block.
 absl::StatusOr<std::string> read_file(const std::filesystem::path& path);
 
-// Durable when it returns OK. On failure an older file of that name stays intact. RESOURCE_EXHAUSTED: the
+// Durable when it returns OK. On failure an older file with that name stays intact. RESOURCE_EXHAUSTED: the
 // disk is full.
 absl::Status write_file_durably(const std::filesystem::path& path, std::string_view bytes);
 
-// As write_file_durably, but does not flush the directory: for a batch that ends with one flush_directory().
+// Like write_file_durably, but does not flush the directory: for a batch that ends with one
+// flush_directory().
 absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes);
-// As write_file_flushed; only the owner can read the file, from its first byte on.
+// Like write_file_flushed; only the owner can read the file, from its first byte on.
 absl::Status write_secret_flushed(const std::filesystem::path& path, std::string_view bytes);
 absl::Status flush_directory(const std::filesystem::path& directory);
 
@@ -43,7 +44,7 @@ absl::Status place_file_durably(const std::filesystem::path& from, const std::fi
 // A file read in pieces.
 class FileReader {
  public:
-  // Errors as read_file().
+  // Errors as in read_file().
   static absl::StatusOr<FileReader> open(const std::filesystem::path& path);
   // Fills the buffer; fewer bytes only at the file's end, then 0.
   absl::StatusOr<size_t> read(std::span<char> buffer);
@@ -77,7 +78,7 @@ class FileWriter {
   std::filesystem::path path_;
 };
 
-// Flushes and closes files on threads of its own, several at a time, while its user writes the next ones.
+// Flushes and closes files on its own threads, several at a time, while its user writes the next ones.
 class FlushQueue {
  public:
   ~FlushQueue() { (void)wait(); }

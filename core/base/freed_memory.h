@@ -1,4 +1,4 @@
-// How a program keeps the memory that it has freed. Call one of these first in main().
+// How a program retains freed memory. Call one of these first in main().
 #pragma once
 
 #include <malloc.h>
@@ -18,8 +18,8 @@ inline void keep_freed_memory(LargeBlocks blocks = LargeBlocks::kPlanes) {
   if (blocks == LargeBlocks::kPictures) ::mallopt(M_ARENA_MAX, 1);
 }
 
-// For programs that hold what their peers send, so that a peak of a minute is not held for good. One arena,
-// since each of several keeps a peak of its own.
+// For programs that hold data sent by peers, so that the memory of a short peak is not kept forever. One
+// arena, since each of several would keep its own peak.
 inline void return_freed_memory() {
   ::mallopt(M_MMAP_THRESHOLD, 256 << 10);
   ::mallopt(M_TRIM_THRESHOLD, 1 << 20);

@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-struct MappedRegion;  // what the signal handler knows of a mapping
+struct MappedRegion;  // what the signal handler knows about a mapping
 
 // Identifies a file's content: if any field differs, the bytes may differ.
 struct FileIdentity {
@@ -28,7 +28,7 @@ class MappedFile {
   // The system's error, with the path; OUT_OF_RANGE: the file's size is not `size_bytes` (> 0).
   static absl::StatusOr<std::shared_ptr<const MappedFile>> open(const std::filesystem::path& path,
                                                                 size_t size_bytes);
-  // The same of whatever size it has; INVALID_ARGUMENT: it is no file, DATA_LOSS: it is empty.
+  // The same for any size; INVALID_ARGUMENT: not a file, DATA_LOSS: it is empty.
   static absl::StatusOr<std::shared_ptr<const MappedFile>> open(const std::filesystem::path& path);
   ~MappedFile();
   MappedFile(const MappedFile&) = delete;

@@ -1,4 +1,4 @@
-// The middle value of several, each of equal or of its own weight.
+// The middle value of several, with equal or individual weights.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace glasswing {
 
-// Of an even number, the larger of the two in the middle; 0 of none. Reorders the values.
+// For an even number, the larger of the two in the middle; 0 for none. Reorders the values.
 template <typename T>
 T median_in_place(std::span<T> values) {
   if (values.empty()) return T(0);
@@ -25,7 +25,7 @@ T median(std::vector<T> values) {
 
 using WeightedValues = std::vector<std::pair<double, double>>;  // values with their weights
 
-// The least value that, with those below, has half of all weight; 0 of none.
+// The smallest value that, with those below it, has half of the total weight; 0 for none.
 inline double weighted_median(WeightedValues values) {
   std::ranges::sort(values);
   double left = 0.0;

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The file that holds this code: a program, or Python's module.
+// The file that contains this code: a program, or Python's module.
 fs::path own_file() {
   Dl_info ignored{};
   link_map* map = nullptr;

@@ -30,7 +30,7 @@ constexpr std::array<std::string_view, 64> kLatin{
     "a", "a", "a", "a", "ae", "a", "ae", "c", "e", "e", "e", "e", "i",  "i", "i",  "i",
     "d", "n", "o", "o", "o",  "o", "oe", "_", "o", "u", "u", "u", "ue", "y", "th", "y"};
 
-// "Grosse_Vase" of "Große Vase"; empty if nothing is left of it.
+// "Grosse_Vase" for "Große Vase"; empty if nothing is left.
 std::string spelled(std::string_view text) {
   std::string name;
   for (size_t i = 0; i < text.size(); ++i) {

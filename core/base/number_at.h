@@ -9,7 +9,7 @@
 
 namespace glasswing {
 
-// Of `size_bytes` bytes, at most 8, from byte `at` on; none: the bytes end before.
+// The number in `size_bytes` bytes, at most 8, from byte `at` on; none: the bytes end before it.
 inline std::optional<std::uint64_t> number_at(std::string_view bytes, size_t at, size_t size_bytes,
                                               std::endian order) {
   if (at > bytes.size() || bytes.size() - at < size_bytes) return std::nullopt;

@@ -18,14 +18,14 @@ namespace glasswing {
 // Concurrent calls are safe on different bytes.
 class PositionedFile {
  public:
-  // For reading. Errors as read_file(). A file replaced later stays as it was when opened.
+  // For reading. Errors as in read_file(). If the file is replaced later, the opened content stays.
   static absl::StatusOr<PositionedFile> open(const std::filesystem::path& path);
   // Creates or truncates the file.
   static absl::StatusOr<PositionedFile> create(const std::filesystem::path& path);
-  // A file without a name in an existing directory, which ends with the object.
+  // A file without a name in an existing directory, which is removed with the object.
   static absl::StatusOr<PositionedFile> create_unnamed(const std::filesystem::path& directory);
 
-  // Fills the buffer. DATA_LOSS: the file ends before.
+  // Fills the buffer. DATA_LOSS: the file ends before that.
   absl::Status read_at(std::uint64_t offset, std::span<char> buffer) const;
   // RESOURCE_EXHAUSTED: the disk is full.
   absl::Status write_at(std::uint64_t offset, std::string_view bytes);

@@ -23,29 +23,29 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxSaid_bytes = 4096;       // of the program's errors, the last of them
-constexpr size_t kMaxOutput_bytes = 1 << 20;  // the first of it
+constexpr size_t kMaxSaid_bytes = 4096;       // of the program's errors, the last ones
+constexpr size_t kMaxOutput_bytes = 1 << 20;  // the first part of it
 constexpr std::chrono::seconds kGrace(2);
 constexpr int kStep_ms = 20;
 
 absl::StatusOr<Descriptor> file_in_memory(std::string_view bytes) {
   Descriptor file(::memfd_create("program", MFD_CLOEXEC));
-  if (!file.is_open()) return absl::ErrnoToStatus(errno, "cannot make a file in memory");
+  if (!file.is_open()) return absl::ErrnoToStatus(errno, "cannot create an in-memory file");
   for (size_t at = 0; at < bytes.size();) {
     const ssize_t written = ::write(file.get(), bytes.data() + at, bytes.size() - at);
-    if (written <= 0) return absl::ErrnoToStatus(errno, "cannot write a file in memory");
+    if (written <= 0) return absl::ErrnoToStatus(errno, "cannot write an in-memory file");
     at += static_cast<size_t>(written);
   }
   ::lseek(file.get(), 0, SEEK_SET);
   return file;
 }
 
-// A program under way, in a process group of its own.
+// A running program, in its own process group.
 class Child {
  public:
   static absl::StatusOr<Child> start(const std::vector<std::string>& words, const RunOptions& options) {
     int ends[2] = {-1, -1};
-    if (::pipe2(ends, O_CLOEXEC) != 0) return absl::ErrnoToStatus(errno, "cannot make a pipe");
+    if (::pipe2(ends, O_CLOEXEC) != 0) return absl::ErrnoToStatus(errno, "cannot create a pipe");
     Child child;
     child.errors_ = Descriptor(ends[0]);
     const Descriptor errors_end(ends[1]);
@@ -84,7 +84,7 @@ class Child {
     return child;
   }
 
-  // Reads what it says for a moment. The exit status as a shell says it, once it has ended.
+  // Reads its output for a moment. The exit status as reported by a shell, once it has ended.
   std::optional<int> step() {
     pollfd ready{.fd = errors_.get(), .events = POLLIN, .revents = 0};
     std::array<char, 1024> bytes{};
@@ -101,7 +101,7 @@ class Child {
     if (::waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   }
-  // Lets it clean up, on SIGTERM; kills what still runs after kGrace, and what it started.
+  // Lets it clean up, on SIGTERM; after kGrace kills it and its child processes if they still run.
   void end() {
     ::kill(-pid_, SIGTERM);
     const nanoseconds until = monotonic_now() + kGrace;
@@ -153,7 +153,7 @@ absl::StatusOr<ProgramEnd> run_program(const std::vector<std::string>& words, co
     }
     if (monotonic_now() < until) continue;
     child.end();
-    return absl::DeadlineExceededError(fmt::format("{} has not ended in {} s, and was ended", words[0],
+    return absl::DeadlineExceededError(fmt::format("{} did not end within {} s, and was terminated", words[0],
                                                    std::chrono::duration<double>(options.limit).count()));
   }
 }

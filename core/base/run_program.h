@@ -1,4 +1,4 @@
-// Another program, run to its end without a shell, within limits of time and of what is kept of its output.
+// Another program, run to its end without a shell, with limits on its time and on the output kept.
 #pragma once
 
 #include <absl/status/status.h>
@@ -27,15 +27,15 @@ struct ProgramEnd {
 };
 
 // The words are the program, looked up in PATH, and its arguments. FAILED_PRECONDITION: it cannot be run.
-// DEADLINE_EXCEEDED, CANCELLED: it had not ended within the limit, or when `stop` was requested; it and what
-// it started in its process group were ended, by SIGTERM and two seconds later by SIGKILL.
+// DEADLINE_EXCEEDED, CANCELLED: it had not ended within the limit, or when `stop` was requested; it and its
+// process group were terminated, with SIGTERM and two seconds later with SIGKILL.
 absl::StatusOr<ProgramEnd> run_program(const std::vector<std::string>& words, const RunOptions& options);
 
-// The same for a program that should end with exit status 0. FAILED_PRECONDITION, too: it did not; has the
-// last line of what it said.
+// The same for a program that should end with exit status 0. Also FAILED_PRECONDITION: it did not; the
+// message has its last line of output.
 absl::Status run_command(const std::vector<std::string>& words, const RunOptions& options);
 
-// "move-stage /dev/ttyUSB0": divided by spaces.
+// "move-stage /dev/ttyUSB0": separated by spaces.
 std::vector<std::string> command_words(const std::string& command);
 
 }  // namespace glasswing

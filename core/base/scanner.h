@@ -1,5 +1,5 @@
 // Reads names and numbers out of an option's text, such as "back=1920x1080@60". A number that its type cannot
-// hold, or that is not finite, is an error like any other: what is given is never cut to what fits.
+// hold, or that is not finite, is an error like any other: values are never truncated to fit.
 #pragma once
 
 #include <charconv>
@@ -14,7 +14,7 @@ class Scanner {
  public:
   explicit Scanner(std::string_view text) : rest_(text) {}
 
-  // Text up to `end`, which is read too: one character or more.
+  // Text up to and including `end`: one character or more.
   Scanner& name(std::string& name, char end) {
     const size_t length = rest_.find(end);
     good_ = good_ && length != std::string_view::npos && length > 0;
@@ -38,10 +38,10 @@ class Scanner {
     if (good_) rest_.remove_prefix(end - rest_.data());
     return *this;
   }
-  // What is left, all of it.
+  // All of the remaining text.
   std::string_view rest() const { return rest_; }
   bool more() const { return good_ && !rest_.empty(); }
-  // Everything was read, and nothing was wrong.
+  // Everything was read, without errors.
   bool done() const { return good_ && rest_.empty(); }
 
  private:

@@ -1,4 +1,4 @@
-// Damaged data is moved to damaged/ beside it, under the name that it had: nothing that may hold data is ever
+// Damaged data is moved to damaged/ beside it, under its old name: nothing that may hold data is ever
 // removed.
 #pragma once
 
@@ -10,9 +10,9 @@ namespace glasswing {
 
 inline constexpr char kDamagedDirectory[] = "damaged";
 
-// Moves `path` to `root`/damaged, under its name below `root`, with a number behind if that is taken.
+// Moves `path` to `root`/damaged, under its name below `root`, with a number appended if that is taken.
 absl::Status set_aside(const std::filesystem::path& root, const std::filesystem::path& path);
-// As set_aside(), but copies: the file is about to be replaced. OK where there is none.
+// Like set_aside(), but copies: the file is about to be replaced. OK if there is none.
 absl::Status copy_aside(const std::filesystem::path& root, const std::filesystem::path& file);
 
 }  // namespace glasswing

@@ -18,7 +18,7 @@ void sleep_until_monotonic(nanoseconds deadline);
 
 // "2026-01-31T12:00:00Z"
 std::string utc_now_rfc3339();
-// The time that was so long ago.
+// The time that long ago.
 std::string utc_rfc3339_ago(nanoseconds ago);
 
 }  // namespace glasswing

@@ -9,9 +9,9 @@ namespace glasswing {
 // Rejects stray bytes, overlong encodings, surrogates and code points above U+10FFFF.
 bool is_utf8(std::string_view text);
 
-// The text on one line that moves no cursor: control characters (C0, DEL, C1), the separators of lines and
-// paragraphs (U+2028, U+2029), what turns the direction of writing (U+202A to U+202E, U+2066 to U+2069) and
-// bytes that are not UTF-8 become "\n", "\t" or "\x1b", byte by byte. For logs and terminals.
+// The text on one line, without cursor movement: control characters (C0, DEL, C1), the separators of lines
+// and paragraphs (U+2028, U+2029), what turns the direction of writing (U+202A to U+202E, U+2066 to U+2069)
+// and bytes that are not UTF-8 become "\n", "\t" or "\x1b", byte by byte. For logs and terminals.
 std::string printable(std::string_view text);
 
 }  // namespace glasswing

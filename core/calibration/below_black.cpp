@@ -9,8 +9,8 @@ namespace {
 constexpr double kMinSamples = 20.0;  // beyond a knot, to determine it
 constexpr double kMaxAtZero = 0.01;   // of the samples, at code 0
 
-// The distribution of codes, each spread evenly over its step: the end of each step, as a share of full
-// scale, and the share of samples below it.
+// The distribution of codes, each spread evenly over its step: the end of each step, as a fraction of full
+// scale, and the fraction of samples below it.
 struct Distribution {
   std::vector<double> code, below;
   double all = 0.0;
@@ -36,7 +36,7 @@ struct Distribution {
   }
 };
 
-// Interpolates y at x linearly between points with rising `xs`.
+// Interpolates y at x linearly between points with increasing `xs`.
 double along(const std::vector<double>& xs, const std::vector<double>& ys, double x) {
   const auto after = std::lower_bound(xs.begin(), xs.end(), x);
   if (after == xs.begin()) return ys.front();
@@ -73,7 +73,7 @@ void continue_below_black(const std::vector<size_t>& count, v1::CameraCurve& cur
     double light = curve.light(k + 1) - fall;
     if (share * black.all >= kMinSamples && share < 0.5) {
       const double mirrored = -light_above(along(black.below, black.code, 1.0 - share));
-      // Noise of the counts must not make the curve fall.
+      // Noise in the counts must not make the curve decrease.
       if (mirrored < curve.light(k + 1) - 0.1 * fall) light = mirrored;
     }
     fall = std::min(fall, curve.light(k + 1) - light);

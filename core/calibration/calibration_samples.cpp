@@ -25,7 +25,7 @@ Shown shown_by(const v1::Stimulus& stimulus) {
   return stimulus.colour_size() > 0 && stimulus.colour(0) == 0.0 ? Shown::kBlack : Shown::kWhite;
 }
 
-// White above black of each pixel, in its brightest channel, from one take of each.
+// White above black for each pixel, in its brightest channel, from one take of each.
 std::vector<float> contrast(const MappedArchive& archive, const std::array<std::vector<int>, 3>& frames) {
   const v1::Camera& camera = archive.manifest().camera();
   const auto white = archive.rows(frames[static_cast<size_t>(Shown::kWhite)].front(), 0, camera.height_px());
@@ -146,8 +146,8 @@ absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archi
   }
   if (pixels.empty()) {
     return absl::FailedPreconditionError(
-        fmt::format("the camera sees no monitor: fewer than {} pixels of any get brighter by {} of full "
-                    "scale from black to white at any exposure; point it at one, or take longer exposures",
+        fmt::format("the camera sees no monitor: at no exposure do {} or more pixels of one get brighter by "
+                    "{} of full scale from black to white; point it at one, or use longer exposures",
                     kMinSeeingPixels, kMinContrast));
   }
   const size_t every = (all + kMaxPixels - 1) / kMaxPixels;

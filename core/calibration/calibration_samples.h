@@ -41,7 +41,7 @@ struct CalibrationSamples {
 // no monitor.
 absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archive);
 
-// The 99 % quantile, of one value or more: outliers are not what is brightest.
+// The 99 % quantile of one or more values: a maximum without outliers.
 template <typename Value>
 Value brightest(std::vector<Value> values) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(0.99 * static_cast<double>(values.size() - 1));

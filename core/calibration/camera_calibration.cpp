@@ -274,8 +274,7 @@ absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& arch
   const TimesOff off = times_off(samples.exposures_ms, response.exposures_s());
   if (off.max > kHopeless) {
     return absl::FailedPreconditionError(fmt::format(
-        "{}, so no curve can be fitted; turn automatic exposure and automatic gain of the camera off",
-        off.text));
+        "{}, so no curve can be fitted; turn off the camera's automatic exposure and gain", off.text));
   }
   calibration.set_linear(response.is_linear());
   for (size_t c = 0; c < 3; ++c) {

@@ -5,8 +5,8 @@
 //   response     CameraResponse of the stripe at all exposures, averaged over takes; the response of the
 //                monitor is unknown and does not matter
 //   black level  median code of the black frames, extrapolated to exposure 0: room light grows with time
-//   noise        photon transfer (noise_model.h) on the takes of the stripe, as light by the response
-//   fall-off     of white less black, over the pixels that see a monitor (camera_shading.h). It includes
+//   noise        photon transfer (noise_model.h) on the takes of the stripe, as linear light
+//   fall-off     of white minus black, over the pixels that see a monitor (camera_shading.h). It includes
 //                the monitor's own shading, which cannot be separated from one viewpoint
 //
 // Uses only pixels that see a monitor, at most 40,000.
@@ -19,8 +19,8 @@
 
 namespace glasswing {
 
-// FAILED_PRECONDITION describes, for people, what the frames lack or show: another plan, no monitor in view,
-// exposures that do not overlap, or automatic exposure. Doubtful but usable results carry `warnings`.
+// FAILED_PRECONDITION describes what the frames lack or show: another plan, no monitor in view, exposures
+// that do not overlap, or automatic exposure. Doubtful but usable results carry `warnings`.
 absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& archive);
 
 }  // namespace glasswing

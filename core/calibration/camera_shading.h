@@ -19,7 +19,7 @@ struct ShadingPoint {
 };
 
 // Least squares; points beyond four standard deviations are rejected. Nothing if the points do not reach from
-// the middle (r <= 0.35) towards the corners (r >= 0.7).
+// the centre (r <= 0.35) towards the corners (r >= 0.7).
 std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& points);
 
 }  // namespace glasswing

@@ -16,7 +16,7 @@ constexpr double kShareOfNoise = 0.32;
 constexpr double kSigmas = 5.0;
 constexpr double kBright = 0.1, kNearlyFull = 0.95;  // light
 constexpr size_t kMinRatios = 200;
-constexpr double kPeak = 0.98;  // quantile: where the stripe is as bright as white
+constexpr double kPeak = 0.98;  // quantile at which the stripe is as bright as white
 constexpr double kClippedShare = 0.01;
 constexpr double kTwoExposures = 1.2;  // ratio of times that codes must reflect
 constexpr double kReaches = 0.8;       // of the saturation
@@ -58,7 +58,7 @@ class Symptoms {
       }
     }
     for (const std::string& name : samples_.unseen) {
-      out_.push_back(fmt::format("the camera does not see monitor \"{}\": nothing of it was measured", name));
+      out_.push_back(fmt::format("the camera does not see monitor \"{}\": it was not measured", name));
     }
     look_for_flicker();
     look_for_jumps();
@@ -120,9 +120,9 @@ class Symptoms {
     if (rms < kShareOfNoise * pixel_noise_) return;
     const size_t at = std::ranges::max_element(worst) - worst.begin();
     out_.push_back(fmt::format(
-        "flicker: repeats of one picture differ in brightness by {:.2g} % (rms), most at {:.4g} ms "
-        "({:.2g} %), where noise explains {:.2g} %; use exposures that are whole multiples of the light's "
-        "period (room light: 10 ms or 8.33 ms; a dimmed backlight: its refresh), or other light",
+        "flicker: repeats of one picture differ in brightness by {:.2g} % (rms), most at {:.4g} ms ({:.2g} "
+        "%), where noise explains {:.2g} %; use exposures that are whole multiples of the light's period "
+        "(room light: 10 ms or 8.33 ms; a dimmed backlight: its refresh), or different light",
         100.0 * rms, samples_.exposures_ms[at], 100.0 * std::sqrt(worst[at]),
         100.0 * repeats_.front().error));
   }

@@ -1,5 +1,5 @@
 // Detects problems in the frames of a camera's calibration: automatic exposure, gain or white balance,
-// flickering light, clipped codes. Findings are texts for people, with advice.
+// flickering light, clipped codes. Findings are displayable texts, with advice.
 #pragma once
 
 #include <absl/status/status.h>
@@ -28,8 +28,8 @@ struct TimesOff {
 };
 TimesOff times_off(const std::vector<double>& declared_ms, const std::vector<double>& fitted_s);
 
-// Warnings for people. `calibration` has curves, saturation, read_sd and shot_gain. Flicker is reported if it
-// adds more than 5 % to the noise of a bright pixel.
+// Human-readable warnings. `calibration` has curves, saturation, read_sd and shot_gain. Flicker is reported
+// if it adds more than 5 % to the noise of a bright pixel.
 std::vector<std::string> symptoms(const CalibrationSamples& samples, const v1::CameraCalibration& calibration,
                                   const FrameLight& light);
 

@@ -157,7 +157,7 @@ absl::StatusOr<v1::DisplayCalibration> calibrate(const MappedArchive& archive, c
   const int bits = bits_of(monitor), highest = (1 << bits) - 1;
   if (std::any_of(shown.solids.begin(), shown.solids.end(),
                   [](const ShownFrame& solid) { return solid.at == nanoseconds(0); })) {
-    return absl::FailedPreconditionError("its frames do not say when they were exposed");
+    return absl::FailedPreconditionError("its frames do not record when they were exposed");
   }
   GW_ASSIGN_OR_RETURN(const ScreenView view, find_screen(archive, light, shown, bits));
   std::vector<SeenSolid> seen;
@@ -198,7 +198,7 @@ absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& arch
   const v1::CaptureManifest& manifest = archive.manifest();
   if (const std::string& of = manifest.plan().calibration().of(); of != "display") {
     return absl::FailedPreconditionError(fmt::format(
-        "session \"{}\" shows no calibration of displays (its plan's calibration is of \"{}\"): capture one",
+        "session \"{}\" is not a calibration of displays (its plan's calibration is of \"{}\"): capture one",
         manifest.session(), of));
   }
   if (!manifest.has_camera_calibration() && manifest.camera().response() == "unknown") {

@@ -26,10 +26,10 @@ struct DisplayCalibrations {
   std::vector<std::string> unmeasured;           // name the monitor and the reason
 };
 
-// Calibrates all monitors shown; `warnings` describe problems for people, with advice. Without a calibration
-// the camera is assumed linear. FAILED_PRECONDITION: none could be measured; names the monitor and the
-// reason: not a display calibration, an uncalibrated camera of unknown response, or an error of find_screen,
-// without_drift or fit_display_response.
+// Calibrates all monitors shown; `warnings` describe problems, with advice. Without a calibration the camera
+// is assumed linear. FAILED_PRECONDITION: none could be measured; names the monitor and the reason: not a
+// display calibration, an uncalibrated camera of unknown response, or an error of find_screen, without_drift
+// or fit_display_response.
 absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& archive);
 
 }  // namespace glasswing

@@ -4,7 +4,7 @@
 //   u = (r - .1) / .8,   v = (g - .1) / .8,      r, g: codes, from the pixel's light through the response
 //   light = mean over channels of (white - black) / (their mean over the screen) / the camera's shading
 //
-// averaged in each cell of a grid, 1 in the middle. The result includes the error of the camera's shading, or
+// averaged in each cell of a grid, 1 in the centre. The result includes the error of the camera's shading, or
 // all of it if that was not measured, since one view of one screen cannot separate the two; and the monitor's
 // dimming at oblique angles.
 #pragma once

@@ -115,15 +115,16 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
   }
   if (calibration.drift() > std::max(kMaxDrift, kMaxFlickers * flicker)) {
     warnings.push_back(
-        fmt::format("white changed by {:.1f} % while it was measured, which was taken out: let the monitor "
+        fmt::format("white changed by {:.1f} % during the measurement, which was removed: let the monitor "
                     "warm up for half an hour",
                     100.0 * calibration.drift()));
   }
   if (flicker > kMaxFlicker) {
-    warnings.push_back(fmt::format(
-        "white differs by {:.1f} % from one time to the next: the monitor flickers, so make the exposure a "
-        "multiple of its refresh; or the camera's automatic settings are on",
-        100.0 * flicker));
+    warnings.push_back(
+        fmt::format("white differs by {:.1f} % between showings: the monitor flickers, so make the exposure "
+                    "a multiple of "
+                    "its refresh; or the camera's automatic settings are on",
+                    100.0 * flicker));
   }
   if (const double brightest = *std::max_element(white.begin(), white.end()); brightest < kMinUse) {
     warnings.push_back(fmt::format(

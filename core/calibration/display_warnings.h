@@ -1,4 +1,4 @@
-// Warnings about a monitor's calibration, for people: with figures and advice.
+// Warnings about a monitor's calibration, with figures and advice.
 #pragma once
 
 #include <string>

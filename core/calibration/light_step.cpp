@@ -35,7 +35,7 @@ double shortest_hold(const LightRecord& record) {
   return seconds_of(shortest);
 }
 
-// The part of a group's sum of squares that one band explains alone. A lit band never darkens it.
+// The part of a group's sum of squares that one band alone explains. A lit band never darkens it.
 double explained(const Track& track, std::vector<double> seen) {
   centre(seen);
   const double square = dot(seen, seen), along = dot(seen, track.light);
@@ -298,7 +298,7 @@ absl::Status check(const LightRecord& record) {
   if (rows == 0 || !alike || record.shown.size() < 2 || record.band_height.empty() ||
       record.band_height.size() > 2)
     return absl::InvalidArgumentError(fmt::format(
-        "{} frames of {} rows, {} changes and {} bands; they must be frames of one size, 2 changes or more, "
+        "{} frames of {} rows, {} changes and {} bands; there must be frames of one size, 2 changes or more, "
         "and 1 or 2 bands",
         record.frames.size(), rows, record.shown.size(), record.band_height.size()));
   if (record.frames.size() < 16) {
@@ -338,7 +338,7 @@ absl::StatusOr<SeenBands> sight_bands(const LightRecord& record, const std::vect
   if (brighter.elsewhere) {
     return absl::FailedPreconditionError(
         fmt::format("the lag is ambiguous: light {:.1f} ms after the scan-out fits nearly as well as {:.1f} "
-                    "ms; what is shown must not repeat itself",
+                    "ms; the shown sequence must not repeat itself",
                     1e3 * *brighter.elsewhere, 1e3 * brighter.centre));
   }
   if (seen.bands.size() == 2) {
@@ -402,8 +402,8 @@ absl::StatusOr<LightStep> find_light_step(const LightRecord& record) {
   }
   if (step.lag.error > time_of(kMaxError)) {
     return absl::FailedPreconditionError(
-        fmt::format("the camera is too slow or sees too little: the lag is {:.1f} ms, give or take {:.1f}; "
-                    "use a longer exposure (up to the time between frames) or a faster camera",
+        fmt::format("the camera is too slow or sees too little: the lag is {:.1f} ms +- {:.1f}; use a longer "
+                    "exposure (up to the time between frames) or a faster camera",
                     1e3 * seconds_of(step.lag.value), 1e3 * seconds_of(step.lag.error)));
   }
   return step;

@@ -60,9 +60,9 @@ struct LightStep {
   std::optional<Estimate> scanout;
 };
 
-// Finds lags of 0 to 250 ms, and settling times up to the shortest time between changes. FAILED_PRECONDITION,
-// for people: no light change is seen, the lag is ambiguous (a sequence that repeats itself), or its error
-// exceeds 1 ms. INVALID_ARGUMENT: no frames, or frames of different sizes.
+// Finds lags of 0 to 250 ms, and settling times up to the shortest time between changes. FAILED_PRECONDITION:
+// no light change is seen, the lag is ambiguous (a sequence that repeats itself), or its error exceeds 1 ms.
+// INVALID_ARGUMENT: no frames, or frames of different sizes.
 absl::StatusOr<LightStep> find_light_step(const LightRecord& record);
 
 // The order in which two bands, or none, are lit: 80 steps of the m-sequence s(n) = 2 s(n-3) + s(n-4) mod 3,

@@ -43,7 +43,7 @@ std::span<const std::uint16_t> samples_of(const MappedArchive& archive, const Sh
   return archive.rows(shown.frame, 0, archive.manifest().camera().height_px());
 }
 
-// White less black, over the whole picture.
+// White minus black, over the whole picture.
 struct WhiteLight {
   RadianceImage light;
   std::vector<bool> cut_off;  // by pixel: in any of the frames
@@ -69,7 +69,7 @@ WhiteLight white_light(const MappedArchive& archive, const FrameLight& light,
   return white;
 }
 
-// The light that all but the brightest thousandth of pixels stay below, by channel.
+// The light below which all but the brightest thousandth of pixels stay, by channel.
 ScreenView::Light brightest(const RadianceImage& image) {
   ScreenView::Light light{};
   std::vector<float> channel(image.samples.size() / 3);
@@ -214,7 +214,7 @@ absl::StatusOr<ScreenView> find_screen(const MappedArchive& archive, const Frame
   }
   if (exposures_ms.empty()) return absl::FailedPreconditionError("no solids were shown");
   return absl::FailedPreconditionError(
-      fmt::format("white is cut off at the camera's full scale, even at {} ms; it must read {} at most, and "
+      fmt::format("white is clipped at the camera's full scale, even at {} ms; it must read {} at most, and "
                   "{} is good: try {:.2g} ms",
                   too_long_ms, kMaxLight, kGoodLight, 0.5 * too_long_ms));
 }

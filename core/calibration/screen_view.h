@@ -1,9 +1,9 @@
 // The part of the camera's picture that shows a monitor, and its light, in the frames of a display
 // calibration (core/pattern/calibration_steps).
 //
-// A pixel sees the monitor if white less black exceeds half of that of the brightest thousandth of pixels, in
-// all channels; if it sees the ramp too (an id patch beside the picture shows none); and if both hold for its
-// eight neighbours. Pixels where white is clipped are excluded.
+// A pixel sees the monitor if white minus black exceeds half of that of the brightest thousandth of pixels,
+// in all channels; if it also sees the ramp (an id patch beside the picture shows none); and if both hold for
+// its eight neighbours. Pixels where white is clipped are excluded.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -44,12 +44,12 @@ struct ScreenView {
   double exposure_ms = 0.0;           // the longest at which white is not clipped
   int width_px = 0;                   // the camera's
   std::vector<std::uint32_t> pixels;  // y * width + x, rising
-  // By pixel, at that exposure, less black.
+  // By pixel, at that exposure, minus black.
   std::vector<Light> white, ramp;
 };
 
-// FAILED_PRECONDITION, for people: a picture is missing, or white is too dark, clipped at all exposures, or
-// seen by fewer than 300 pixels.
+// FAILED_PRECONDITION: a picture is missing, or white is too dark, clipped at all exposures, or seen by fewer
+// than 300 pixels.
 absl::StatusOr<ScreenView> find_screen(const MappedArchive& archive, const FrameLight& light,
                                        const ShownFrames& shown, int bits);
 

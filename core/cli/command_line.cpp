@@ -26,7 +26,7 @@ int fail(const std::string& program, std::string message, bool coloured, int sta
 }
 
 // Sets the type of value (SESSION, FILE, DIR) of options and arguments by their names, for --help and
-// completion. Commands override it where the name does not tell.
+// completion. Commands override it if the name does not determine it.
 void name_values(CLI::App& app) {
   static const std::map<std::string, const char*> kKinds = {
       {"session", "SESSION"}, {"sessions", "SESSION"}, {"matte", "FILE"},    {"plan", "FILE"},
@@ -41,14 +41,14 @@ void name_values(CLI::App& app) {
   for (CLI::App* sub : app.get_subcommands({})) name_values(*sub);
 }
 
-// Inner subcommands inherit their parent's group; they get one of their own.
+// Inner subcommands inherit their parent's group; they get their own.
 void ungroup_inner(CLI::App& app) {
   for (CLI::App* command : app.get_subcommands({})) {
     for (CLI::App* inner : command->get_subcommands({})) inner->group("Commands");
   }
 }
 
-// The command that the words have led to.
+// The command selected by the words.
 const CLI::App& deepest(const CLI::App& app) {
   const std::vector<CLI::App*> parsed = app.get_subcommands();
   return parsed.empty() ? app : deepest(*parsed.back());
@@ -60,7 +60,8 @@ std::string path_of(const CLI::App& command) {
   return (parent == nullptr ? "" : path_of(*parent) + " ") + command.get_name();
 }
 
-// A word of the command line that is no command or option, and what may have been meant; empty: all are.
+// A word of the command line that is not a command or option, and what may have been meant; empty: all are
+// valid.
 std::string unknown_word(const CLI::App& app) {
   if (app.remaining().empty()) return "";
   const std::string word = app.remaining().front();
@@ -85,7 +86,7 @@ std::string unknown_word(const CLI::App& app) {
   return what + (meant.empty() ? "" : fmt::format("; did you mean {}?", meant));
 }
 
-// `help X` as `X --help`, and nothing as --help.
+// `help X` as `X --help`, and no words as --help.
 std::vector<std::string> words_of(int argc, const char* const* argv) {
   std::vector<std::string> words(argv + 1, argv + argc);
   if (words.empty() || words.front() == "help") {
@@ -96,7 +97,7 @@ std::vector<std::string> words_of(int argc, const char* const* argv) {
   return words;
 }
 
-// What a command says goes to standard error while its file goes to standard output.
+// A command's messages go to standard error while its file goes to standard output.
 class Answers {
  public:
   explicit Answers(const CLI::App& command) {
@@ -157,7 +158,7 @@ int run_command_line(int argc, const char* const* argv, const Program& program, 
       const int status = app.exit(error);
       return std::cout.flush() ? status : failed(kNotTaken, kFailure);
     }
-    return failed(fmt::format("{} ({} --help lists what there is)", unknown.empty() ? error.what() : unknown,
+    return failed(fmt::format("{} ({} --help lists them)", unknown.empty() ? error.what() : unknown,
                               path_of(deepest(app))),
                   kUsageError);
   } catch (const std::exception& error) {

@@ -66,14 +66,14 @@ end
 complete -c glasswing -f -a '(__glasswing_complete)'
 )fish";
 
-// The place that the words before the cursor lead to.
+// The position determined by the words before the cursor.
 struct Cursor {
   const CLI::App* command;
   const CLI::Option* option = nullptr;  // whose value comes next; null: none
   size_t argument_count = 0;            // the command's positional arguments so far
 };
 
-// An option of the command or of those above it; null: there is none of this name.
+// An option of the command or of those above it; null: there is none with this name.
 const CLI::Option* find_option(const CLI::App& command, const std::string& name) {
   for (const CLI::App* app = &command; app != nullptr; app = app->get_parent()) {
     if (const CLI::Option* option = app->get_option_no_throw(name)) return option;

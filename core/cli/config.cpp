@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kFileVariable = "GLASSWING_CONFIG";
-// The file is shared by all programs; each skips what it has no use for.
+// The file is shared by all programs; each ignores settings that it does not use.
 constexpr std::string_view kKeys[] = {"server", "ca", "certificate", "key", "color"};
 
 std::string environment(const std::string& variable) {
@@ -60,15 +60,15 @@ std::optional<std::string> take_quoted(std::string_view& text) {
   return std::nullopt;
 }
 
-// KEY = "VALUE" or KEY = 'VALUE', perhaps with a comment; nullopt for a blank line or a comment. Not a
-// std::regex, which needs stack for every character.
+// KEY = "VALUE" or KEY = 'VALUE', optionally with a comment; nullopt for a blank line or a comment. Not a
+// std::regex, which uses stack space for every character.
 struct Line {
   std::string key, value;
 };
 absl::StatusOr<std::optional<Line>> parse_line(std::string_view text) {
   const auto bad = [&] {
     return absl::InvalidArgumentError(
-        fmt::format("it is {}; it must be KEY = \"VALUE\", as TOML has it", text.substr(0, 200)));
+        fmt::format("it is {}; it must be KEY = \"VALUE\", as in TOML", text.substr(0, 200)));
   };
   const auto ends = [](std::string_view rest) { return rest.empty() || rest[0] == '#'; };
   std::string_view rest = without_blanks(text);
@@ -118,9 +118,9 @@ absl::Status Config::read(const fs::path& path) {
     const auto& [key, value] = **parsed;
     if (std::ranges::find(kKeys, key) == std::end(kKeys))
       return absl::InvalidArgumentError(
-          fmt::format("{}there is no key {}; there are {}", place, key, fmt::join(kKeys, ", ")));
+          fmt::format("{}there is no key {}; the keys are {}", place, key, fmt::join(kKeys, ", ")));
     if (!seen.insert(key).second)
-      return absl::InvalidArgumentError(fmt::format("{}{} is there a second time", place, key));
+      return absl::InvalidArgumentError(fmt::format("{}{} is repeated", place, key));
     const auto setting = std::ranges::find(settings_, key, &Setting::key);
     if (setting == settings_.end()) continue;
     setting->value =

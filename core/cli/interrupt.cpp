@@ -11,13 +11,13 @@
 namespace glasswing {
 namespace {
 
-// Becomes readable at Ctrl-C. One for the process, since a signal handler can reach nothing else.
+// Becomes readable on Ctrl-C. One for the process, since a signal handler can reach only globals.
 int event() {
   static const int fd = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
   return fd;
 }
 int event_of_handler = -1;
-int living = 0;  // number of Interruptibles; only the main thread makes them
+int living = 0;  // number of Interruptibles; only the main thread creates them
 struct sigaction before {};
 
 void tell(int fd) {

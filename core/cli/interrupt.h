@@ -7,7 +7,7 @@
 namespace glasswing {
 
 // While one exists, the first Ctrl-C is a request: interrupted() becomes true and `cancel` is called on a
-// separate thread. A second Ctrl-C ends the process at once, as any does when none exists.
+// separate thread. A second Ctrl-C ends the process at once, as any Ctrl-C does when none exists.
 class Interruptible {
  public:
   explicit Interruptible(std::function<void()> cancel = nullptr);

@@ -130,8 +130,7 @@ absl::Status write_page(const CLI::App& command, const std::string& title, const
       paragraphs(command.get_description() + "\n\n" + footer.text));
   text += commands(command, page, section) + options("ARGUMENTS", positionals_of(command)) +
           options("OPTIONS", options_of(command));
-  if (!above.empty())
-    text += fmt::format(".PP\nThe options of {}({}) can be given, too.\n", bold(above), section);
+  if (!above.empty()) text += fmt::format(".PP\nThe options of {}({}) also apply.\n", bold(above), section);
   text += more;
   if (!footer.examples.empty()) {
     text += ".SH EXAMPLES\n.nf\n";

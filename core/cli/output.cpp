@@ -81,7 +81,7 @@ std::string unsolved_text(std::int64_t pixels) {
 
 absl::Status cannot_write(const std::string& output) {
   return absl::UnavailableError(
-      fmt::format("cannot write {}; its directory must be there and writable, with room on the disk",
+      fmt::format("cannot write {}; its directory must exist and be writable, with space on the disk",
                   output == "-" ? "standard output" : output));
 }
 

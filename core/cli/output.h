@@ -1,4 +1,4 @@
-// Writes answers to standard output, and says why a file was not written.
+// Writes answers to standard output, and reports why a file was not written.
 #pragma once
 
 #include <absl/status/status.h>

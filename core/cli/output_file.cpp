@@ -39,7 +39,7 @@ CLI::Validator output_directory() {
     std::error_code ignored;
     while (!fs::exists(there, ignored) && there.has_relative_path()) there = there.parent_path();
     if (!fs::is_directory(there, ignored))
-      return fmt::format("the output {} must be a directory; {} is none", name, there.string());
+      return fmt::format("the output {} must be a directory; {} is not one", name, there.string());
     if (::access(there.c_str(), W_OK | X_OK) == 0) return "";
     return fmt::format("the output {} cannot be written: {}: {}", name, there.string(), std::strerror(errno));
   };
@@ -55,7 +55,7 @@ absl::Status check_writable(const fs::path& file) {
     return absl::InvalidArgumentError(fmt::format("the output {} cannot be written: there is no directory {}",
                                                   file.string(), directory.string()));
   }
-  // A new file takes the old one's place, except where it is no ordinary file (/dev/full).
+  // A new file takes the old one's place, unless it is not a regular file (/dev/full).
   const fs::path& written =
       fs::exists(file, ignored) && !fs::is_regular_file(file, ignored) ? file : directory;
   if (::access(written.c_str(), W_OK) == 0) return absl::OkStatus();

@@ -1,4 +1,4 @@
-// The files that commands write: checked before any work, and standard output in place of one.
+// The files that commands write: checked before any work, and standard output instead of one.
 #pragma once
 
 #include <absl/status/status.h>
@@ -11,14 +11,14 @@
 
 namespace glasswing {
 
-// The output that is no file. What a command says of its work goes to standard error then (command_line.cpp).
+// The output that is not a file. The command's messages then go to standard error (command_line.cpp).
 inline constexpr const char* kStandardOutput = "-";
 
-// Of an option that names a file to write: its name ends in one of these (".exr"), it is no directory, and
-// the user may write it where it is to lie; or it is kStandardOutput, where that is among the endings.
+// Of an option that names a file to write: its name ends in one of these (".exr"), it is not a directory, and
+// the user may write it there; or it is kStandardOutput, if that is among the endings.
 CLI::Validator output_file(std::vector<std::string> endings);
 
-// Of an option that names a directory to write into: the user may do so, or make it.
+// Of an option that names a directory to write into: the user may do so, or create it.
 CLI::Validator output_directory();
 
 // output_file(): OK, or INVALID_ARGUMENT.
@@ -26,7 +26,8 @@ absl::Status check_output_file(const std::filesystem::path& file, const std::vec
 // Without the ending.
 absl::Status check_writable(const std::filesystem::path& file);
 
-// Writes a file as write_file_durably(), or to standard output. UNAVAILABLE: that does not take it.
+// Writes a file like write_file_durably(), or to standard output. UNAVAILABLE: standard output does not
+// accept it.
 absl::Status write_output(const std::string& output, std::string_view bytes);
 
 // A file that is removed unless it gets its name, or is copied to standard output.
@@ -36,9 +37,9 @@ class UnfinishedFile {
   UnfinishedFile(const UnfinishedFile&) = delete;
   UnfinishedFile& operator=(const UnfinishedFile&) = delete;
   ~UnfinishedFile();
-  // Where it lies until it is whole: beside the output, or with other temporary files.
+  // Its location until it is complete: beside the output, or with other temporary files.
   const std::filesystem::path& path() const { return unfinished_; }
-  // Gives the file its name durably, or copies it. UNAVAILABLE as write_output().
+  // Gives the file its name durably, or copies it. UNAVAILABLE as in write_output().
   absl::Status finish();
 
  private:

@@ -1,4 +1,4 @@
-// What somebody may have meant by a word that is none of the known ones.
+// The known word that an unknown one may have been meant to be.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace glasswing {
 
-// The candidate that takes the fewest edits (a character added, dropped, replaced, or swapped with the next),
-// if at most a third of the word's characters need one; empty: none is near.
+// The candidate with the fewest edits (a character added, dropped, replaced, or swapped with the next), if at
+// most a third of the word's characters need one; empty: none is close.
 std::string nearest(std::string_view word, const std::vector<std::string>& candidates);
 
 }  // namespace glasswing

@@ -111,7 +111,7 @@ absl::StatusOr<RadianceImage> composite_file(std::string_view file,
   const bool boxes = has_boxes(outline.metadata);
   std::vector<FootprintTexture> textures = footprint_textures(outline.metadata);
   for (FootprintTexture& texture : textures) {
-    // What rows will need is not known yet.
+    // The rows' needs are not known yet.
     texture.level_count = static_cast<int>(texture.shape.levels().size());
     texture.has_wide_boxes = boxes;
   }

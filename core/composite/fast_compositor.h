@@ -26,13 +26,13 @@ class FastCompositor {
   // they touch, and lose sharpness if the total would exceed 4 GiB. `thread_count` 0: all cores.
   // INVALID_ARGUMENT: the matte's crosstalk is invalid.
   static absl::StatusOr<FastCompositor> create(const Matte& matte, int thread_count = 0);
-  // The same of a matte's file, of which a few rows are in memory at a time. `edit` may look at and change
-  // them before they are converted; several threads call it, with blocks of rows in any order.
+  // The same for a matte's file, with a few rows in memory at a time. `edit` may inspect and change them
+  // before they are converted; several threads call it, with blocks of rows in any order.
   // Errors are also those of decode_matte().
   static absl::StatusOr<FastCompositor> create(std::string_view file, absl::FunctionRef<void(Matte&)> edit,
                                                int thread_count = 0);
 
-  // As glasswing::composite() of this matte. The result does not depend on `thread_count`.
+  // Like glasswing::composite() of this matte. The result does not depend on `thread_count`.
   absl::StatusOr<RadianceImage> composite(const std::vector<RadianceImage>& backgrounds,
                                           int thread_count = 0) const;
 
@@ -58,8 +58,9 @@ class FastCompositor {
   std::vector<FootprintRow> rows_;
 };
 
-// The composite of a matte's file over one set of pictures, in the memory of these, the composite, and a few
-// rows of the matte. `edit` and errors as for FastCompositor; `progress` is called with the fraction done.
+// The composite of a matte's file over one set of pictures, in the memory of these pictures, the composite,
+// and a few rows of the matte. `edit` and errors as for FastCompositor; `progress` is called with the
+// fraction done.
 absl::StatusOr<RadianceImage> composite_file(std::string_view file,
                                              const std::vector<RadianceImage>& backgrounds,
                                              absl::FunctionRef<void(Matte&)> edit, int thread_count = 0,

@@ -1,4 +1,4 @@
-// What both compositors integrate footprints with.
+// The quadrature that both compositors use for footprints.
 #pragma once
 
 #include <array>

@@ -22,13 +22,13 @@ namespace glasswing {
 // Tiles that a footprint may have before it is widened (footprint_tiles.h): no limit in practice.
 inline constexpr int kMaxTiles = 1024;
 
-// What footprints need of the picture on a monitor.
+// The parts of the picture on a monitor that footprints need.
 struct FootprintTexture {
   PyramidShape shape;
   int level_count = 0;  // levels that tiles use
   bool has_wide_boxes = false;
 };
-// Of all monitors, with the samples of each behind those of the one before; nothing is needed yet.
+// For all monitors, with each one's samples after those of the previous one; nothing is needed yet.
 std::vector<FootprintTexture> footprint_textures(const v1::MatteMetadata& metadata);
 
 struct WideBox {
@@ -53,9 +53,9 @@ class FootprintRows {
   // `textures` must outlive it; their shapes are used. `max_tiles`: FootprintTiles'.
   FootprintRows(const std::vector<FootprintTexture>& textures, bool boxes, int max_tiles);
 
-  // Row y of a matte, counted from its first, into `row`, whose memory is used again.
+  // Row y of a matte, counted from its first, into `row`, whose memory is reused.
   void prepare(const Matte& matte, int y, FootprintRow& row);
-  // Adds what the rows so far need.
+  // Adds the needs of the rows so far.
   void report(std::vector<FootprintTexture>& textures) const;
 
  private:

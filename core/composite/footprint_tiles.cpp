@@ -19,8 +19,8 @@ constexpr double kMinVariance = 0.4;
 constexpr double kTileReach = 2.8;
 // For thin footprints nothing is added to the ends; 0.1 % is omitted.
 constexpr double kThinReach = 3.3;
-// Where a footprint slides along u by more than so many of its sigmas along u in a row of v, what crosses a
-// border of pixels does so within a fraction of the row, and a few lines replace it.
+// If a footprint slides along u by more than this many of its sigmas along u in a row of v, its light crosses
+// a pixel border within a fraction of the row, and a few lines replace it.
 constexpr double kLineSlope = 8.0;
 // Gauss-Hermite, for a normal variable.
 constexpr std::array<double, 5> kHermiteNodes{-2.8569700138728056, -1.355626179974266, 0.0, 1.355626179974266,
@@ -31,7 +31,7 @@ constexpr std::array<double, 5> kHermiteWeights{0.011257411327720691, 0.22207592
 constexpr double kUpright = 0.02;
 
 // The share of a Gaussian beyond `reach` sigmas on one side: erfc(reach / sqrt 2) / 2, interpolated within
-// 2e-6, which half floats do not hold.
+// 2e-6, which half floats do not resolve.
 double beyond(double reach) {
   constexpr int kEntries = 1024;
   constexpr double kPerSigma = 128.0;
@@ -115,8 +115,9 @@ FootprintTiles::Placement FootprintTiles::place(const Mode& mode) const {
   return placed;
 }
 
-// A Gaussian's values at `first`, `first` + 1, ... from its centre, each from the one before by two products:
-// g(a + 1) = g(a) q(a) and q(a + 1) = q(a) exp(-1 / variance), with q(a) = exp(-(2 a + 1) / (2 variance)).
+// A Gaussian's values at `first`, `first` + 1, ... from its centre, each from the previous one by two
+// products: g(a + 1) = g(a) q(a) and q(a + 1) = q(a) exp(-1 / variance), with q(a) = exp(-(2 a + 1) / (2
+// variance)).
 class FootprintTiles::Gaussian {
  public:
   explicit Gaussian(double variance)
@@ -148,7 +149,7 @@ void FootprintTiles::sample(double centre, Gaussian gaussian, double reach, int 
   taps.weights.clear();
   const double sigma = gaussian.sigma();
   double low = std::floor(centre - reach * sigma), high = std::floor(centre + reach * sigma);
-  // Drops a single sample that would need a tile of its own.
+  // Drops a single sample that would need its own tile.
   if (static_cast<int>(high - low) == kTileWidth)
     (centre - low > high + 1.0 - centre ? low += 1.0 : high -= 1.0);
   const double from = std::max<double>(low, -PyramidShape::kBorder);
@@ -318,7 +319,7 @@ void FootprintTiles::add_oriented(const Placement& placed, double weight, int ch
   }
 }
 
-// A tap's weight, beside the others of its row of v, which begin at `begin`.
+// Adds a tap's weight to the others in its row of v, which begin at `begin`.
 void FootprintTiles::add_tap(size_t begin, int u, int v, double weight) {
   const auto same = std::find_if(thin_.begin() + begin, thin_.end(),
                                  [&](const Tap& tap) { return tap.x == u && tap.y == v; });
@@ -357,7 +358,7 @@ void FootprintTiles::add_panels(const Thin& thin) {
 }
 
 // The narrow Gaussian along u as Gauss-Hermite nodes, each a line u = u_n + slope (v - v_0). In a row of v it
-// crosses one border of pixels at most: either side has the Gaussian's integral along v up to there.
+// crosses at most one pixel border: each side has the Gaussian's integral along v up to there.
 void FootprintTiles::add_lines(const Thin& thin) {
   const double whole = std::erf(thin_reach_ / std::numbers::sqrt2), reach = thin_reach_ * thin.sigma;
   const auto below = [&](double v) {  // the share of the Gaussian along v

@@ -3,7 +3,7 @@
 // Heeger and Bergen 1995).
 //
 // Channels are correlated, so they are matched along the target's principal axes. First means and covariances
-// are equalised by the linear map that moves colours least,
+// are equalised by the linear map that changes colours least,
 //
 //   A = S^(-1/2) (S^(1/2) T S^(1/2))^(1/2) S^(-1/2)       S, T: covariances of source and target
 //

@@ -12,14 +12,14 @@ namespace {
 
 constexpr float kNearPx = 4.0f;
 constexpr float kMaxDistance = 8.0f;  // in l
-constexpr float kRift = 0.5f;         // neighbours that differ more do not pass on numbers
+constexpr float kRift = 0.5f;         // neighbours that differ more do not propagate numbers
 constexpr std::uint32_t kNoRegion = ~0u;
 
 float width_px(const Mode& mode) {
   return std::sqrt(std::max(0.5f * (mode.xx_px2 + mode.yy_px2), 0.0f));
 }
 
-// The modes of a node that take part, and their places.
+// A node's participating modes, and their positions.
 struct Node {
   std::array<const Mode*, kMaxModes> modes;
   std::array<std::int8_t, kMaxModes> places;
@@ -90,7 +90,7 @@ struct LightPaths::Spread {
     return node;
   }
 
-  // The strongest comes first, for there is nothing to go by.
+  // The strongest comes first, as there is nothing else to decide by.
   void seed(size_t index, const Node& node) {
     std::array<size_t, kMaxModes> order;
     std::iota(order.begin(), order.end(), 0u);
@@ -99,7 +99,7 @@ struct LightPaths::Spread {
     for (size_t p = 0; p < node.count; ++p) slots[index][p] = node.places[order[p]];
   }
 
-  // Takes the numbers of a neighbour's matching modes; others get numbers that neither has.
+  // Takes the numbers of a neighbour's matching modes; others get numbers used by neither.
   void number(size_t index, const Node& node, size_t from, const Node& neighbour) {
     const Match matched = match(neighbour, node);
     Slots& own = slots[index];

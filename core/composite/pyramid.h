@@ -2,10 +2,10 @@
 //
 //   level_l[j] = sum over k of h[k] level_{l-1}[2j + k - 2],   h = [1 5 10 10 5 1] / 32
 //
-// A sample of level l lies in the middle of 2^l x 2^l pixels. Its filter has the variance 5 (4^l - 1) / 12
+// A sample of level l lies at the centre of 2^l x 2^l pixels. Its filter has the variance 5 (4^l - 1) / 12
 // px^2. Light is conserved: every pixel has the same total weight in a level. Aliases are attenuated by the
-// fifth power of their distance from multiples of the sampling frequency. Beyond the picture all is black; a
-// level stores kBorder samples beyond each edge.
+// fifth power of their distance from multiples of the sampling frequency. Beyond the picture everything is
+// black; a level stores kBorder samples beyond each edge.
 #pragma once
 
 #include <cstddef>

@@ -57,7 +57,7 @@ absl::Status check_monitor(const v1::MatteMetadata& metadata, int texture) {
   const v1::Monitor& monitor = metadata.monitors(texture);
   if (monitor.width_px() >= 1 && monitor.height_px() >= 1) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      fmt::format("the matte does not say how large its monitor \"{}\" is", monitor.name()));
+      fmt::format("the matte does not record the size of its monitor \"{}\"", monitor.name()));
 }
 
 // Throws OpenEXR's exceptions.
@@ -76,8 +76,8 @@ class StmapWriter {
     }
     part.attributes["glasswing:conventions"] = fmt::format(
         "R = x / {}, G = 1 - y / {}: where channel {} of session {} looks on monitor {}, from its "
-        "bottom left corner; B = A = 1 where it does. weight: of the path. blur: its sigma, "
-        "monitor px.",
+        "bottom-left "
+        "corner; B = A = 1 where it does. weight: of the path. blur: its sigma, monitor px.",
         metadata.monitors(texture).width_px(), metadata.monitors(texture).height_px(), kColourNames[channel],
         metadata.session(), metadata.monitors(texture).name());
     part.attributes["colorInteropID"] = "data";
@@ -99,7 +99,7 @@ class StmapWriter {
   std::string finish() { return writer_->finish(); }
 
  private:
-  // Sorted, as the file has them.
+  // Sorted, as in the file.
   static constexpr std::array<const char*, 8> kPlanes{"A",      "B",        "G",        "R",
                                                       "blur.Y", "weight.B", "weight.G", "weight.R"};
   static constexpr size_t kA = 0, kB = 1, kG = 2, kR = 3, kBlur = 4;

@@ -100,7 +100,7 @@ void CutRows(const SlantedGaussian& in, float first_row, const float* weights, R
     const auto left = hn::NegMulAdd(hn::Mul(away, away), hn::Set(d, in.per_variance), hn::Set(d, in.reach2));
     const auto reach = hn::Mul(hn::Set(d, in.sigma), hn::Sqrt(hn::Max(left, one)));
     auto low = hn::Floor(hn::Sub(centre, reach)), high = hn::Floor(hn::Add(centre, reach));
-    // A single sample that would need a tile of its own is dropped.
+    // A single sample that would need its own tile is dropped.
     const auto wider = hn::Eq(hn::Sub(high, low), hn::Set(d, kTileWidth));
     const auto from_low = hn::Gt(hn::Sub(centre, low), hn::Sub(hn::Add(high, one), centre));
     low = hn::Add(low, hn::IfThenElseZero(hn::And(wider, from_low), one));
@@ -118,7 +118,7 @@ void CutRows(const SlantedGaussian& in, float first_row, const float* weights, R
       sum = hn::Add(sum, value);
       moment = hn::MulAdd(value, a, moment);
     }
-    // The light beyond the reach goes to the end samples, so that sum and centroid are right.
+    // The light beyond the reach goes to the end samples, so that sum and centroid are correct.
     const auto beyond = hn::Sub(one, sum);
     const auto after = hn::Div(hn::NegMulSub(beyond, start, moment), count);
     const auto before = hn::Sub(beyond, after);
@@ -132,7 +132,7 @@ void CutRows(const SlantedGaussian& in, float first_row, const float* weights, R
       for (size_t row = 0; row < hn::Lanes(d); ++row) cuts.halves[r + row][u] = column[row];
     }
     hn::StoreU(low, d, &cuts.first[r]);
-    // Of others the ends are the same sample, or several tiles are needed.
+    // Otherwise the ends are the same sample, or several tiles are needed.
     hn::StoreU(
         hn::IfThenElse(hn::And(hn::Ge(count, one), hn::Le(count, last)), hn::Add(count, one), hn::Zero(d)), d,
         &cuts.count[r]);

@@ -51,7 +51,7 @@ struct RowCuts {
 // weights.
 void cut_rows(const SlantedGaussian& gaussian, float first_row, const float* weights, RowCuts& cuts);
 
-// Appends a tile of one row, of weights as half floats.
+// Appends a tile of one row, with weights as half floats.
 void add_row_tile(std::uint32_t offset, std::uint16_t stride, const std::uint16_t* across,
                   std::vector<std::uint16_t>& words);
 

@@ -1,5 +1,5 @@
-// main() of the daemons: all of them parse, log, listen, register and stop alike, and differ in their
-// options, their devices and their services.
+// main() of the daemons: all of them parse, log, listen, register and stop in the same way, and differ in
+// their options, their devices and their services.
 #pragma once
 
 #include <absl/status/status.h>
@@ -21,7 +21,7 @@
 
 namespace glasswing {
 
-// The options that daemons share, as parsed. `command` is set by the subcommand that was chosen, if any.
+// The parsed options that daemons share. `command` is set by the subcommand that was chosen, if any.
 struct DaemonOptions {
   ListenOptions listen = {};
   TlsFiles tls = {};
@@ -35,22 +35,22 @@ struct DaemonProgram {
   std::string description;  // of --help
   std::string footer;
   std::string build;  // build_id(), which only programs are linked with
-  // Declares the program's own options, the listening and the TLS ones among them, and its subcommands.
+  // Declares the program's own options, including those for listening and TLS, and its subcommands.
   std::function<void(CLI::App& app, DaemonOptions& options)> add_options;
   // The daemon itself: opens its devices, and serve()s until it is to end.
   std::function<absl::Status(const CLI::App& app, const DaemonOptions& options)> run;
 };
 
 // Parses the command line and runs the subcommand that was chosen, or the daemon: with SIGINT and SIGTERM
-// blocked, its log, its metrics and TLS begun. A failure is one line "NAME: message" on standard error.
+// blocked, and its log, metrics and TLS started. A failure is one line "NAME: message" on standard error.
 // Returns the exit status: 0 on success, 1 on failure, CLI11's on a wrong command line.
 int run_daemon(int argc, const char* const* argv, const DaemonProgram& program);
 
-// Declares a subcommand that serves nothing. It needs none of the daemon's required options.
+// Declares a subcommand that serves nothing. It does not need the daemon's required options.
 CLI::App& add_command(CLI::App& app, DaemonOptions& options, const std::string& name,
                       const std::string& description, std::function<absl::StatusOr<int>()> work);
 
-// What a daemon serves between its first call and its last.
+// What a daemon serves from its first call to its last.
 struct Served {
   std::vector<grpc::Service*> services;
   PrincipalOf principal_of = nullptr;  // for calls that the console makes for people
@@ -62,7 +62,7 @@ struct Served {
   Registration::PreparationOf preparation_of = nullptr;
   // Called once the services answer, with null if the daemon does not listen. An error ends the daemon.
   std::function<absl::Status(ServiceHost* host)> begin = nullptr;
-  // Ends what `begin` began and the calls that run, so that the services can stop.
+  // Ends what `begin` began and the running calls, so that the services can stop.
   std::function<void()> end = nullptr;
 };
 

@@ -13,9 +13,9 @@ void add_tls_options(CLI::App& app, TlsFiles& files) {
     app.add_option(name, file, description + "; or $" + variable)->envname(variable)->type_name("FILE");
   };
   add("--ca", files.ca, "GLASSWING_CA",
-      "PEM of the CA that signed the certificates of all programs; turns TLS on for calls");
+      "PEM of the CA that signed the certificates of all programs; turns on TLS for calls");
   add("--certificate", files.certificate, "GLASSWING_CERTIFICATE",
-      "PEM of this program's own certificate; callers must then use TLS and show one of the same CA");
+      "PEM of this program's own certificate; callers must then use TLS and present one from the same CA");
   add("--key", files.key, "GLASSWING_KEY", "PEM of the certificate's key");
 }
 
@@ -24,7 +24,7 @@ void add_listen_options(CLI::App& app, ListenOptions& listen, const std::string&
                  "host:port " + listens + "; beyond this machine only with --certificate")
       ->capture_default_str();
   app.add_option("--advertise", listen.advertised,
-                 "host:port at which others call it; --listen if left out, which must then name one address")
+                 "host:port at which others call it; default: --listen, which must then name one address")
       ->type_name("HOST:PORT");
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
 }
@@ -44,8 +44,8 @@ absl::Status BackendOptions::check(const CLI::App& app, std::string_view backend
   for (const auto& [option, takers] : takers_) {
     if (app.count(option) == 0 || std::ranges::find(takers, backend) != takers.end()) continue;
     return absl::InvalidArgumentError(
-        fmt::format("{} is given with --backend {}; it must be left out, or used with --backend {}", option,
-                    backend, fmt::join(takers, " or ")));
+        fmt::format("{} is given with --backend {}; omit it, or use it with --backend {}", option, backend,
+                    fmt::join(takers, " or ")));
   }
   return absl::OkStatus();
 }

@@ -15,7 +15,7 @@
 
 namespace glasswing {
 
-// --ca, --certificate and --key, or the environment variables that the client reads too: for use_tls().
+// --ca, --certificate and --key, or the environment variables that the client also reads: for use_tls().
 void add_tls_options(CLI::App& app, TlsFiles& files);
 
 // --listen, --advertise and --reflection. `listens` completes "host:port ".

@@ -19,7 +19,7 @@ constexpr size_t kDesigned = 64;  // of the pixels that are not known well enoug
 constexpr double kShare = 0.95;   // of the object's pixels
 constexpr int kMinWaves = 6;      // of a round
 
-// So many of them, evenly, or all.
+// This many of them, evenly, or all.
 template <typename T>
 std::vector<T> some_of(std::vector<T> all, size_t count) {
   if (all.size() <= count) return all;
@@ -68,7 +68,7 @@ int images_of(const std::vector<Step>& steps) {
   }));
 }
 
-// What this share of all is not above.
+// The value that this share of all does not exceed.
 double quantile(std::vector<double> values, double share) {
   const auto at =
       values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
@@ -129,7 +129,7 @@ void put_findings(const Judgement& judgement, const RoundTarget& target, v1::Ada
   found.set_error_px(std::min(quantile(centre_px, kShare), static_cast<double>(kMaxSide_px)));
 }
 
-// The pixels that are not known well enough, of the monitor that has most of them.
+// The pixels that are not known well enough, on the monitor with most of them.
 struct Uncertain {
   size_t monitor = 0;
   std::vector<KnownPixel> pixels;
@@ -145,12 +145,12 @@ Uncertain uncertain_in(const Judgement& judgement, const RoundTarget& target) {
           .pixels = some_of(std::move(*most), kDesigned)};
 }
 
-// Of a round, on a rig of so many monitors.
+// For a round, on a rig with this many monitors.
 int most_waves(const v1::Plan& plan, size_t monitors, int images) {
   const int at_most = plan.adapt().has_at_most() ? plan.adapt().at_most() : kDefaultAtMost;
   const int used = plan.monitors().empty() ? static_cast<int>(monitors) : plan.monitors_size();
   const int each = 2 * used * std::max(plan.exposure_ms_size(), 1);  // images of a wave
-  // Twice the images tell 3 dB more; further ahead a draft's errors say little.
+  // Twice the images gain 3 dB; a draft's errors predict little beyond that.
   return std::min(at_most - images, std::max(images, kMinWaves * each)) / each;
 }
 
@@ -165,7 +165,7 @@ v1::Round round_of(std::vector<DesignedWave> waves, const RoundTarget& target,
   v1::Round round;
   *round.mutable_fringes() = fringes_of(waves);
   round.set_why(fmt::format(
-      "{:.0f} % of the object's pixels were known to {} after {} images, {:.0f} % are asked for; 95 % to "
+      "{:.0f} % of the object's pixels were known to {} after {} images, {:.0f} % are requested; 95 % to "
       "{:.1f} dB and {:.3f} px",
       100.0 * found.known_share(), asked, found.image_count(), 100.0 * kShare, found.error_db(),
       found.error_px()));

@@ -1,4 +1,4 @@
-// A capture that adapts (Plan.adapt): how well a draft of all its images knows the object, and what to show
+// Adaptive captures (Plan.adapt): how well a draft of all images determines the object, and what to show
 // next. next_round.h has the equations.
 #pragma once
 
@@ -16,8 +16,8 @@
 
 namespace glasswing {
 
-// What a solve knows of one pixel's strongest channel, by texture. Of a monitor that it does not see it has
-// no modes.
+// What a solve knows about one pixel's strongest channel, by texture. It has no modes on a monitor that it
+// does not see.
 using JudgedPixel = std::vector<KnownPixel>;
 // Adds the object's pixels of some of a matte's rows, every `step`-th from column `first_x` on.
 void add_pixels_of_object(const Matte& rows, int first_x, int step, size_t monitors,
@@ -28,8 +28,8 @@ struct Adaptation {
   std::optional<v1::Round> next;  // none: the target holds, or there may be no more images
 };
 
-// `pixels`: of the object; of more than 500 as many are judged, evenly. `waves`: what may be shown next;
-// empty: any. INVALID_ARGUMENT: the monitors do not fit the plan. `pixels` must not be empty.
+// `pixels`: of the object; at most 500 of them are judged, evenly spaced. `waves`: candidates for the next
+// round; empty: any. INVALID_ARGUMENT: the monitors do not fit the plan. `pixels` must not be empty.
 absl::StatusOr<Adaptation> adapt(std::vector<JudgedPixel> pixels, const v1::Plan& plan,
                                  const std::vector<v1::Monitor>& monitors, const v1::Camera& camera,
                                  std::span<const DesignedWave> waves = {});

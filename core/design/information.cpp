@@ -31,7 +31,7 @@ void add_phases(const DesignedWave& wave, std::vector<ShownPattern>& patterns) {
   for (const double phase_rad : {0.0, 0.5 * std::numbers::pi}) patterns.push_back(wave_of(wave, phase_rad));
 }
 
-// Alike on every octave.
+// Equal on every octave.
 Background::Background(const MonitorExtent& extent) : extent_(extent) {
   const double lowest = 1.0 / std::max(extent.width_px, extent.height_px);
   for (int r = 0; r < kRadii; ++r) {

@@ -1,15 +1,15 @@
-// What patterns tell of one pixel's footprints theta = (F; R, c, Sigma of each). A sample i has the variance
-// v_i = read^2 + light_i / full well, and Fisher's information is
+// The information of patterns about one pixel's footprints theta = (F; R, c, Sigma of each). A sample i has
+// the variance v_i = read^2 + light_i / full well, and the Fisher information is
 //
 //   I = sum_i J_i J_i' / v_i + P        J_i: derivatives by theta, pattern_answer.h
 //
 // P, the inverse of the prior's spread, keeps I regular. I^-1 bounds the covariance of any unbiased estimate;
-// a least-squares fit reaches it. In composites it leaves the error
+// a least-squares fit reaches it. The resulting error of composites is
 //
 //   trace(I^-1 M),   M = sum_f power(f) Re(conj(h_f) h_f')        h_f: derivatives of the footprints'
 //                                                                  spectrum at f
 //
-// for a background whose power falls with 1/f^2, as photographs' does.
+// for a background whose power falls with 1/f^2, as in photographs.
 #pragma once
 
 #include <Eigen/Core>
@@ -36,8 +36,8 @@ void add_phases(const DesignedWave& wave, std::vector<ShownPattern>& patterns);
 class Background {
  public:
   explicit Background(const MonitorExtent& extent);
-  // M, in (R, cx, cy, xx, xy, yy) of each footprint: of a background that goes on beyond the monitor, or ends
-  // with it.
+  // M, in (R, cx, cy, xx, xy, yy) of each footprint: for a background that continues beyond the monitor, or
+  // ends with it.
   Eigen::MatrixXd weight(const Footprints& modes) const;
   Eigen::MatrixXd weight_on_monitor(const Footprints& modes) const;
 
@@ -51,8 +51,8 @@ class Background {
   std::vector<Detail> details_;
 };
 
-// J_i / sqrt(v_i), a row a pattern, then black. `noise_scale`: by pattern, its noise over the camera's; may
-// be empty.
+// J_i / sqrt(v_i), one row per pattern, then black. `noise_scale`: by pattern, its noise over the camera's;
+// may be empty.
 Eigen::MatrixXd whitened_slopes(const PatternAnswers& patterns, const Footprints& modes,
                                 const CameraNoise& noise, std::span<const double> noise_scale = {});
 

@@ -13,10 +13,10 @@ namespace {
 
 constexpr int kDirections = 8;
 constexpr double kNextPeriod = 1.25;
-constexpr double kAgain = 1.03;  // to the period of a wave that is chosen once more
+constexpr double kAgain = 1.03;  // to the period of a wave that is chosen again
 constexpr double kLeftOver = 1.0 / 30.0;
 constexpr double kMaxWeightError = 0.3;  // of a weight, by its own standard error
-constexpr double kMaxTurn = 0.8;  // radians of a wave: a place that is less certain may be taken for another
+constexpr double kMaxTurn = 0.8;  // radians of a wave: a less certain position may be mistaken for another
 
 // As wide as the monitor's pixels make them.
 Footprints through_pixels(Footprints modes) {
@@ -24,7 +24,7 @@ Footprints through_pixels(Footprints modes) {
   return modes;
 }
 
-// C, of F and then (R, cx, cy, xx, xy, yy) of each mode.
+// C, for F and then (R, cx, cy, xx, xy, yy) of each mode.
 Eigen::MatrixXd covariance_of(const PatternAnswers& shown, const KnownPixel& pixel, const CameraNoise& noise,
                               double excess) {
   const Eigen::MatrixXd by = whitened_slopes(shown, through_pixels(pixel.modes), noise);
@@ -34,7 +34,7 @@ Eigen::MatrixXd covariance_of(const PatternAnswers& shown, const KnownPixel& pix
       .inverse();
 }
 
-// The place of a mode's cx in C.
+// The index of a mode's cx in C.
 constexpr Eigen::Index centre_of(int mode) {
   return 6 * mode + 2;
 }
@@ -43,7 +43,7 @@ double centre_sd_px(const Eigen::MatrixXd& covariance, int mode) {
   return std::sqrt(0.5 * covariance.block<2, 2>(centre_of(mode), centre_of(mode)).trace());
 }
 
-// What is known of a pixel, and how much an error matters.
+// What is known about a pixel, and how much an error matters.
 struct Known {
   Eigen::MatrixXd covariance;  // C
   Eigen::MatrixXd weight;      // M, with zeros for F
@@ -53,7 +53,7 @@ struct Known {
   double of(RoundTarget::Kind kind) const {
     return kind == RoundTarget::Kind::kCentre ? centre_px() : composite();
   }
-  // Whether the strongest footprint's place is known to a part of the wave's period.
+  // Whether the strongest footprint's position is known to within a fraction of the wave's period.
   bool suits(const DesignedWave& wave) const {
     const double phi_rad = wave.phi_deg * std::numbers::pi / 180.0;
     const Eigen::Vector2d along(std::cos(phi_rad), std::sin(phi_rad));
@@ -78,7 +78,7 @@ PatternAnswers answers_of(const std::vector<DesignedWave>& waves, const MonitorE
   return {std::move(patterns), extent};
 }
 
-// Of both phases of a wave: B, and (1 + B C B')^-1 B C.
+// For both phases of a wave: B, and (1 + B C B')^-1 B C.
 struct Update {
   Eigen::MatrixXd by_covariance, gain;
   Update(const Eigen::MatrixXd& covariance, const Eigen::Ref<const Eigen::MatrixXd>& by)
@@ -86,7 +86,7 @@ struct Update {
     const Eigen::Matrix2d inner = Eigen::Matrix2d::Identity() + by_covariance * by.transpose();
     gain = inner.inverse() * by_covariance;
   }
-  // What it takes off the error's square.
+  // The reduction of the squared error.
   double lowers(const Known& known, RoundTarget::Kind kind) const {
     if (kind == RoundTarget::Kind::kComposite)
       return ((by_covariance * known.weight).array() * gain.array()).sum();
@@ -106,7 +106,7 @@ void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, cons
     double least_px = std::numeric_limits<double>::infinity();
     for (int m = 0; m < pixel.modes.size(); ++m) {
       const double sd_px = pixel.centre_sd_px[m];
-      // Modes that share their light are known together only.
+      // Modes that share their light are only known jointly.
       const bool alone = pixel.weight_sd[m] <= kMaxWeightError * pixel.modes[m].weight;
       if (alone && sd_px > 0.0 && sd_px < least_px) least_px = sd_px, best = m;
     }

@@ -1,15 +1,15 @@
-// The next round of a capture that adapts: how well each pixel is known by now, and the waves that tell most
-// of those that are not known well enough.
+// The next round of an adaptive capture: how well each pixel is known so far, and the most informative waves
+// about those that are not known well enough.
 //
 // A pixel's covariance is I^-1 (information.h) for the footprints that a solve found and a noise of `excess`
-// times the camera's: as much larger as the solve's own standard error of its best known place is, by noise
-// beyond the camera's and by what its model leaves unexplained. Each wave, in two phases, is the one that
+// times the camera's: the ratio of the solve's own standard error of its best known position to the predicted
+// one, which includes noise beyond the camera's and model errors. Each wave, in two phases, is the one that
 // lowers
 //
 //   sum over pixels of log(error^2 + target^2)
 //
-// most, given all before it: with B its two rows of derivatives, I^-1 becomes C - C B'(1 + B C B')^-1 B C. A
-// wave tells nothing of a pixel whose place is not known to an eighth of its period by then.
+// most, given all previous ones: with B its two rows of derivatives, I^-1 becomes C - C B'(1 + B C B')^-1 B
+// C. A wave gives no information about a pixel whose position is not yet known to an eighth of its period.
 #pragma once
 
 #include <array>
@@ -43,19 +43,19 @@ struct PixelError {
   }
 };
 
-// Sets `excess` of pixels that were solved from these patterns; where no place is known by itself, to the
+// Sets `excess` of pixels that were solved from these patterns; if no position is known by itself, to the
 // median of the others.
 void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, const CameraNoise& noise);
 
-// In the pixels' order; each has modes.
+// In the pixels' order; each must have modes.
 std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
                                   const CameraNoise& noise);
 
 // Eight directions, periods from 6 px to the monitor's longer side.
 std::vector<DesignedWave> usual_waves(const MonitorExtent& extent);
 
-// Of `waves`, at least `least` and at most `most`, but no more than bring all but a thirtieth of the pixels
-// to the target. Each pixel has modes. A wave that is chosen again gets a slightly longer period.
+// From `waves`, at least `least` and at most `most`, but no more than needed to bring all but a thirtieth of
+// the pixels to the target. Each pixel has modes. A wave that is chosen again gets a slightly longer period.
 std::vector<DesignedWave> choose_waves(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
                                        const CameraNoise& noise, const RoundTarget& target,
                                        std::vector<DesignedWave> waves, int least, int most);

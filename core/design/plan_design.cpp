@@ -28,7 +28,7 @@ constexpr double kPeriodStep = 1.15;
 constexpr double kMargin = 1.5;  // sigmas that stripes start before the monitor's edge
 constexpr std::array<double, 4> kDirections_deg{0.0, 90.0, 45.0, -45.0};
 
-// Bars of a monitor: of an eighth of its longer side as a power of two, a sixteenth and a 32nd.
+// Bars of a monitor: an eighth of its longer side as a power of two, a sixteenth and a 32nd.
 struct Bars {
   int first_level = 3, levels = 5;
   int images() const { return 2 * (levels - first_level + 1); }
@@ -80,7 +80,7 @@ double rounded(double value) {
   return std::round(100.0 * value) / 100.0;
 }
 
-// The longest monitor stands for all.
+// The longest monitor represents all.
 const v1::Monitor& longest(const RigLimits& rig) {
   return *std::ranges::max_element(rig.monitors, {}, [](const v1::Monitor& monitor) {
     return std::max(monitor.width_px(), monitor.height_px());
@@ -122,7 +122,7 @@ absl::StatusOr<Candidate> best_waves(const DesignWish& wish, const RigLimits& ri
   return candidate;
 }
 
-// Stripes as narrow as the count allows; nothing if even the widest take more images.
+// Stripes as narrow as the count allows; nothing if even the widest need more images.
 absl::StatusOr<std::optional<Candidate>> best_stripes(const DesignWish& wish, const RigLimits& rig,
                                                       const Bars& bars, int images) {
   std::optional<Candidate> best;
@@ -321,7 +321,7 @@ CameraNoise noise_of(const v1::Camera& camera) {
 absl::StatusOr<DesignedPlan> design_plan(const DesignWish& wished, const RigLimits& rig) {
   if (rig.monitors.empty())
     return absl::InvalidArgumentError(
-        "there is no monitor to design a plan for; name one: --monitor back:1920x1080");
+        "there is no monitor for which to design a plan; name one: --monitor back:1920x1080");
   DesignWish wish = wished;
   if (!wish.prior) wish.prior = usual_prior(extent_of(longest(rig)), wish.modes, rig.blur_px);
   const int monitors = static_cast<int>(rig.monitors.size());

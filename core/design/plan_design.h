@@ -1,9 +1,8 @@
-// Plans for a number of images and a camera's noise: the patterns are chosen by how well they will tell a
+// Plans for a number of images and a camera's noise: the patterns are chosen by how well they determine a
 // footprint.
 //
-// Patterns are compared by the error that they leave in composites (information.h), in the geometric mean
-// over a prior of footprints: one to `modes` places anywhere on the monitor, sigmas even in their logarithm,
-// any orientation.
+// Patterns are compared by the expected error of composites (information.h), as the geometric mean over a
+// prior of footprints: one to `modes` places anywhere on the monitor, log-uniform sigmas, any orientation.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -27,7 +26,7 @@ struct FootprintPrior {
   double low_px = 0.3, high_px = 4.0;  // sigmas on the monitor
 };
 
-// The prior where nothing is known of the object: sigmas of 0.3 to 4 px before a monitor of 128 px, and in
+// The prior if nothing is known about the object: sigmas of 0.3 to 4 px for a monitor of 128 px, and in
 // proportion to the root of its longer side, as plan_fit.h chooses stripes; none below `blur_px`.
 FootprintPrior usual_prior(const MonitorExtent& extent, int modes, double blur_px = 0.0);
 
@@ -42,7 +41,7 @@ struct ExpectedErrors {
 // Footprints of the prior, always the same ones.
 std::vector<Footprints> footprints_of(const FootprintPrior& prior, const MonitorExtent& extent);
 
-// Of one pixel's footprints before these patterns and black, in (R, cx, cy, xx, xy, yy) of each.
+// For one pixel's footprints with these patterns and black, in (R, cx, cy, xx, xy, yy) of each.
 // `noise_scale`: by pattern, its noise over the camera's; may be empty.
 Eigen::MatrixXd expected_covariance(const PatternAnswers& patterns, const Footprints& modes,
                                     const CameraNoise& noise, const FootprintPrior& prior,
@@ -51,10 +50,10 @@ Eigen::MatrixXd expected_covariance(const PatternAnswers& patterns, const Footpr
 ExpectedErrors expected_errors(const PatternAnswers& patterns, const CameraNoise& noise,
                                const FootprintPrior& prior, std::span<const double> noise_scale = {});
 
-// What a plan shows with the object on one monitor, black left out.
+// The patterns that a plan shows with the object on one monitor, except black.
 absl::StatusOr<std::vector<ShownPattern>> shown_by(const v1::Plan& plan, const v1::Monitor& monitor);
 
-// A camera's own. Of one that is not calibrated 0.5 % of full scale: what a solve leaves tells the rest.
+// A camera's own. For an uncalibrated one 0.5 % of full scale: a solve's residuals show the rest.
 CameraNoise noise_of(const v1::Camera& camera);
 
 struct DesignWish {
@@ -66,10 +65,10 @@ struct DesignWish {
 
 struct DesignedPlan {
   v1::Plan plan;
-  std::string chosen;  // for people
+  std::string chosen;  // human-readable
   FootprintPrior prior;
   ExpectedErrors expected;
-  // The best of the other kind, if so few images suffice for it.
+  // The best of the other kind, if this few images suffice for it.
   std::string other;
   std::optional<ExpectedErrors> other_expected;
 };
@@ -85,12 +84,12 @@ using WaveNoiseScale = std::function<double(const DesignedWave&)>;
 // White and coarse bars.
 std::vector<ShownPattern> coarse_stage(const MonitorExtent& extent);
 
-// Of waves in two phases each, beside black and the coarse stage; infinite if one cannot be shown.
+// For waves in two phases each, with black and the coarse stage; infinite if one cannot be shown.
 ExpectedErrors expected_of_waves(const MonitorExtent& extent, const std::vector<DesignedWave>& waves,
                                  const CameraNoise& noise, const FootprintPrior& prior,
                                  const WaveNoiseScale& noise_scale);
 
-// The shortest period of the best ladder of `count` waves in two phases each, beside black, white and coarse
+// The shortest period of the best ladder of `count` waves in two phases each, with black, white and coarse
 // bars: at least `finest_px`. Without `noise_scale` all waves have the camera's noise.
 double best_shortest_px(const MonitorExtent& extent, const std::vector<double>& phi_deg, int count,
                         double finest_px, const CameraNoise& noise, const FootprintPrior& prior,

@@ -21,7 +21,7 @@ std::vector<DesignedWave> wave_ladder(const MonitorExtent& extent, std::span<con
                                       double shortest_px) {
   std::vector<double> share;
   for (const double phi : phi_deg) share.push_back(slanted(phi) ? kSlantedShare : kAlongShare);
-  // Each wave goes to the direction that lacks most of its share.
+  // Each wave goes to the direction furthest below its share.
   std::vector<int> counts(phi_deg.size(), 0);
   for (int i = 0; i < count; ++i) {
     size_t next = 0;

@@ -1,4 +1,4 @@
-// Sinusoids that tell a place from coarse to fine.
+// Sinusoids that determine a position from coarse to fine.
 #pragma once
 
 #include <span>
@@ -16,13 +16,13 @@ struct DesignedWave {
 };
 
 // `count` waves in these directions, of periods in geometric order from one longer than the monitor to
-// `shortest_px`. The directions along the monitor's sides, which have to tell the place alone, get three
-// waves for every two of a slanted one, whose longest is a third as long. In order of direction, then of
-// period.
+// `shortest_px`. The directions along the monitor's sides, which have to determine the position by
+// themselves, get three waves for every two of a slanted one, whose longest period is a third as long. In
+// order of direction, then of period.
 std::vector<DesignedWave> wave_ladder(const MonitorExtent& extent, std::span<const double> phi_deg, int count,
                                       double shortest_px);
 
-// As a plan shows them: at two phases, with the object only. Neighbours of one direction share a Fringes.
+// As a plan shows them: at two phases, only with the object. Neighbours in one direction share a Fringes.
 google::protobuf::RepeatedPtrField<v1::Fringes> fringes_of(std::span<const DesignedWave> waves);
 
 }  // namespace glasswing

@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-// By texture; none where all is black.
+// By texture; none if all is black.
 using LitMonitors = std::vector<std::optional<LitMonitor>>;
 
 // Of one channel, in the camera's light.
@@ -43,7 +43,7 @@ double variance_of(std::span<const Mode> modes, int channel, const MatteCovarian
   return (root.transpose() * slopes).squaredNorm();
 }
 
-// Of the primaries, into which a composite is turned: independent channels.
+// For the primaries to which a composite is converted: independent channels.
 std::array<double, kChannels> mixed(const PrimaryMix& mix, const std::array<double, kChannels>& variances) {
   if (mix.is_unit()) return variances;
   std::array<double, kChannels> sum{};
@@ -100,8 +100,8 @@ absl::StatusOr<std::string> encode_composite_error(const RadianceImage& error) {
                      .channels = {"A", "B", "G", "R"},
                      .attributes = {{"colorInteropID", "data"},
                                     {"glasswing:conventions",
-                                     "R, G, B: the standard error that noise leaves in a composite, in its "
-                                     "linear light; A: 1 where it is known, else 0"}}};
+                                     "R, G, B: the standard error of a composite due to noise, in its linear "
+                                     "light; A: 1 where it is known, otherwise 0"}}};
   const int width_px = error.width_px, height_px = error.height_px;
   return written_exr([&] {
     ExrWriter writer({part}, {.width_px = width_px,

@@ -1,4 +1,4 @@
-// The standard error that the frames' noise leaves in a composite C. With A a root of the covariance of a
+// The standard error of a composite C due to the frames' noise. With A a root of the covariance of a
 // channel's F and modes p (matte_covariance.h), to first order
 //
 //   var C = |A' dC/dp|^2      dC/dF = 1   dC/dR = I   dC/dc = R dI/dc   dC/dSigma = R dI/dSigma
@@ -17,10 +17,10 @@
 
 namespace glasswing {
 
-// `backgrounds` and `progress` as for composite() (compositor.h); the standard error of each of its samples,
-// in its units. NaN where it is not known: outside the object, where the matte is flagged, and where a
+// `backgrounds` and `progress` as for composite() (compositor.h); the standard error of each sample, in the
+// same units. NaN where it is not known: outside the object, where the matte is flagged, and where a
 // mode's own standard errors are not known.
-// FAILED_PRECONDITION: the matte does not say how it was sampled. INVALID_ARGUMENT as composite().
+// FAILED_PRECONDITION: the matte does not record how it was sampled. INVALID_ARGUMENT as in composite().
 absl::StatusOr<RadianceImage> composite_error(const Matte& matte,
                                               const std::vector<RadianceImage>& backgrounds,
                                               int thread_count = 0,

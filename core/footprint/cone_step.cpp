@@ -16,7 +16,7 @@ Direction direction(double angle) {
   return {std::cos(angle), std::sin(angle)};
 }
 
-// Of twice an angle, over a whole turn: where a search begins, and its steps, each half of the one before.
+// For twice an angle, over a whole turn: the start of a search, and its steps, each half of the previous one.
 constexpr int kDirections = 12, kHalvings = 11;
 const auto kStarts = [] {
   std::array<Direction, kDirections> starts;
@@ -56,7 +56,7 @@ Eigen::Vector3d nearest_positive(const Eigen::Vector3d& target, const Eigen::Mat
   return best_scale * Eigen::Vector3d(1.0 + best.c, best.s, 1.0 - best.c);
 }
 
-// What the Sigma of one footprint has to do with all parameters.
+// How the Sigma of one footprint relates to all parameters.
 struct Moved {
   Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMaxParameters, 3> covariance, follow;
 };

@@ -6,7 +6,8 @@
 namespace glasswing {
 
 // `modes` after a step. If the step leaves the cone of positive Sigma, Sigma moves to the cheapest point on
-// the cone's boundary, and the other parameters follow by the quadratic model whose matrix `factor` is of.
+// the cone's boundary, and the other parameters follow according to the quadratic model whose matrix is
+// factored in `factor`.
 struct ConeStep {
   Footprints modes;
   FootprintVector step;  // that was taken

@@ -1,5 +1,5 @@
-// What a stripe shows of a footprint where the monitor's pixels cannot be taken for a plane: at its edges,
-// and of footprints that are narrower than a pixel.
+// The response to a stripe where the monitor's pixels cannot be treated as a continuum: at its edges, and for
+// footprints narrower than a pixel.
 //
 // The lit footprint (footprint.h) has a mean m(r) and a covariance that is the same for every r; inside(r) is
 // its share of the monitor's rectangle (normal_rectangle.h). A flat pixel shows the stripe's value at its
@@ -8,8 +8,8 @@
 //
 //   -1/12 int f (dg/dn) dl        f: the footprint's density, g: the stripe, n: outwards
 //
-// to the answer. With both it is right to 1e-3 of the peak for footprints of 0.6 px and wider, and better for
-// wider ones. Of narrower ones the pixels are summed.
+// to the answer. With both it is accurate to 1e-3 of the peak for footprints of 0.6 px and wider, and better
+// for wider ones. For narrower ones the pixels are summed.
 #pragma once
 
 #include <vector>
@@ -19,7 +19,7 @@
 
 namespace glasswing {
 
-// Of one mode in one sweep: all that does not depend on r.
+// For one mode in one sweep: everything that does not depend on r.
 struct CutFootprint {
   CutFootprint(const Footprint& mode, const StripeAxis& axis, const MonitorExtent& extent);
 
@@ -38,15 +38,15 @@ struct CutFootprint {
   NormalCorners corners;
 };
 
-// Whether both sigmas are below 0.6 px, so that the place within a pixel matters.
+// Whether both sigmas are below 0.6 px, so that the position within a pixel matters.
 bool narrow(const Footprint& mode);
 
-// A pixel that a footprint of weight 1 reaches: its centre and share, with the share's derivatives.
+// A pixel reached by a footprint of weight 1: its centre and share, with the share's derivatives.
 struct ReachedPixel {
   double x_px, y_px;
   NormalShare part;
 };
-// Of a narrow footprint, within five standard deviations.
+// For a narrow footprint, within five standard deviations.
 std::vector<ReachedPixel> reached_pixels(const Footprint& mode, const MonitorExtent& extent);
 
 }  // namespace glasswing

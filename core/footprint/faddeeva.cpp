@@ -33,7 +33,7 @@ Complex faddeeva(Complex z) {
   const Complex turned(-z.imag(), z.real()), divisor = kSeries.scale - turned;
   const Complex below = std::conj(divisor) / std::norm(divisor), ratio = times(kSeries.scale + turned, below),
                 square = times(ratio, ratio);
-  // Even and odd terms by themselves, so that neither waits for the other.
+  // Even and odd terms separately, so that neither waits for the other.
   Complex even = 0.0, odd = 0.0;
   for (size_t n = kTerms; n > 0; n -= 2) {
     odd = times(odd, square) + kSeries.coefficients[n - 1];

@@ -47,7 +47,7 @@ SeenAxis seen_through_pixels(double centre_px, double variance_px2) {
   constexpr double kWide_px2 = 0.7, kMin_px2 = 1e-4, kReach = 6.0;
   if (variance_px2 > kWide_px2) return {centre_px, variance_px2, 1.0, 0.0, 0.0, 1.0};
   const double sigma = std::sqrt(std::max(variance_px2, kMin_px2));
-  // Moments about the pixel of the centre, as sums over the edges of pixels that light lies beyond.
+  // Moments about the pixel of the centre, as sums over the pixel edges with light beyond them.
   const double middle = std::floor(centre_px) + 0.5;
   double mean = 0.0, square = 0.0, mean_by_centre = 0.0, square_by_centre = 0.0, mean_by_variance = 0.0,
          square_by_variance = 0.0;

@@ -9,7 +9,7 @@
 // (Chuang et al. 2000, eq. 19-21, for stripes of peak 1 on flat square pixels). inside(r) is the share of the
 // lit footprint that lies on the monitor: the Gaussian with mean c + Sigma s (r - c.s) / sigma_r^2 and
 // covariance Sigma - Sigma s s' Sigma / sigma_r^2, integrated over the monitor's rectangle. At the edges, and
-// for footprints that are narrower than a pixel, cut_footprint.h says more.
+// for footprints narrower than a pixel, see cut_footprint.h.
 #pragma once
 
 #include <array>
@@ -65,12 +65,12 @@ struct StripeAxis {
   double sigma_px = 0.0;
 };
 
-// The footprint as stripes see it: the mean of the pixels' centres that its light comes from, and their
-// covariance less the pixels' own 1/12. For footprints of a pixel and more that is c and Sigma; a narrow
-// one's depends on its place within a pixel.
+// The footprint as stripes see it: the mean of the pixel centres from which its light comes, and their
+// covariance minus the pixels' own 1/12. For footprints of a pixel and more that is c and Sigma; for a narrow
+// one, it depends on its position within a pixel.
 Footprint seen_through_pixels(const Footprint& mode);
 
-// The same of one axis, with derivatives.
+// The same for one axis, with derivatives.
 struct SeenAxis {
   double centre_px, variance_px2;
   double centre_by_centre, centre_by_variance, variance_by_centre, variance_by_variance;
@@ -78,7 +78,7 @@ struct SeenAxis {
 SeenAxis seen_through_pixels(double centre_px, double variance_px2);
 Footprint seen_through_pixels(const Footprint& mode, const SeenAxis& x, const SeenAxis& y);
 
-// sigma_r^2, but for the place within a pixel.
+// sigma_r^2, ignoring the position within a pixel.
 double answered_variance(const Footprint& mode, const StripeAxis& axis);
 
 // y(r) by the formula above.

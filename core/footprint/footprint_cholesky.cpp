@@ -10,7 +10,7 @@ namespace {
 template <int N>
 using Column = Eigen::Matrix<double, N, 1>;
 
-// Loops whose length the compiler knows take a third of the instructions.
+// Loops of compile-time length take a third of the instructions.
 template <typename Use>
 void with_size(Eigen::Index n, const Use& use) {
   switch (n) {
@@ -27,7 +27,7 @@ void with_size(Eigen::Index n, const Use& use) {
   }
 }
 
-// Columns that are 0 down to their diagonal, so that whole ones can be subtracted.
+// Columns that are 0 down to their diagonal, so that whole columns can be subtracted.
 template <int N>
 bool factor(double* l, double* inverse) {
   for (int j = 0; j < N; ++j) {

@@ -21,7 +21,7 @@ class FootprintCholesky {
   // A is symmetric.
   explicit FootprintCholesky(const FootprintMatrix& a);
 
-  // A is positive definite. What follows holds only then.
+  // A is positive definite. The following is valid only then.
   bool positive() const { return positive_; }
   // x of A x = b
   FootprintVector solve(FootprintVector b) const;

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kExtent = 3.7;          // standard deviations
 constexpr double kMinVariance = 0.36;    // in samples: narrower ones would fall between them
-constexpr double kLevelVariance = 0.64;  // in samples, from which a coarser level serves
+constexpr double kLevelVariance = 0.64;  // in samples, from which a coarser level is sufficient
 
 // Of the filter of a level's samples (pyramid.h), with the flat pixel of level 0.
 double blur_px2(double spacing_px) {

@@ -1,4 +1,4 @@
-// The light that a footprint of weight 1 brings from a picture, and how it changes with the footprint:
+// The light that a footprint of weight 1 receives from a picture, and how it changes with the footprint:
 //
 //   I = \int G(x; c, Sigma) T(x) dx      dI/dc = \int dG/dc T dx      dI/dSigma_xx = 1/2 d^2I/dc_x^2
 //
@@ -23,10 +23,10 @@ struct LightSlopes {
 // A picture on a monitor. Thread-safe.
 class LitMonitor {
  public:
-  // `picture` has the monitor's size; `mix` turns it into what the camera's channels see.
+  // `picture` has the monitor's size; `mix` converts it to the camera's channels.
   LitMonitor(const RadianceImage& picture, const PrimaryMix& mix, int texture, int thread_count);
 
-  // Good to a few per cent; footprints below 0.6 px count as of 0.6 px.
+  // Accurate to a few per cent; footprints below 0.6 px count as 0.6 px.
   LightSlopes slopes(const Footprint& mode, int channel) const;
 
  private:

@@ -107,7 +107,7 @@ NormalShare LitShare::of_bars(const LitArea& area) const {
 double lit_share_error(const Footprint& mode, const LitArea& area, const MonitorExtent& extent) {
   if (!area.bars) return 0.0;
   const double sigma = std::sqrt(variance_across(mode, area));
-  // Light of half a bar more or less, at the density of the footprint's middle at most.
+  // Light of half a bar more or less, with at most the density of the footprint's centre.
   if (is_fine(mode, area))
     return near_edge(mode, extent) ? 0.25 * area.bar_px * normal_density(0.0) / sigma : 0.0;
   // The first harmonic of the bars.

@@ -1,4 +1,4 @@
-// What a monitor shows a footprint whose pixels are either lit or dark: white, or bars.
+// The response of a footprint to a monitor whose pixels are either lit or dark: white, or bars.
 //
 // Their edges are edges of pixels, so that the part of a footprint that is lit is an integral over intervals
 // of the normal distribution: along one axis if the monitor's edges do not cut it,
@@ -47,13 +47,13 @@ class LitShare {
   NormalShare of_before_;
 };
 
-// How much of what white and bars show may be off, because pixels and footprints are not quite what they are
-// taken for.
+// How much of what white and bars show may be off, because pixels and footprints differ slightly from the
+// model.
 inline constexpr double kWhiteError = 0.001, kBarsError = 0.01;
 
-// How much S may be off beyond that: because footprints are not quite Gaussian, by what bars would show of a
-// box of the same widths instead; and of bars that the monitor's edge cuts, if they are much finer than the
-// footprint is wide, because half of them is taken to be lit.
+// How much more S may be off: because footprints are not exactly Gaussian, by the difference from a box of
+// the same widths; and for bars cut by the monitor's edge that are much finer than the footprint, because
+// half of them is assumed lit.
 double lit_share_error(const Footprint& mode, const LitArea& area, const MonitorExtent& extent);
 
 }  // namespace glasswing

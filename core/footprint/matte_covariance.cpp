@@ -18,15 +18,15 @@ constexpr double kRidge = 1e-10;      // of N's diagonal
 constexpr int kMaxSamples = 1 << 14;  // of a sweep, and pictures that are alike
 constexpr int kMaxSweeps = 256, kMaxPictures = 4096;
 constexpr double kMinBar_px = 0.5, kMaxOffset_px = 1e5;
-constexpr int kRounds = 4;  // of s and what white and bars weigh at it
+constexpr int kRounds = 4;  // of s and the weights of white and bars for it
 
 }  // namespace
 
 absl::StatusOr<MatteCovariance> MatteCovariance::create(const v1::MatteMetadata& metadata) {
   if (metadata.sweeps().empty()) {
     return absl::FailedPreconditionError(
-        "the matte does not say how it was sampled, so errors of its composites are not known; mattes of "
-        "method gaussian do, if solved by this version or a later one and without the option images");
+        "the matte does not record how it was sampled, so the errors of its composites are not known; mattes "
+        "from method gaussian do, if solved by this version or a later one and without the option images");
   }
   if (metadata.sweeps_size() > kMaxSweeps || metadata.lit_pictures_size() > kMaxPictures) {
     return absl::DataLossError(
@@ -40,7 +40,7 @@ absl::StatusOr<MatteCovariance> MatteCovariance::create(const v1::MatteMetadata&
     if (sweep.texture() < 0 || sweep.texture() >= metadata.monitors_size() || !(sweep.sigma_px() > 0.0) ||
         !(length_px > 0.0) || !std::isfinite(length_px + sweep.sigma_px() + sweep.phi_deg()) ||
         sweep.count() < 2 || sweep.count() > kMaxSamples)
-      return absl::DataLossError("the matte's header names a sweep that there cannot be");
+      return absl::DataLossError("the matte's header names an impossible sweep");
     const double phi = sweep.phi_deg() * std::numbers::pi / 180.0;
     covariance.sweeps_.push_back(
         {.texture = sweep.texture(),
@@ -55,7 +55,7 @@ absl::StatusOr<MatteCovariance> MatteCovariance::create(const v1::MatteMetadata&
         (bars && !(picture.bar_px() >= kMinBar_px)) || !(std::abs(picture.offset_px()) < kMaxOffset_px) ||
         !(picture.light() > 0.0) || !(picture.light() <= 1.0) || picture.count() < 1 ||
         picture.count() > kMaxSamples)
-      return absl::DataLossError("the matte's header names a picture of white or bars that there cannot be");
+      return absl::DataLossError("the matte's header names an impossible picture of white or bars");
     covariance.pictures_.push_back({.texture = picture.texture(),
                                     .lit = {.bars = bars,
                                             .horizontal = picture.horizontal(),

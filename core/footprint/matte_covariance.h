@@ -1,5 +1,5 @@
-// How well a matte knows the modes of a pixel's channel: what noise of standard deviation s in its samples
-// leaves in F and all modes,
+// How well a matte determines the modes of a pixel's channel: the errors of F and all modes due to noise of
+// standard deviation s in its samples,
 //
 //   Cov = s^2 N^-1 M N^-1      N = sum_i w_i J_i J_i'      M = sum_i w_i^2 J_i J_i'
 //
@@ -22,11 +22,11 @@ namespace glasswing {
 
 class MatteCovariance {
  public:
-  // FAILED_PRECONDITION: the metadata names no sweeps. DATA_LOSS: it names samples that there cannot be.
+  // FAILED_PRECONDITION: the metadata names no sweeps. DATA_LOSS: it names impossible samples.
   static absl::StatusOr<MatteCovariance> create(const v1::MatteMetadata& metadata);
 
-  // A matrix A with Cov = A A', of F and then R, cx, cy, xx, xy and yy of each mode that has a weight, in
-  // light, px and px^2. Empty if the strongest mode's standard error is not known, or no sweep sees a mode.
+  // A matrix A with Cov = A A', of F and then R, cx, cy, xx, xy and yy of each mode with a weight, in light,
+  // px and px^2. Empty if the strongest mode's standard error is not known, or no sweep sees a mode.
   Eigen::MatrixXd root(std::span<const Mode> modes) const;
 
  private:
@@ -42,7 +42,7 @@ class MatteCovariance {
     double light = 1.0;
     int count = 1;
   };
-  // A mode that has a weight.
+  // A mode with a weight.
   struct Used {
     Footprint mode;
     int texture = 0;
@@ -54,7 +54,7 @@ class MatteCovariance {
     double noise = 0.0, error = 0.0;  // 1 / light^2, e
   };
   Eigen::MatrixXd of_sweeps(std::span<const Used> modes) const;
-  // Sets the derivatives of samples [begin, end) by one mode: a row each, columns as in root().
+  // Sets the derivatives of samples [begin, end) by one mode: one row each, columns as in root().
   void set_derivatives(const Footprint& mode, const Sweep& sweep, int begin, int end,
                        Eigen::Ref<Eigen::MatrixXd> by) const;
   std::vector<Shown> shown(std::span<const Used> modes) const;

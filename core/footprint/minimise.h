@@ -1,6 +1,6 @@
 // The one minimiser of footprints: Levenberg-Marquardt over (R, c, Sigma) of each, with steps that keep Sigma
-// positive (cone_step.h). Of Ceres, TinySolver knows no such bound; through a factor of Sigma it stalls at
-// points and lines, where the factor's derivative vanishes.
+// positive (cone_step.h). Ceres' TinySolver has no such bound; with a factor of Sigma it stalls at points and
+// lines, where the factor's derivative vanishes.
 #pragma once
 
 #include <algorithm>
@@ -24,8 +24,8 @@ struct FootprintEquations {
 
 struct StepLimits {
   int max_steps = 60;
-  // The start lies near its minimum: of a step refused, a parabola says how much shorter the next must be. A
-  // search would leap over minima.
+  // The start lies near its minimum: after a rejected step, a parabola determines how much shorter the next
+  // must be. A line search would jump over minima.
   bool near = false;
 };
 

@@ -17,12 +17,12 @@ namespace glasswing {
 double normal_integral(double z);  // Phi
 double normal_density(double z);   // phi
 
-// All that depends on rho alone, in [0, 1): mirror an axis for one below 0.
+// Everything that depends only on rho, in [0, 1): mirror an axis for one below 0.
 struct NormalCorners {
   static constexpr size_t kMaxNodes = 16;
   explicit NormalCorners(double correlation);
 
-  // The integral over t, of a corner.
+  // The integral over t, for a corner.
   double joint(double h, double k) const;
   // P(low[0] < X < high[0], low[1] < Y < high[1]).
   double share(const std::array<double, 2>& low, const std::array<double, 2>& high) const;
@@ -34,7 +34,7 @@ struct NormalCorners {
   std::array<double, kMaxNodes> sine, scale, weight;
 };
 
-// Of a density with a mean and a covariance, on a rectangle: the share, and its derivatives by them.
+// For a density with a mean and a covariance, on a rectangle: the share, and its derivatives by them.
 struct NormalShare {
   double share, by_x, by_y, by_xx, by_xy, by_yy;
 };

@@ -14,7 +14,7 @@ namespace {
 using Slope = std::array<double, 6>;
 constexpr double kSlightCut = 2.5;  // standard deviations
 
-// One parameter a little more, for derivatives that have no closed form here.
+// One parameter slightly increased, for derivatives without a closed form.
 Footprint moved(Footprint mode, size_t parameter, double by) {
   (parameter == 1   ? mode.x_px
    : parameter == 2 ? mode.y_px

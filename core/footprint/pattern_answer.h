@@ -1,13 +1,13 @@
-// One forward model for everything that a monitor shows: what a footprint answers to solids, bars, stripes
-// and sinusoids, in any mixture, with its derivatives.
+// One forward model for everything that a monitor shows: a footprint's response to solids, bars, stripes and
+// sinusoids, in any mixture, with its derivatives.
 //
 //   solid    R inside
 //   bars     R S                                     lit_area.h
 //   stripe   y(r)                                    footprint.h, cut_footprint.h
 //   wave     (H(0) + Re H(f) exp(-i theta)) / 2      wave_answer.h
 //
-// each for a peak of 1. Stripes and waves are constant on a monitor's flat pixels. Of a footprint that no
-// edge of the monitor cuts, they show the Gaussian of the mean and covariance of those pixels' centres
+// each for a peak of 1. Stripes and waves are constant on a monitor's flat pixels. For a footprint not cut by
+// the monitor's edges, they show the Gaussian of the mean and covariance of those pixels' centres
 // (seen_through_pixels).
 #pragma once
 
@@ -41,10 +41,10 @@ class PatternAnswers {
   const std::vector<ShownPattern>& patterns() const { return patterns_; }
 
   // Writes kColumns columns of size() numbers, `stride` apart. Without `through_pixels`, c and Sigma are
-  // those of the pixels' centres already, smooth in c where a narrow footprint's answer is a staircase; and
+  // already those of the pixels' centres, smooth in c where a narrow footprint's response is a staircase; and
   // an edge that cuts off less than 0.6 % is left out.
   void of(const Footprint& mode, bool through_pixels, double* columns, std::ptrdiff_t stride) const;
-  // Whether an edge of the monitor counts there.
+  // Whether a monitor edge matters there.
   bool cut(const Footprint& mode, bool through_pixels) const;
 
  private:

@@ -12,8 +12,8 @@
 
 namespace glasswing {
 
-// Of weight S times the footprint's, with the mean and covariance of what lies on the monitor; of weight 0
-// where nothing does.
+// It has S times the footprint's weight, and the mean and covariance of the part on the monitor; weight 0 if
+// nothing is.
 Footprint seen_part(const Footprint& footprint, const MonitorExtent& extent);
 
 }  // namespace glasswing

@@ -15,7 +15,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kLeastVariance_px2 = 0.01;  // narrower footprints are points to an edge
+constexpr double kLeastVariance_px2 = 0.01;  // narrower footprints are treated as points at an edge
 constexpr double kMaxCorrelation = 0.999;
 constexpr double kWaveReach = 5.0;  // standard deviations
 constexpr double kNoLight = 5.5;    // the same: less than 3e-7 of a footprint's density
@@ -60,7 +60,7 @@ struct NormalLine {
   Complex waved(double omega) const { return waved(omega, edges_of(omega, size_px)); }
 };
 
-// Of one footprint of weight 1 before a wave.
+// For one footprint of weight 1 and a wave.
 class WavedRectangle {
  public:
   WavedRectangle(const Footprint& mode, double wx, double wy, const MonitorExtent& extent)
@@ -101,7 +101,7 @@ class WavedRectangle {
   }
 
  private:
-  // Integrals along the edges [low, high] across x and across y, and what lies at their corners [x][y].
+  // Integrals along the edges [low, high] across x and across y, and the terms at their corners [x][y].
   struct Edges {
     std::array<Complex, 2> x{}, y{};
     std::array<std::array<Complex, 2>, 2> corner{};
@@ -152,7 +152,7 @@ class WavedRectangle {
     return without * times(x_.waved(wx_, of_x_), y_.waved(wy_, of_y_)) + turned;
   }
 
-  // What a correlation adds, by Plackett's identity.
+  // The contribution of a correlation, by Plackett's identity.
   template <size_t N>
   Complex turned_to(double correlation, const GaussLegendre<N>& nodes) const {
     const double most = x_.sd * y_.sd, angle = std::asin(correlation);
@@ -168,13 +168,13 @@ class WavedRectangle {
     return sum;
   }
 
-  // I where the wave runs across a slanted footprint: what y sees at each x, by quadrature over x.
+  // I where the wave runs across a slanted footprint: the integral over y at each x, by quadrature over x.
   Complex integral_over_lines() const {
     const double turn = xy_ / (x_.sd * x_.sd), rest_sd = std::sqrt(y_.sd * y_.sd - xy_ * turn);
     const double low = std::max(0.0, x_.mean - kNoLight * x_.sd),
                  high = std::min(x_.size_px, x_.mean + kNoLight * x_.sd);
     if (low >= high) return 0.0;
-    // Where y's mean passes an edge, what y sees changes within rest_sd.
+    // Where y's mean passes an edge, the integral over y changes within rest_sd.
     std::vector<double> ends{low, high};
     for (const double edge_px : {0.0, y_.size_px}) {
       for (const double off : {-5.0, -2.0, 0.0, 2.0, 5.0}) {
@@ -209,7 +209,7 @@ class WavedRectangle {
   const double xy_;
 };
 
-// A narrow footprint that an edge cuts: the sum over its pixels.
+// A narrow footprint cut by an edge: the sum over its pixels.
 WaveAnswer sum_of_pixels(const Footprint& mode, double wx, double wy, const MonitorExtent& extent) {
   WaveAnswer answer{};
   for (const ReachedPixel& pixel : reached_pixels(mode, extent)) {

@@ -9,13 +9,13 @@
 // top: the flat pixels' light at the edges, as in cut_footprint.h. Without a cut, I = exp(i w.c - w' Sigma w
 // / 2).
 //
-// E and F are normal in one dimension, where a wave's integral is that of the Faddeeva function. So is I
-// where edges across one axis cut. Where those of both do, I is known for a Sigma without xy, and
+// E and F are normal in one dimension, where a wave's integral is that of the Faddeeva function. So is I if
+// edges across one axis cut. If those across both do, I is known for a Sigma without xy, and
 //
 //   dI/dxy + wx wy I = K - i wy E - i wx F
 //
 // (Plackett's identity for waves; K: G exp(i w.p) summed over the corners) gives it for any other. Its terms
-// change as exp(-wx wy xy); where that is much, I is integrated over x instead.
+// change as exp(-wx wy xy); if that is large, I is integrated over x instead.
 #pragma once
 
 #include <array>
@@ -28,7 +28,7 @@ namespace glasswing {
 // sin(pi t) / (pi t).
 double sinc(double t);
 
-// H and its derivatives by R, x, y, xx, xy, yy; those of an edge's pixels are left out but for R.
+// H and its derivatives by R, x, y, xx, xy, yy; those of an edge's pixels are left out except for R.
 struct WaveAnswer {
   std::complex<double> value;
   std::array<std::complex<double>, 6> slope;

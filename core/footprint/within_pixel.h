@@ -1,6 +1,7 @@
-// What is known of a footprint within a pixel. Pixels are flat, so patterns tell nothing of a place within
-// one: where a footprint sees little more than one pixel along an axis, its centre is uncertain by the
-// deviation of an even distribution over a pixel, and its variance by that distribution's variance, not more.
+// What is known about a footprint within a pixel. Pixels are flat, so patterns give no information about a
+// position within one: if a footprint sees little more than one pixel along an axis, its centre is uncertain
+// by at most the deviation of a uniform distribution over a pixel, and its variance by at most that
+// distribution's variance.
 #pragma once
 
 #include <algorithm>
@@ -23,10 +24,10 @@ inline std::array<double, 5> known_within_pixel(const Footprint& mode) {
   return {x ? kCentre : 0.0, y ? kCentre : 0.0, x ? kSpread : 0.0, x || y ? kSpread : 0.0, y ? kSpread : 0.0};
 }
 
-// By how much the centre of one that sees two pixels may be off, px, rms of x and y, as its shape is not
+// How far the centre of one that sees two pixels may be off, px, rms of x and y, because its shape is not
 // known. Flat pixels show a centre at c + (1 / pi) sin(2 pi c) E, where E is the footprint's characteristic
 // function at 2 pi: exp(-2 pi^2 sigma^2) of a Gaussian, sin(pi w) / (pi w) of a box of width w = sqrt(12)
-// sigma. The error is the difference between the two; of wider footprints, the samples tell the shape.
+// sigma. The error is the difference between the two; for wider footprints, the samples determine the shape.
 inline double shape_error_px(const Footprint& mode) {
   constexpr double kPi = std::numbers::pi;
   const auto square = [](double variance_px2) {

@@ -38,8 +38,9 @@ bool same_frame(const v1::Frame& a, const v1::Frame& b) {
 absl::Status check_new_frame(const v1::Frame& frame) {
   GW_RETURN_IF_ERROR(check_frame(frame));
   if (is_stored_name(frame.file())) return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format(
-      "a new frame's file is \"{}\"; it must be frames/NAME, and NAME not start with a dot", frame.file()));
+  return absl::InvalidArgumentError(
+      fmt::format("a new frame's file is \"{}\"; it must be frames/NAME, and NAME must not start with a dot",
+                  frame.file()));
 }
 
 bool is_sealed(const fs::path& directory) {
@@ -180,13 +181,13 @@ absl::StatusOr<bool> Archive::is_new_locked(const v1::Frame& record) const {
   // Resuming an interrupted import with different frames must not mix the two sets.
   if (file != index_of_file_.end() && manifest_.frames(file->second).checksum() != record.checksum()) {
     return absl::AlreadyExistsError(
-        fmt::format("session \"{}\" holds another {} already; import under another name", manifest_.session(),
-                    record.file()));
+        fmt::format("session \"{}\" already has a different {}; import under another name",
+                    manifest_.session(), record.file()));
   }
   if (const v1::Frame* const known = stored_as(record)) {
     if (known->file() == record.file() && known->checksum() == record.checksum()) return false;
     return absl::AlreadyExistsError(
-        fmt::format("session \"{}\" holds {} of step {} already, not this {}; import under another name",
+        fmt::format("session \"{}\" already has {} of step {}, not this {}; import under another name",
                     manifest_.session(), known->file(), known->step(), record.file()));
   }
   GW_RETURN_IF_ERROR(check_open());
@@ -214,7 +215,7 @@ absl::Status Archive::add_arrived(const std::vector<ArrivedFrame>& frames) {
       moved.push_back(&frame);
     } else if (known->checksum() != frame.record.checksum() || known->file() != frame.record.file()) {
       return absl::AlreadyExistsError(
-          fmt::format("the call brings {} and another frame of its step or file", frame.record.file()));
+          fmt::format("the call has {} and another frame of its step or file", frame.record.file()));
     }
   }
   for (const ArrivedFrame* frame : moved)
@@ -225,7 +226,7 @@ absl::Status Archive::add_arrived(const std::vector<ArrivedFrame>& frames) {
 absl::Status Archive::check_open() const {
   if (!sealed_) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      fmt::format("{} is sealed: it takes no new frames", directory_.string()));
+      fmt::format("{} is sealed: it accepts no new frames", directory_.string()));
 }
 
 absl::Status Archive::enter(const std::vector<v1::Frame>& fresh) {
@@ -246,7 +247,7 @@ absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
   for (const auto& [record, bytes] : frames) {
     GW_RETURN_IF_ERROR(check_new_frame(record));
     if (checksum_of(bytes) != record.checksum() || !check_tiff_head(bytes, bytes.size(), shape_).ok()) {
-      return absl::InvalidArgumentError(fmt::format("{} has checksum {}, announced was {}", record.file(),
+      return absl::InvalidArgumentError(fmt::format("{} has checksum {}; {} was announced", record.file(),
                                                     checksum_of(bytes), record.checksum()));
     }
     const absl::StatusOr<v1::Frame> known = find(record.file());
@@ -290,7 +291,7 @@ absl::Status Archive::drop(const std::function<bool(int)>& is_dropped) {
   for (const v1::Frame& frame : dropped) {
     verified_.erase(frame.file());
     mapped_.erase(frame.file());
-    // Not listed any more: a file that stays is overwritten by the step's next frame.
+    // No longer listed: a remaining file is overwritten by the step's next frame.
     std::error_code ignored;
     fs::remove(directory_ / frame.file(), ignored);
   }
@@ -313,7 +314,7 @@ absl::Status Archive::seal(const v1::Plan* plan) {
     header.clear_frames();
     *header.mutable_plan() = *plan;
     GW_RETURN_IF_ERROR(check_manifest_header(header));
-    // First, since an archive that is opened reads its header from there.
+    // First, since opening an archive reads its header from there.
     GW_RETURN_IF_ERROR(write_file_durably(directory_ / "header.json", archive_json(header, true)));
     *manifest_.mutable_plan() = *plan;
   }
@@ -404,7 +405,7 @@ absl::StatusOr<std::string> Archive::read_frame_bytes(const std::string& file) {
 
 absl::Status Archive::check_rows(int first_row, int row_count) const {
   if (first_row >= 0 && row_count >= 1 && first_row <= shape_.height_px - row_count) return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format("{} rows from row {} asked for; the frame has rows 0 to {}",
+  return absl::InvalidArgumentError(fmt::format("{} rows from row {} requested; the frame has rows 0 to {}",
                                                 row_count, first_row, shape_.height_px - 1));
 }
 

@@ -1,4 +1,4 @@
-// A session archive: one directory, of the same layout whether a camera spools it, `export` writes it or
+// A session archive: one directory, with the same layout whether a camera spools it, `export` writes it or
 // `import` reads it (docs/archive.md).
 //
 //   header.json     the manifest without frames, written when the archive is created
@@ -38,23 +38,23 @@ absl::Status check_manifest(const v1::CaptureManifest& manifest);
 // The same for its parts. A header has no frames yet, and may lack monitors.
 absl::Status check_manifest_header(const v1::CaptureManifest& manifest);
 absl::Status check_frame(const v1::Frame& frame);
-// The size of a frame's file: as it is listed, else a plain one's. DATA_LOSS, which names the file as `file`:
-// it is listed with more.
+// The size of a frame's file: as listed, or else that of a plain one. DATA_LOSS, which names the file as
+// `file`: its listed size is larger.
 absl::StatusOr<size_t> listed_bytes(const v1::Frame& frame, const FrameShape& shape, std::string_view file);
-// Whether an archive stores new frames under this name: frames/NAME, spelled just so (another spelling would
-// be another frame in the same file), and NAME without a dot at its start.
+// Whether an archive stores new frames under this name: frames/NAME, spelled exactly like this (another
+// spelling would be another frame in the same file), with NAME not starting with a dot.
 bool is_stored_name(const std::string& file);
-// Whether a frame has such a name and is a TIFF, as in archives that Glasswing wrote.
+// Whether a frame has such a name and is a TIFF, as in archives written by Glasswing.
 bool is_stored_frame(const v1::Frame& frame);
 
 // Thread-safe.
 class Archive {
  public:
-  // Creates an archive, or opens the one that is there. FAILED_PRECONDITION: `directory` holds another
-  // session's archive; INVALID_ARGUMENT: check_manifest_header() refuses the header.
+  // Creates an archive, or opens the existing one. FAILED_PRECONDITION: `directory` holds another session's
+  // archive; INVALID_ARGUMENT: check_manifest_header() refuses the header.
   static absl::StatusOr<std::unique_ptr<Archive>> create(const std::filesystem::path& directory,
                                                          const v1::CaptureManifest& header);
-  // Opens an archive, sealed or not; drops a torn last line of frames.jsonl (a power cut). NOT_FOUND, or
+  // Opens an archive, sealed or not; drops a truncated last line of frames.jsonl (a power cut). NOT_FOUND, or
   // DATA_LOSS naming the file that is unreadable or invalid.
   static absl::StatusOr<std::unique_ptr<Archive>> open(const std::filesystem::path& directory);
 
@@ -68,26 +68,25 @@ class Archive {
     v1::Frame record;  // checksum and size are filled in, and `file` where it is empty
     Image16 image;
   };
-  // Stores a batch; durable when it returns. A frame whose step (or file, where there are no steps) is stored
-  // already is left unchanged. Returns the records now in the archive, in the batch's order.
+  // Stores a batch; durable when it returns. A frame whose step (or file, if there are no steps) is already
+  // stored is left unchanged. Returns the records now in the archive, in the batch's order.
   // RESOURCE_EXHAUSTED: the disk is full; INVALID_ARGUMENT: check_frame() or is_stored_name() refuses a
   // record, or a picture has the wrong size; ALREADY_EXISTS: a frame of another step has that file name;
   // FAILED_PRECONDITION: a new frame for a sealed archive.
   absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames,
                                              FrameForm form = FrameForm::kPlain);
 
-  // False: a frame of this step (or file, where there are no steps) is stored already. Errors as add();
-  // ALREADY_EXISTS, too: the stored frame of that step or file has another checksum or file.
+  // False: a frame of this step (or file, if there are no steps) is already stored. Errors as in add(); also
+  // ALREADY_EXISTS: the stored frame of that step or file has a different checksum or file.
   absl::StatusOr<bool> is_new(const v1::Frame& record) const;
 
-  // A frame whose file, whole and durable, lies under a temporary name below the archive.
+  // A frame whose file, complete and durable, is stored under a temporary name below the archive.
   struct ArrivedFrame {
     v1::Frame record;  // with checksum and size
     std::filesystem::path file;
   };
   // Gives a batch's files their names and lists them in the batch's order; durable when it returns. Files of
-  // frames that are stored already stay where they are. Errors as is_new(); then nothing of the batch is
-  // stored.
+  // already stored frames stay where they are. Errors as in is_new(); then nothing of the batch is stored.
   absl::Status add_arrived(const std::vector<ArrivedFrame>& frames);
 
   // A frame's file, copied from another archive of the session.
@@ -95,16 +94,16 @@ class Archive {
     v1::Frame record;
     std::string bytes;
   };
-  // Stores a batch, byte for byte; durable when it returns. A frame that is here already is rewritten, which
-  // repairs a damaged one. INVALID_ARGUMENT: bytes that do not match their record; ALREADY_EXISTS: a
-  // different frame has that file name here.
+  // Stores a batch, byte for byte; durable when it returns. An existing frame is rewritten, which repairs a
+  // damaged one. INVALID_ARGUMENT: bytes that do not match their record; ALREADY_EXISTS: a different frame
+  // has that file name here.
   absl::Status add_copies(const std::vector<CopiedFrame>& frames);
 
-  // Removes the frames of the steps for which `is_dropped`, and opens a sealed archive again; durable when it
+  // Removes the frames of the steps for which `is_dropped`, and reopens a sealed archive; durable when it
   // returns.
   absl::Status drop(const std::function<bool(int step)>& is_dropped);
 
-  // Writes manifest.json. With `plan`, which may differ from the header's in its rounds alone:
+  // Writes manifest.json. With `plan`, which may differ from the header's only in its rounds:
   // INVALID_ARGUMENT otherwise.
   absl::Status seal(const v1::Plan* plan = nullptr);
 
@@ -127,7 +126,7 @@ class Archive {
   absl::StatusOr<v1::Frame> find(const std::string& file) const;
   absl::Status verify(const MappedFile& mapped, const v1::Frame& frame) const;
   absl::Status check_open() const;  // FAILED_PRECONDITION if it is sealed; requires mutex_
-  // Requires mutex_. Null: no frame of the record's step (or file, where there are no steps) is stored.
+  // Requires mutex_. Null: no frame of the record's step (or file, if there are no steps) is stored.
   const v1::Frame* stored_as(const v1::Frame& record) const;
   absl::StatusOr<bool> is_new_locked(const v1::Frame& record) const;  // requires mutex_
   void note_place(int index);  // of a frame in manifest_; requires mutex_

@@ -11,7 +11,7 @@
 namespace glasswing {
 namespace {
 
-// What is left of the headers.
+// The rest of the headers.
 class Headers {
  public:
   explicit Headers(std::string_view bytes) : rest_(bytes) {}
@@ -29,7 +29,7 @@ class Headers {
     std::memcpy(&word, bytes->data(), sizeof word);
     return word;
   }
-  // Up to its zero, which is taken too.
+  // Up to and including its zero.
   std::optional<std::string_view> take_name() {
     const size_t end = rest_.find('\0');
     if (end == std::string_view::npos) return std::nullopt;

@@ -1,4 +1,4 @@
-// Limits of OpenEXR files, looked at before the library reads one: it makes every part that a header names,
+// Limits of OpenEXR files, checked before the library reads one: it creates every part that a header names,
 // and allocates an attribute's declared size.
 #pragma once
 
@@ -11,8 +11,8 @@ namespace glasswing {
 // Ten times what renderers write.
 inline constexpr int kMaxExrParts = 1024, kMaxExrChannels = 8192;
 
-// INVALID_ARGUMENT: the file has more parts, or more channels in all of them together. DATA_LOSS: its headers
-// do not lie within it. What is no OpenEXR file is left to the library.
+// INVALID_ARGUMENT: the file has more parts, or more channels in total. DATA_LOSS: its headers are not within
+// it. Anything that is not an OpenEXR file is left to the library.
 absl::Status check_exr_limits(std::string_view bytes);
 
 }  // namespace glasswing

@@ -36,7 +36,7 @@ struct Image {
 using Image16 = Image<std::uint16_t>;  // linear radiance, 65535 = 1.0
 using RadianceImage = Image<float>;    // linear radiance
 
-// r, g and b times the coverage, and the coverage: pixels as compositing programs lay them over a picture.
+// r, g and b times the coverage, and the coverage: pixels as compositing programs put them over a picture.
 // `coverage`: of each pixel; empty: 1.
 inline void premultiply(std::span<const float> light, std::span<const float> coverage,
                         std::span<float> layer) {

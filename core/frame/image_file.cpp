@@ -49,12 +49,13 @@ cv::Mat in_three_channels(const cv::Mat& image) {
   return three;
 }
 
-// What a camera says of the photograph; without entries if it says nothing.
+// What a camera records about the photograph; without entries if nothing.
 TiffDirectory camera_notes(std::string_view bytes) {
   return TiffDirectory(is_tiff(bytes) ? bytes : exif_of(bytes));
 }
 
-// Which corner of the picture its first sample is, and along which side its rows lie, as TIFF 6.0 counts.
+// Which corner of the picture its first sample is, and along which side its rows lie, as numbered by TIFF
+// 6.0.
 std::uint64_t orientation_of(std::string_view bytes) {
   return camera_notes(bytes).number(TiffDirectory::kOrientation).value_or(1);
 }
@@ -287,8 +288,7 @@ absl::Status check_picture_file(const fs::path& path, int bits, bool with_covera
         fmt::format("{} ends in \"{}\"; it must be .exr, .png, .tif or .tiff", path.string(), suffix));
   }
   if (with_coverage && !floats && suffix != ".png") {
-    return absl::InvalidArgumentError(
-        fmt::format("{} is to have alpha; an .exr or a .png can", path.string()));
+    return absl::InvalidArgumentError(fmt::format("{} cannot have alpha; use .exr or .png", path.string()));
   }
   if (bits == 0 || bits == 16 || bits == (floats ? 32 : 8)) return absl::OkStatus();
   return absl::InvalidArgumentError(
@@ -346,7 +346,7 @@ absl::StatusOr<std::string> read_picture_bytes(const fs::path& path, std::option
 absl::StatusOr<Image16> decode_frame(const fs::path& path, std::string_view bytes, int colours) {
   if (orientation_of(bytes) > 1)
     return absl::DataLossError(
-        fmt::format("{} is turned; a frame's first row must be its top", path.string()));
+        fmt::format("{} is rotated; a frame's first row must be its top", path.string()));
   const absl::StatusOr<cv::Mat> mat = decode_any(bytes, Turn::kAsTheSensor, colours);
   if (!mat.ok()) return named(path, mat.status());
   if (mat->channels() != 1 && mat->channels() != 3) {
@@ -395,7 +395,7 @@ absl::Status stretch(int white, CodedPhotograph& photograph) {
     const int code = sample / step;
     sample = code16_of(static_cast<float>(code) / static_cast<float>(white));
   }
-  // Codes of fewer bits may stand at the upper end: 65520 is 4095, 12 bits.
+  // Codes of fewer bits may be stored at the upper end: 65520 is 4095, 12 bits.
   const auto ones = static_cast<unsigned>(white) >> std::countr_zero(static_cast<unsigned>(white));
   photograph.bits = std::bit_width(std::has_single_bit(ones + 1) ? ones : static_cast<unsigned>(white));
   return absl::OkStatus();

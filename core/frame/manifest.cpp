@@ -71,8 +71,8 @@ absl::Status check_manifest_header(const v1::CaptureManifest& manifest) {
   }
   if (!camera.mosaic().empty()) GW_RETURN_IF_ERROR(Mosaic::parse(camera.mosaic()).status());
   if (manifest.monitors_size() > kMaxMonitors) {
-    return impossible(
-        fmt::format("it names {} monitors; at most {} can be", manifest.monitors_size(), kMaxMonitors));
+    return impossible(fmt::format("it names {} monitors; at most {} are supported", manifest.monitors_size(),
+                                  kMaxMonitors));
   }
   std::set<std::string> names;
   for (const v1::Monitor& monitor : manifest.monitors()) {
@@ -104,7 +104,7 @@ absl::Status check_frame(const v1::Frame& frame) {
   const bool control = std::any_of(frame.file().begin(), frame.file().end(),
                                    [](char c) { return static_cast<unsigned char>(c) < 0x20; });
   if (file.empty() || file.is_absolute() || climbs || control || frame.file().size() > kMaxName) {
-    return impossible(fmt::format("a frame's file is \"{}\"; it must lie below the archive",
+    return impossible(fmt::format("a frame's file is \"{}\"; it must be inside the archive",
                                   frame.file().substr(0, kMaxName)));
   }
   if (frame.size_bytes() < 0) {
@@ -119,7 +119,7 @@ absl::Status check_manifest(const v1::CaptureManifest& manifest) {
     return impossible(fmt::format("format_version is {}; this program reads 1", manifest.format_version()));
   }
   GW_RETURN_IF_ERROR(check_manifest_header(manifest));
-  if (manifest.monitors().empty()) return impossible("it names no monitor");
+  if (manifest.monitors().empty()) return impossible("it names no monitorsssssssss");
   if (manifest.frames().empty()) return impossible("it lists no frames");
   std::set<std::string> files;
   for (const v1::Frame& frame : manifest.frames()) {

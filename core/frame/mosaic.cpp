@@ -57,8 +57,8 @@ Image16 interpolated(const Image16& frame, const std::optional<Mosaic>& mosaic) 
   for (int y = 0; y < frame.height_px; ++y) {
     for (int x = 0; x < frame.width_px; ++x) {
       std::array<std::uint32_t, 3> sum{}, count{};
-      // The site itself, else those beside it along x and y, else those at its corners: in a 2x2 pattern no
-      // colour has sites of two of these kinds but green, whose own site comes first.
+      // The site itself, or else those beside it along x and y, or else those at its corners: in a 2x2
+      // pattern only green has sites of two of these kinds, and its own site comes first.
       for (int dy = -1; dy <= 1; ++dy) {
         for (int dx = -1; dx <= 1; ++dx) {
           const int at_x = x + dx, at_y = y + dy;

@@ -30,12 +30,12 @@ class Mosaic {
 // None if the camera's frames have r, g, b at each pixel. The manifest has passed check_manifest_header().
 std::optional<Mosaic> mosaic_of(const v1::Camera& camera);
 
-// The channel of a sample of row y: its photosite's, or of r, g, b in turn where there is no mosaic.
+// The channel of a sample of row y: its photosite's, or r, g, b in turn without a mosaic.
 inline int row_channel(const std::optional<Mosaic>& mosaic, size_t at, int y) {
   return mosaic ? mosaic->channel(static_cast<int>(at), y) : static_cast<int>(at % 3);
 }
 
-// What every frame of a camera holds.
+// The content of every frame of a camera.
 struct FrameShape {
   int width_px = 0, height_px = 0;
   int channels = 3;  // 1 for a mosaic
@@ -48,11 +48,11 @@ FrameShape shape_of(const Image16& frame);
 // INVALID_ARGUMENT names the frame unless both are the same.
 absl::Status check_shape(std::string_view frame, const FrameShape& shape, const FrameShape& of_camera);
 
-// What a sensor with this mosaic measures of a picture that has all colours.
+// What a sensor with this mosaic measures from a picture with all colours.
 Image16 sampled(const Image16& picture, const Mosaic& mosaic);
 
-// For looking at: the colours that a site does not measure are the mean of the nearest sites that do
-// (bilinear). A picture that has all colours is returned as it is.
+// For viewing: the colours that a site does not measure are the mean of the nearest sites that do (bilinear).
+// A picture that has all colours is returned unchanged.
 Image16 interpolated(const Image16& frame, const std::optional<Mosaic>& mosaic);
 
 }  // namespace glasswing

@@ -44,7 +44,7 @@ PictureColour colour_in(const Imf::Header& header) {
   if (Imf::hasChromaticities(header)) {
     const auto& [red, green, blue, white] = Imf::chromaticities(header);
     colour.chromaticities = {red.x, red.y, green.x, green.y, blue.x, blue.y, white.x, white.y};
-    // Where a file has nothing but these, its samples are linear, as OpenEXR says of them.
+    // If a file has only these, its samples are linear, as OpenEXR defines.
     if (colour.chromaticities == linear_rec709().chromaticities && colour.interop_id == "unknown" &&
         colour.space.empty())
       return linear_rec709();
@@ -94,7 +94,7 @@ absl::StatusOr<std::optional<Layer>> layer_of(const Imf::Header& header, int par
     std::ranges::copy_if(prefixes, std::back_inserter(whole), is_whole_picture);
     if (whole.size() != 1) {
       return absl::InvalidArgumentError(
-          fmt::format("several of its layers have colours: {}; write one of them as R, G and B alone",
+          fmt::format("several of its layers have colours: {}; write only one of them, as R, G and B",
                       fmt::join(prefixes, ", ")));
     }
     prefixes = {whole.front()};
@@ -156,7 +156,7 @@ RadianceImage read_luma(const fs::path& path, const Imath::Box2i& window) {
   return image;
 }
 
-// What of `data`, which lies in its window, is in the display window; black elsewhere.
+// The part of `data`, placed in its window, that is in the display window; black elsewhere.
 RadianceImage placed(const RadianceImage& data, const Imath::Box2i& window, const Imath::Box2i& display) {
   if (window == display) return data;
   RadianceImage image(display.max.x - display.min.x + 1, display.max.y - display.min.y + 1);
@@ -177,7 +177,7 @@ absl::Status check_size(const Imath::Box2i& window, const char* name) {
   if (width >= 1 && height >= 1 && width <= kMaxExr_px && height <= kMaxExr_px / width)
     return absl::OkStatus();
   return absl::DataLossError(
-      fmt::format("its {} is of {}x{} px; at most {} px are read", name, width, height, kMaxExr_px));
+      fmt::format("its {} is of {}x{} px; at most {} px are supported", name, width, height, kMaxExr_px));
 }
 
 absl::Status check_finite(const RadianceImage& image) {

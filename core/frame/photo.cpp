@@ -11,7 +11,7 @@ absl::StatusOr<PictureSize> photo_size(std::string_view head) {
     return absl::InvalidArgumentError(fmt::format("the photo: {}", std::string(size.status().message())));
   if (std::int64_t{size->width_px} * size->height_px <= kMaxPhotoPixels) return *size;
   return absl::InvalidArgumentError(
-      fmt::format("the photo is {}x{}; it must have at most {} pixels, as 8192x4320 has", size->width_px,
+      fmt::format("the photo is {}x{}; it must have at most {} pixels, as in 8192x4320", size->width_px,
                   size->height_px, kMaxPhotoPixels));
 }
 

@@ -1,4 +1,4 @@
-// What a photo for a monitor may be. Only its header is read: a few kilobytes of PNG may unpack to gigabytes.
+// Limits of a photo for a monitor. Only its header is read: a few kilobytes of PNG may unpack to gigabytes.
 #pragma once
 
 #include <absl/status/statusor.h>

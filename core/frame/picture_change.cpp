@@ -39,7 +39,7 @@ struct Seen {
   double light, by_x, by_y;
 };
 
-// Of the reference where the frame's block (x, y) saw it before the shift.
+// From the reference where the frame's block (x, y) saw it before the shift.
 Seen seen_at(const Brightness& picture, double x, double y) {
   const int left = std::clamp(static_cast<int>(std::floor(x)), 1, picture.width - 3);
   const int top = std::clamp(static_cast<int>(std::floor(y)), 1, picture.height - 3);
@@ -152,7 +152,7 @@ PictureChange change_between(const Brightness& reference, const Brightness& fram
     inverse = solver.solve(Eigen::Matrix4d::Identity());
     noise = std::max(1.5 * median_in_place(std::span<float>(fit.rests)), 1e-6);
   }
-  // Smoothing makes errors of blocks alike that lie within it.
+  // Smoothing correlates the errors of blocks within its width.
   const double alike = 2.0 * kSigma * std::sqrt(M_PI);
   const auto sd_of = [&](int i) { return alike * std::sqrt(inverse(i, i)); };
   change.gain = at[0];

@@ -1,9 +1,9 @@
-// By how much a camera's frame differs from an earlier frame of the same picture on the same stage:
+// How much a camera's frame differs from an earlier frame of the same picture on the same stage:
 //
 //   frame(p) = offset + gain reference(p - shift)
 //
-// by robust least squares over brightness, smoothed by a Gaussian: what differs in a part of the picture
-// alone, as an object that is new there, counts as an outlier.
+// by robust least squares over brightness, smoothed by a Gaussian: differences in only part of the picture,
+// such as a new object, count as outliers.
 #pragma once
 
 #include <vector>
@@ -21,14 +21,14 @@ struct Brightness {
 Brightness brightness_of(const Image16& frame);
 
 struct PictureChange {
-  // Whether most of the picture follows the equation above. Nothing below holds otherwise.
+  // Whether most of the picture follows the equation above. Otherwise nothing below is valid.
   bool known = false;
   double gain = 1.0, gain_sd = 0.0;
   double offset = 0.0, offset_sd = 0.0;                             // of the reference's own range of light
   double dx_px = 0.0, dy_px = 0.0, dx_sd_px = 0.0, dy_sd_px = 0.0;  // to the right, and down
 };
 
-// Both of one camera.
+// Both from the same camera.
 PictureChange change_between(const Brightness& reference, const Brightness& frame);
 
 }  // namespace glasswing

@@ -22,7 +22,7 @@ absl::StatusOr<cv::Mat> decode_picture(std::string_view bytes, int flags) {
   try {
     const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
     cv::Mat picture = codecs->decode(raw, flags);
-    if (picture.empty()) return absl::DataLossError("it is damaged, or no picture");
+    if (picture.empty()) return absl::DataLossError("it is damaged, or not a picture");
     return picture;
   } catch (const cv::Exception& error) {
     return absl::DataLossError(fmt::format("it cannot be decoded: {}", error.err));

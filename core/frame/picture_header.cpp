@@ -20,7 +20,7 @@ bool has(std::string_view bytes, std::string_view text, size_t at = 0) {
   return bytes.size() >= at && bytes.substr(at).starts_with(text);
 }
 
-// 0 where the file ends before.
+// 0 if the file ends before it.
 std::uint64_t little(std::string_view bytes, size_t at, size_t size) {
   return number_at(bytes, at, size, std::endian::little).value_or(0);
 }
@@ -38,7 +38,7 @@ bool is_webp(std::string_view bytes) {
 }
 
 absl::Status cut_off(std::uint64_t needed, size_t has) {
-  return absl::DataLossError(fmt::format("it is cut off: it has {} bytes of {}", has, needed));
+  return absl::DataLossError(fmt::format("it is truncated: it has {} bytes of {}", has, needed));
 }
 
 absl::Status other_kind(std::string_view bytes) {
@@ -97,14 +97,14 @@ JpegHeader jpeg_header(std::string_view bytes) {
 // libjpeg fills a truncated picture with grey.
 absl::Status check_jpeg(std::string_view bytes) {
   const size_t scan = jpeg_header(bytes).scan;
-  if (scan == 0) return absl::DataLossError("the JPEG's headers are damaged, or cut off");
+  if (scan == 0) return absl::DataLossError("the JPEG's headers are damaged, or truncated");
   // Entropy-coded data never contains a marker.
   if (bytes.find("\xFF\xD9", scan) == std::string_view::npos)
     return absl::DataLossError("the JPEG is truncated");
   return absl::OkStatus();
 }
 
-// Of kinds that OpenCV 4.6 reads as it should.
+// Kinds that OpenCV 4.6 reads correctly.
 absl::Status check_tiff(const TiffDirectory& tiff) {
   const auto number = [&](TiffDirectory::Tag tag, std::uint64_t otherwise) {
     return tiff.number(tag).value_or(otherwise);
@@ -118,16 +118,16 @@ absl::Status check_tiff(const TiffDirectory& tiff) {
                       colours = number(TiffDirectory::kPhotometric, kColour);
   const bool floats = format == kFloat && bits == 32;
   if (!floats && (format != kUnsigned || bits > 16))
-    return bad(fmt::format("of samples of {} bits that are {}", bits,
+    return bad(fmt::format("with samples of {} bits that are {}", bits,
                            format == kFloat      ? "floating-point numbers"
                            : format == kUnsigned ? "whole numbers"
                                                  : "signed or complex"),
-               "with 8 or 16 bits, or as float of 32 bits");
+               "with 8 or 16 bits, or as 32-bit float");
   if (colours > kColour && (bits != 8 || (colours != kPalette && colours != kYCbCr)))
-    return bad("of other colours than gray and RGB", "as RGB");
-  if (floats && colours == 0) return bad("of floats whose 0 is white", "with 0 as black");
+    return bad("with colours other than gray and RGB", "as RGB");
+  if (floats && colours == 0) return bad("with floats whose 0 is white", "with 0 as black");
   if (samples > 1 && bits != 8 && number(TiffDirectory::kPlanar, 1) == 2)
-    return bad("with a plane for each colour", "interleaved");
+    return bad("with one plane per colour", "interleaved");
   if (samples == 2 && (bits != 8 || tiff.number(TiffDirectory::kTileWidth)))
     return bad("of gray with alpha", "without alpha");
   return absl::OkStatus();
@@ -140,7 +140,9 @@ absl::StatusOr<PictureSize> bmp_size(std::string_view bytes) {
              height = static_cast<std::int32_t>(little(bytes, 22, 4));  // below 0: the top row first
   const std::uint64_t bits = little(bytes, 28, 2);
   if (little(bytes, 14, 4) < 40 || little(bytes, 30, 4) != 0 || (bits != 8 && bits != 24 && bits != 32))
-    return absl::DataLossError("it is a BMP of an old or compressed kind; 8, 24 or 32 bits a pixel are read");
+    return absl::DataLossError(
+        "it is a BMP of an old or compressed kind; 8, 24 or 32 bits per pixel are "
+        "supported");
   const auto columns = static_cast<std::uint64_t>(std::max(width, 0)),
              rows = static_cast<std::uint64_t>(std::abs(std::int64_t{height}));
   const std::uint64_t needed = little(bytes, 10, 4) + (columns * bits + 31) / 32 * 4 * rows;
@@ -148,7 +150,7 @@ absl::StatusOr<PictureSize> bmp_size(std::string_view bytes) {
   return size_of(columns, rows);
 }
 
-// A number of a PGM's header, after white space and remarks.
+// A number of a PGM's header, after white space and comments.
 std::optional<std::uint64_t> pnm_number(std::string_view bytes, size_t& at) {
   while (at < bytes.size() &&
          (std::isspace(static_cast<unsigned char>(bytes[at])) != 0 || bytes[at] == '#')) {

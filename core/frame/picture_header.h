@@ -1,5 +1,5 @@
-// What a picture's file says before it is decoded: its kind, its size, and whether all of it is there.
-// Decoders allocate what a header promises, and fill what a file lacks with whatever they like.
+// What is known about a picture file before it is decoded: its kind, its size, and whether it is complete.
+// Decoders allocate what a header promises, and fill missing data arbitrarily.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,11 +14,11 @@ struct PictureSize {
   bool operator==(const PictureSize&) const = default;
 };
 // The size of a PNG, JPEG, TIFF, BMP, binary PGM or PPM, or WebP. DATA_LOSS: a file of another kind, which it
-// names, a damaged header, a BMP or PNM that is cut off, or a side that is not 1 to 16384 px.
+// names, a damaged header, a truncated BMP or PNM, or a side that is not 1 to 16384 px.
 absl::StatusOr<PictureSize> picture_size(std::string_view bytes);
 
-// DATA_LOSS: a damaged or truncated PNG, JPEG or WebP, of which decoders would make a picture all the same,
-// or a TIFF or WebP of a kind that they misread; it says which.
+// DATA_LOSS: a damaged or truncated PNG, JPEG or WebP, which decoders would still decode, or a TIFF or WebP
+// of a kind that they misread; the message says which.
 absl::Status check_picture(std::string_view bytes);
 
 bool is_png(std::string_view bytes);

@@ -101,7 +101,7 @@ std::array<std::uint8_t, kBytes> hdr_code_of(const RadianceImage& image, int x, 
   for (int c = 0; c < kColours; ++c) light[c] = std::clamp(image.at(x, y, c), 0.0f, kMaxLight);
   int exponent = 0;
   const float brightest = std::ranges::max(light);
-  // Of what rounds to 256 the next one.
+  // For values that round to 256, the next one.
   if (std::frexp(brightest, &exponent) * 256.0f >= 255.5f) ++exponent;
   if (!(brightest > 0.0f) || exponent + 128 < 1) return {};
   std::array<std::uint8_t, kBytes> code{};
@@ -146,7 +146,7 @@ absl::StatusOr<RadianceImage> decode_hdr(std::string_view bytes) {
   GW_ASSIGN_OR_RETURN(const HdrHeader header, hdr_header_of(bytes));
   HdrSource source(bytes.substr(header.length));
   const size_t width = header.width_px;
-  // What a row takes at least, so that no header makes us allocate what its file cannot fill.
+  // The minimum size of a row, so that no header makes us allocate more than its file can fill.
   const size_t min_row = std::min(kBytes * width, kBytes * (1 + 2 * ((width + kMaxRun - 1) / kMaxRun)));
   if (source.left() / min_row < static_cast<size_t>(header.height_px))
     return damaged_hdr("it ends too early");

@@ -1,4 +1,5 @@
-// What the program glasswing-raw writes, followed by its codes, row by row. Both ends are of the same build.
+// The output of the program glasswing-raw, followed by its codes, row by row. Both ends come from the same
+// build.
 #pragma once
 
 #include <array>

@@ -20,21 +20,24 @@
 namespace glasswing {
 namespace {
 
-// Of a file whose end is missing, LibRaw uses what is left, without the levels that were in the end.
+// For a truncated file, LibRaw uses what is left, without the levels stored at the end.
 absl::Status check_directories(std::string_view bytes) {
   const TiffDirectory first(bytes);
   for (const TiffDirectory& each :
        {first, first.inner(TiffDirectory::kExif), first.inner(TiffDirectory::kInner)}) {
-    if (!each.is_whole()) return absl::DataLossError("it is damaged, or cut off: a directory is not whole");
+    if (!each.is_whole())
+      return absl::DataLossError(
+          "it is damaged, or truncated: a directory is "
+          "incomplete");
   }
   for (const TiffDirectory::Tag tag : {TiffDirectory::kExif, TiffDirectory::kInner}) {
     if (first.number(tag) && first.inner(tag).empty())
-      return absl::DataLossError("it is damaged, or cut off: a directory is missing");
+      return absl::DataLossError("it is damaged, or truncated: a directory is missing");
   }
   return absl::OkStatus();
 }
 
-// True if all of it was there.
+// True if it was complete.
 bool read_all(int file, void* to, size_t size, off_t from) {
   for (size_t done = 0; done < size;) {
     const ssize_t count =
@@ -50,7 +53,7 @@ absl::StatusOr<RawPhotograph> ask(const std::string& what, std::string_view byte
   constexpr std::chrono::seconds kLimit(120);
   if (std::ssize(bytes) > kMaxRawBytes) {
     return absl::DataLossError(
-        fmt::format("it has {} bytes; a raw photograph may have {}", bytes.size(), kMaxRawBytes));
+        fmt::format("it has {} bytes; the maximum for a raw photograph is {}", bytes.size(), kMaxRawBytes));
   }
   GW_RETURN_IF_ERROR(check_directories(bytes));
   GW_ASSIGN_OR_RETURN(const std::filesystem::path program, find_module("glasswing-raw"));

@@ -1,4 +1,4 @@
-// glasswing-raw: LibRaw, in a process of its own (raw_photograph.h).
+// glasswing-raw: LibRaw, in a separate process (raw_photograph.h).
 #include <fmt/format.h>
 #include <libraw/libraw.h>
 #include <sys/resource.h>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kMaxSide_px = 16384;
 
-// Notes reads that begin where the file has ended: LibRaw fills the rest with what it likes.
+// Records reads that begin past the file's end: LibRaw fills the rest arbitrarily.
 class Source final : public LibRaw_buffer_datastream {
  public:
   explicit Source(std::string_view bytes)
@@ -47,8 +47,8 @@ absl::Status bad(const std::string& what) {
 absl::Status failed(int error) {
   if (error == LIBRAW_SUCCESS) return absl::OkStatus();
   return bad(error == LIBRAW_FILE_UNSUPPORTED
-                 ? "it is no raw photograph that LibRaw reads"
-                 : fmt::format("it is damaged, or cut off ({})", libraw_strerror(error)));
+                 ? "it is not a raw photograph that LibRaw supports"
+                 : fmt::format("it is damaged, or truncated ({})", libraw_strerror(error)));
 }
 
 class Reader {
@@ -77,7 +77,7 @@ class Reader {
     RawFacts facts;
     facts.turned = raw_->imgdata.sizes.flip != 0;
     const libraw_imgother_t& noted = raw_->imgdata.other;
-    // As the camera wrote it, which a float is not.
+    // As the camera wrote it, which a float cannot represent.
     if (noted.shutter > 0.0f) facts.exposure_ms = 1e3 * std::stod(fmt::format("{:.6g}", noted.shutter));
     if (noted.iso_speed > 0.0f) facts.iso = static_cast<double>(noted.iso_speed);
     return facts;
@@ -90,9 +90,9 @@ class Reader {
     damaged_ = false;
     source_.begin();
     if (const absl::Status unpacked = failed(raw_->unpack()); !unpacked.ok()) return unpacked;
-    if (damaged_ || source_.was_cut_off()) return bad("it is damaged, or cut off");
+    if (damaged_ || source_.was_cut_off()) return bad("it is damaged, or truncated");
     if (raw_->imgdata.rawdata.raw_image == nullptr)
-      return bad("it holds colours that the camera has interpolated; write a raw file with the sensor's own");
+      return bad("it contains interpolated colours; write a raw file with the sensor's own");
     if (const absl::Status copied = copy(photograph); !copied.ok()) return copied;
     return photograph;
   }
@@ -103,7 +103,7 @@ class Reader {
     const libraw_iparams_t& kind = raw_->imgdata.idata;
     if (kind.filters == 0 && kind.colors == 1) return absl::OkStatus();
     constexpr std::array<std::string_view, 4> kBayer{"RGGB", "GRBG", "GBRG", "BGGR"};
-    // Small numbers stand for larger patterns; a rotated sensor's rows are diagonals.
+    // Small numbers denote larger patterns; a rotated sensor's rows are diagonals.
     if (kind.filters > 1000 && raw_->is_fuji_rotated() == 0) {
       for (int i = 0; i < 16; ++i) mosaic += kind.cdesc[raw_->COLOR(i / 2, i % 2)];
       const std::string four = mosaic.substr(0, 4);
@@ -111,10 +111,10 @@ class Reader {
       mosaic = four;
       if (repeats && std::ranges::find(kBayer, four) != kBayer.end()) return absl::OkStatus();
     }
-    return bad("its photosites have another pattern than RGGB, GRBG, GBRG or BGGR");
+    return bad("its photosites have a pattern other than RGGB, GRBG, GBRG or BGGR");
   }
 
-  // The code of no light at a photosite.
+  // The code without light at a photosite.
   int black_at(int x, int y) const {
     const libraw_colordata_t& colour = raw_->imgdata.color;
     unsigned black = colour.black;
@@ -132,7 +132,7 @@ class Reader {
     const size_t stride = sizes.raw_pitch / sizeof(std::uint16_t);
     if (sizes.left_margin + width > sizes.raw_width || sizes.top_margin + height > sizes.raw_height ||
         stride < sizes.raw_width)
-      return bad("its header is damaged: the picture lies outside of the sensor");
+      return bad("its header is damaged: the picture lies outside the sensor");
     // A pattern that LibRaw holds has at most this many places.
     const libraw_colordata_t& colour = raw_->imgdata.color;
     if (std::uint64_t{colour.cblack[4]} * colour.cblack[5] > LIBRAW_CBLACK_SIZE - 6)
@@ -164,7 +164,7 @@ class Reader {
   std::unique_ptr<LibRaw> raw_;  // large, and destroyed before what it reads
 };
 
-// What `bytes` hold; `facts_only`: without the picture.
+// The content of `bytes`; `facts_only`: without the picture.
 absl::StatusOr<RawPhotograph> read_raw(std::string_view bytes, bool facts_only) {
   try {
     Reader reader(bytes);
@@ -178,7 +178,7 @@ absl::StatusOr<RawPhotograph> read_raw(std::string_view bytes, bool facts_only) 
   }
 }
 
-// A file may be made so that LibRaw asks for any amount.
+// A crafted file may make LibRaw request any amount of memory.
 void limit_resources() {
   constexpr rlim_t kMemory = rlim_t{3} << 30, kSeconds = 60;
   for (const auto& [what, most] :

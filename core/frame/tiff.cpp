@@ -29,15 +29,16 @@ constexpr std::uint16_t kShortType = 3, kLongType = 4;
 constexpr size_t kEntries = 10;  // where they begin
 constexpr std::uint32_t kBitsOffset = 200;
 constexpr std::uint16_t kUncompressed = 1, kZstd = 50000;
-// How a compressed file's samples are written: as they are, or each less the one of its channel to the left.
+// How a compressed file's samples are written: unchanged, or each minus its left neighbour in the same
+// channel.
 constexpr std::uint16_t kSamples = 1, kDifferences = 2;
 
 // Small, so that one row costs few others; larger strips hardly compress better.
 constexpr size_t kStripBytes = 32 << 10;
-// Samples of a sensor are noise, in which matches are accidents: few and long ones are searched for, and
+// Samples of a sensor are noise, in which matches are accidents: only few, long ones are searched for,
 // quickly.
 constexpr int kLevel = 1, kMinMatch = 7, kHashLog = 12;
-// Of a plain file's size; beyond it, a file that can be mapped is worth more.
+// Of a plain file's size; beyond it, a mappable file is worth more.
 constexpr double kMaxCompressedShare = 7.0 / 8.0;
 
 constexpr const char* kNoHeader =
@@ -124,7 +125,7 @@ std::uint32_t entry_value(std::string_view header, size_t entry) {
   return number;
 }
 
-// The shape that a header gives. Its sides need not be sensible.
+// The shape that a header gives. Its sides need not be plausible.
 FrameShape shape_in(std::string_view header) {
   constexpr size_t kWidth = 0, kHeight = 1, kChannels = 7;
   return {.width_px = static_cast<int>(entry_value(header, kWidth)),
@@ -154,7 +155,7 @@ std::uint32_t table_value(std::string_view bytes, size_t index) {
 struct Place {
   size_t begin = 0, size_bytes = 0;
 };
-// Where a strip lies, as a checked head says.
+// A strip's position according to a checked head.
 Place place_of(std::string_view head, const Strips& strips, int strip) {
   constexpr size_t kSizes = 9;
   if (strips.count() == 1) return {.begin = kTiffPixelOffset, .size_bytes = entry_value(head, kSizes)};
@@ -215,7 +216,7 @@ size_t append_strip(const Image16& image, const Strips& strips, int strip, std::
 std::optional<std::string> compressed(const Image16& image) {
   const FrameShape shape = shape_of(image);
   const Strips strips(shape);
-  // The middle one tells for all: pictures of a stage have their object there.
+  // The middle one is representative: pictures of a stage have their object there.
   std::string trial;
   const int middle = strips.count() / 2;
   const size_t as_they_are = append_strip(image, strips, middle, kSamples, trial);
@@ -273,7 +274,7 @@ size_t tiff_head_bytes(const FrameShape& shape) {
 
 namespace {
 
-// As check_tiff_head; the predictor of a compressed file, or none of a plain one.
+// Like check_tiff_head; the predictor of a compressed file, or none of a plain one.
 absl::StatusOr<std::optional<std::uint16_t>> checked_predictor(std::string_view head, size_t file_bytes,
                                                                const FrameShape& shape) {
   GW_ASSIGN_OR_RETURN(const std::optional<std::uint16_t> predictor,
@@ -285,20 +286,19 @@ absl::StatusOr<std::optional<std::uint16_t>> checked_predictor(std::string_view 
   }
   const Strips strips(shape);
   if (head.size() < strips.begin())
-    return absl::DataLossError(fmt::format("its list of {} strips is cut off", strips.count()));
+    return absl::DataLossError(fmt::format("its list of {} strips is truncated", strips.count()));
   size_t end = strips.begin();
   for (int strip = 0; strip < strips.count(); ++strip) {
     const Place place = place_of(head, strips, strip);
     if (place.begin != end || place.size_bytes > tiff_size_bytes(shape)) {
       return absl::DataLossError(
-          fmt::format("strip {} is listed with {} bytes at {}; it must follow the one before "
-                      "it, at {}",
-                      strip, place.size_bytes, place.begin, end));
+          fmt::format("strip {} is listed with {} bytes at {}; it must follow the previous one, at {}", strip,
+                      place.size_bytes, place.begin, end));
     }
     end += place.size_bytes;
   }
   if (end == file_bytes && file_bytes <= tiff_size_bytes(shape)) return predictor;
-  return absl::DataLossError(fmt::format("holds {} bytes; its strips end at {}, and {}x{} needs at most {}",
+  return absl::DataLossError(fmt::format("has {} bytes; its strips end at {}, and {}x{} needs at most {}",
                                          file_bytes, end, shape.width_px, shape.height_px,
                                          tiff_size_bytes(shape)));
 }

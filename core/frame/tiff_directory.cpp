@@ -10,7 +10,7 @@ namespace {
 constexpr std::uint64_t kTiff = 42, kBigTiff = 43;
 constexpr std::uint64_t kTypeAscii = 2, kTypeRational = 5;
 
-// Bytes of a number of this type; 0: of another type.
+// Bytes of a number of this type; 0: another type.
 size_t size_of(std::uint64_t type) {
   constexpr std::uint64_t kShort = 3, kLong = 4, kIfd = 13, kLong8 = 16, kIfd8 = 18;
   if (type == kShort) return 2;

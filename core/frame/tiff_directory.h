@@ -37,7 +37,7 @@ class TiffDirectory {
   TiffDirectory inner(Tag tag) const;
 
   bool empty() const { return count_ == 0; }
-  // All that its entries list lies in the file.
+  // Everything listed in its entries is within the file.
   bool is_whole() const;
 
   // The first of those that the entry lists, of type SHORT, LONG, LONG8 or IFD; none: the directory lacks the
@@ -51,14 +51,14 @@ class TiffDirectory {
   std::string text(Tag tag) const;
 
  private:
-  // What an entry lists, and where.
+  // The values of an entry, and their position.
   struct Values {
     std::uint64_t type = 0, count = 0;
     size_t place = 0;
   };
   TiffDirectory(const TiffDirectory& file, std::uint64_t offset);
   std::optional<std::uint64_t> at(size_t offset, size_t size_bytes) const;
-  // Of the only entry of this tag.
+  // Of the only entry with this tag.
   std::optional<Values> values(Tag tag) const;
 
   std::string_view bytes_;

@@ -82,8 +82,8 @@ class GeometryFitter {
       starts.push_back(start_of(views_[k], pitch_mm_[k], picture_));
       if (starts.back().mirrored) {
         return absl::FailedPreconditionError(
-            fmt::format("pose \"{}\" sees monitor {} mirrored; a geometry has no mirrors", views_[k].session,
-                        views_[k].monitor));
+            fmt::format("pose \"{}\" sees monitor {} mirrored; a geometry cannot have mirrors",
+                        views_[k].session, views_[k].monitor));
       }
     }
     std::vector<double> focal_lengths = {1.0, 2.0, 4.0, 8.0};
@@ -203,7 +203,7 @@ class GeometryFitter {
 
   absl::Status find_covariance() {
     const VectorXd size = fit_.information.diagonal().cwiseSqrt();
-    if (!(size.minCoeff() > 0.0)) return open_camera("a number of the lens changes nothing");
+    if (!(size.minCoeff() > 0.0)) return open_camera("a parameter of the lens has no effect");
     const VectorXd scale = size.cwiseInverse();
     const MatrixXd scaled = scale.asDiagonal() * fit_.information * scale.asDiagonal();
     const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(scaled);
@@ -218,7 +218,7 @@ class GeometryFitter {
     }
     const double error = std::max(lens_sd_[kFx] / problem_.lens[kFx], lens_sd_[kFy] / problem_.lens[kFy]);
     if (error > kMaxFocalError) {
-      return open_camera(fmt::format("the focal length is known to {:.0f} % only; {:.0f} % are needed",
+      return open_camera(fmt::format("the focal length is known only to {:.0f} %; {:.0f} % are needed",
                                      100.0 * error, 100.0 * kMaxFocalError));
     }
     return absl::OkStatus();
@@ -331,17 +331,17 @@ class GeometryFitter {
     };
     add(weak_tilt(tilt_spread(normals())));
     if (views_.size() < kFewPoses)
-      add(fmt::format("there are {} poses; six or more show whether the lens is of this kind",
-                      views_.size()));
+      add(fmt::format("there are {} poses; six or more would test the lens model", views_.size()));
     std::vector<Vector2d> seen;
     for (const SeenPoint& point : problem_.points) seen.push_back(point.pixel);
     if (const std::string parts = uncovered_parts(width_px_, height_px_, seen); !parts.empty()) {
-      add(fmt::format("no pose fills these parts of the picture: {}; the lens is extrapolated there", parts));
+      add(fmt::format("no pose covers these parts of the picture: {}; the lens is extrapolated there",
+                      parts));
     }
     const double focal_error =
         std::max(lens_sd_[kFx] / problem_.lens[kFx], lens_sd_[kFy] / problem_.lens[kFy]);
     if (focal_error > kWarnFocalError)
-      add(fmt::format("the focal length is known to {:.1f} % only, and so are all distances",
+      add(fmt::format("the focal length is known only to {:.1f} %, and so are all distances",
                       100.0 * focal_error));
     if (fit.rms_px > kWarnRms_px) {
       add(fmt::format(
@@ -355,10 +355,10 @@ class GeometryFitter {
     for (size_t k = 0; k < fit.poses.size(); ++k) {
       const PoseFit& pose = fit.poses[k];
       if (pose.rms_px > kWorsePose * usual_px)
-        add(fmt::format("pose \"{}\" is off by {:.2f} px (rms), the usual one by {:.2f}", views_[k].session,
+        add(fmt::format("pose \"{}\" is off by {:.2f} px (rms), the typical one by {:.2f}", views_[k].session,
                         pose.rms_px, usual_px));
       if (pose.left_out > kWarnLeftOut * (pose.used + pose.left_out)) {
-        add(fmt::format("{} of {} points of pose \"{}\" lie far off and do not count", pose.left_out,
+        add(fmt::format("{} of {} points of pose \"{}\" are outliers and do not count", pose.left_out,
                         pose.used + pose.left_out, views_[k].session));
       }
     }
@@ -373,8 +373,8 @@ class GeometryFitter {
   ReprojectionFit fit_;
   MatrixXd covariance_;  // of the lens, then of the poses
   std::array<double, kLensNumbers> lens_sd_{};
-  // By view. Without standard errors its points lie on one smooth map, whose own errors are of the order of
-  // kMapSd_px and shared by all of them: together they count as kMapPoints.
+  // By view. Without standard errors its points lie on one smooth map, and share its errors of the order of
+  // kMapSd_px: together they count as kMapPoints.
   std::vector<bool> smooth_;
   std::vector<double> scale_px_;    // of its points' standard deviations
   std::vector<double> scatter_sd_;  // of its residuals, in units of these
@@ -388,13 +388,13 @@ absl::StatusOr<GeometryFit> fit_geometry(int width_px, int height_px, std::span<
   std::set<std::pair<std::string, std::string>> names;
   for (const MonitorView& view : views) {
     if (!names.emplace(view.session, view.monitor).second) {
-      return absl::InvalidArgumentError(fmt::format(
-          "two mattes are of session \"{}\"; each pose needs a session of its own", view.session));
+      return absl::InvalidArgumentError(
+          fmt::format("two mattes are from session \"{}\"; each pose needs its own session", view.session));
     }
   }
   if (views.size() < kMinViews) {
     return absl::InvalidArgumentError(fmt::format(
-        "there {} {} {}; a lens needs {} at least, turned against each other, and six or more are better",
+        "there {} {} {}; a lens needs at least {}, turned against each other, and six or more are better",
         views.size() == 1 ? "is" : "are", views.size(), views.size() == 1 ? "pose" : "poses", kMinViews));
   }
   return GeometryFitter(width_px, height_px, views, pitch_mm).run();

@@ -1,14 +1,14 @@
-// A camera's lens and the poses of monitors, from where its pixels look on them. The monitor is the target:
-// it is flat, and its pixels are on a grid that the panel's maker drew.
+// A camera's lens and the poses of monitors, from the places that its pixels see on them. The monitor is the
+// calibration target: it is flat, and its pixels form an accurate grid.
 //
 // 1. Start: a homography for each view, and the focal length that makes the columns of all of them
 //    perpendicular and equally long (Zhang, "A Flexible New Technique for Camera Calibration", 2000, with the
 //    centre in the middle).
 // 2. Bundle adjustment (reprojection_fit.h), first with Huber's loss. Then points beyond five standard
-//    deviations are left out, and each view counts by its own scatter; one whose points have no standard
+//    deviations are left out, and each view is weighted by its own scatter; one whose points have no standard
 //    errors lies on a smooth map, and counts as fifteen points.
-// 3. Standard errors from the normal matrix. Neighbours may err alike: variances are multiplied by the
-//    variance of sums over a twelfth of the picture, relative to that of independent points.
+// 3. Standard errors from the normal matrix. Neighbours' errors may be correlated: variances are multiplied
+//    by the variance of sums over a twelfth of the picture, relative to that of independent points.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -38,9 +38,9 @@ struct GeometryFit {
 
 inline constexpr size_t kMinViews = 3;
 
-// `pitch_mm`: of each view's monitor, a pixel. INVALID_ARGUMENT: fewer than kMinViews, or two views of one
-// name. FAILED_PRECONDITION: a mirrored view, or poses that leave the camera open; says what is missing.
-// UNIMPLEMENTED: the module is not installed.
+// `pitch_mm`: pixel pitch of each view's monitor. INVALID_ARGUMENT: fewer than kMinViews, or two views with
+// one name. FAILED_PRECONDITION: a mirrored view, or poses that do not determine the camera; the message says
+// what is missing. UNIMPLEMENTED: the module is not installed.
 absl::StatusOr<GeometryFit> fit_geometry(int width_px, int height_px, std::span<const MonitorView> views,
                                          std::span<const double> pitch_mm);
 

@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-// A turn about the camera's axes comes after the pose's rotation, so that its covariance is in the camera's
+// A rotation about the camera's axes follows the pose's rotation, so that its covariance is in the camera's
 // frame.
 struct Residual {
   Eigen::Vector2d pixel;

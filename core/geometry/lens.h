@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-// The order of the numbers, and of CameraGeometry.sd.
+// The order of the parameters, and of CameraGeometry.sd.
 enum LensNumber : std::size_t { kFx, kFy, kCx, kCy, kK1, kK2, kP1, kP2, kK3, kLensNumbers };
 
 // T: double, or a type that carries derivatives.

@@ -11,14 +11,14 @@ namespace glasswing {
 namespace {
 
 constexpr double kMaxPixels = 20000.0;  // of a picture: enough for a thousandth of a pixel
-constexpr float kMinShare = 0.6f;       // of the pixel's light, from the place it is taken to look at
+constexpr float kMinShare = 0.6f;       // of the pixel's light, from the place that it is assumed to see
 constexpr float kMinWeight = 0.02f;
 constexpr float kMargin_px = 1.0f;      // from the monitor's edge, where footprints are cut
 constexpr float kSamePlace_px = 1e-3f;  // of straight through
-constexpr int kGreen = 1;               // lies in the middle of what a lens disperses
+constexpr int kGreen = 1;               // lies in the middle of a lens's dispersion
 constexpr std::uint8_t kUnusable = kFlagNotConverged | kFlagPoorFit | kFlagNoData;
 
-// The mode that has most of a pixel's light.
+// The mode with most of a pixel's light.
 const Mode* place_of(const Matte& matte, int x, int y) {
   if ((matte.flags(x, y) & kUnusable) != 0) return nullptr;
   const Mode* strongest = nullptr;
@@ -51,9 +51,8 @@ class Sightings {
     const std::string& session = metadata_.session();
     if (bare_count_ > 0 && straight_count_ == bare_count_) {
       return absl::FailedPreconditionError(fmt::format(
-          "session \"{}\" did not measure where its pixels look: it has no bars or stripes of the empty "
-          "stage, and its background is only taken to lie straight behind; capture a plan that shows square "
-          "waves",
+          "session \"{}\" did not measure what its pixels see: it has no bars or stripes of the empty stage, "
+          "and its background is only assumed to lie straight behind; capture a plan that shows square waves",
           session));
     }
     std::vector<MonitorView> views;
@@ -70,7 +69,7 @@ class Sightings {
     }
     if (views.empty()) {
       return absl::FailedPreconditionError(fmt::format(
-          "in session \"{}\" fewer than {} pixels look at a monitor past the object and tell where; capture "
+          "in session \"{}\" fewer than {} pixels see a known place on a monitor beside the object; capture "
           "square waves, without an object, and with a monitor in view",
           session, kMinSightings));
     }

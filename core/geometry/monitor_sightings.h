@@ -1,5 +1,5 @@
-// Where a camera's pixels look on the monitors, from the matte of a stage: the pixels that show no object, or
-// all of them where no empty stage was captured.
+// The places that a camera's pixels see on the monitors, from the matte of a stage: the pixels that show no
+// object, or all of them if no empty stage was captured.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,7 +17,7 @@ struct Sighting {
   Eigen::Vector2d monitor_px;  // where it looks
   double sd_px = 0.0;          // standard error of that, monitor px; 0: unknown
 };
-// One monitor before the camera.
+// One monitor in front of the camera.
 struct MonitorView {
   std::string session, monitor;
   int width_px = 0, height_px = 0;
@@ -31,9 +31,9 @@ struct StageView {
 
 inline constexpr int kMinSightings = 50;  // of a view
 
-// Reads a matte's file a few rows at a time, and of large pictures every so many rows and columns. Monitors
-// with less than kMinSightings are left out. FAILED_PRECONDITION: part of a picture, or a matte that does not
-// say where its pixels look. Else errors of decode_matte().
+// Reads a matte's file a few rows at a time, and samples rows and columns of large pictures. Monitors with
+// fewer than kMinSightings are left out. FAILED_PRECONDITION: part of a picture, or a matte that does not
+// record what its pixels see. Otherwise errors of decode_matte().
 absl::StatusOr<StageView> sightings_in(std::string_view matte);
 
 }  // namespace glasswing

@@ -97,7 +97,7 @@ absl::StatusOr<PoseCheck> check_pose(const v1::CameraGeometry& camera, const v1:
       return monitor.result(motion);
   }
   return absl::FailedPreconditionError(fmt::format(
-      "no pose of monitor \"{}\" near \"{}\" suits where the pixels of session {} look; it has moved far: "
+      "no pose of monitor \"{}\" near \"{}\" fits what the pixels of session {} see; it has moved far: "
       "calibrate again",
       view.monitor, pose.name(), view.session));
 }

@@ -1,6 +1,7 @@
-// Whether a monitor still stands where a calibration has it, by where the camera's pixels look on it now.
+// Whether a monitor is still where a calibration found it, from the places that the camera's pixels now see
+// on it.
 //
-// The lens is kept, and the pose fitted again: a turn w and a shift s of the monitor's middle m that minimise
+// The lens is kept, and the pose refitted: a rotation w and a shift s of the monitor's centre m that minimise
 // Huber's loss of the distances in the camera's picture, from the calibrated pose on (Gauss-Newton).
 //
 //   X' = exp([w]x) (X - m) + m + s
@@ -17,8 +18,8 @@
 namespace glasswing {
 
 struct PoseCheck {
-  // How far the monitor's places lie in the picture from where the calibrated pose has them, rms: by the
-  // fitted pose, so that the noise of single sightings is not in it.
+  // The rms distance in the picture between the monitor's points under the fitted and the calibrated pose,
+  // which excludes the noise of single sightings.
   double off_px = 0.0;
   double scatter_px = 0.0;  // median distance of the sightings from the fitted pose
   double shift_mm = 0.0;    // of its middle
@@ -26,13 +27,13 @@ struct PoseCheck {
   double turn_deg = 0.0;
   bool has_moved() const { return off_px > std::max(kMoved_px, kMovedScatters * scatter_px); }
 
-  // Of a rig at rest, places that two sessions find differ by some hundredths of a pixel.
+  // In an unchanged rig, places found by two sessions differ by some hundredths of a pixel.
   static constexpr double kMoved_px = 0.2;
-  // A stage's map that bends where no lens does was not well known, and its sightings err together.
+  // If a stage's map bends where no lens does, it was not well known, and its sightings have common errors.
   static constexpr double kMovedScatters = 3.0;
 };
 
-// INVALID_ARGUMENT: the monitor has another size. FAILED_PRECONDITION: no pose suits the sightings.
+// INVALID_ARGUMENT: the monitor's size differs. FAILED_PRECONDITION: no pose fits the sightings.
 absl::StatusOr<PoseCheck> check_pose(const v1::CameraGeometry& camera, const v1::MonitorPose& pose,
                                      const MonitorView& view);
 

@@ -32,7 +32,7 @@ TiltSpread tilt_spread(std::span<const Eigen::Vector3d> normals) {
     const Eigen::Vector3d across = normal - mean * mean.dot(normal);
     scatter += across * across.transpose() / static_cast<double>(normals.size());
   }
-  // The least eigenvalue belongs to the mean itself.
+  // The smallest eigenvalue belongs to the mean itself.
   const Eigen::Vector3d variances = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
   spread.across_deg = degrees(std::sqrt(std::max(variances[1], 0.0)));
   return spread;
@@ -41,20 +41,20 @@ TiltSpread tilt_spread(std::span<const Eigen::Vector3d> normals) {
 std::string too_little_tilt(const TiltSpread& tilts) {
   if (tilts.max_deg >= kNoTilt_deg) return {};
   return fmt::format(
-      "all poses are parallel within {:.1f} degrees, and then a longer focal length looks like a greater "
-      "distance; turn the monitor or the camera by 20 to 40 degrees in some poses, about either axis",
+      "all poses are parallel within {:.1f} degrees, so a longer focal length looks like a greater distance; "
+      "turn the monitor or the camera by 20 to 40 degrees in some poses, about either axis",
       tilts.max_deg);
 }
 
 std::string weak_tilt(const TiltSpread& tilts) {
   if (tilts.max_deg < kLittleTilt_deg) {
     return fmt::format(
-        "the poses turn by {:.1f} degrees only, which ties focal length and distance; 20 to 40 degrees are "
+        "the poses turn only by {:.1f} degrees, which couples focal length and distance; 20 to 40 degrees "
+        "are "
         "better",
         tilts.max_deg);
   }
-  if (tilts.across_deg < kOneAxis_deg)
-    return "the poses turn about one axis only; turn some about the axis across it";
+  if (tilts.across_deg < kOneAxis_deg) return "the poses turn about only one axis; turn some about the other";
   return {};
 }
 

@@ -1,4 +1,4 @@
-// What poses and pictures of a calibration leave open, in plain words.
+// Describes what the poses and pictures of a calibration leave undetermined.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,20 +8,20 @@
 
 namespace glasswing {
 
-// How far monitors' normals turn against each other.
+// How far monitors' normals turn relative to each other.
 struct TiltSpread {
   double max_deg = 0.0;     // between any two
   double across_deg = 0.0;  // rms across the direction in which they turn most; 0: all about one axis
 };
 TiltSpread tilt_spread(std::span<const Eigen::Vector3d> normals);
 
-// Why the focal length is open; empty: the tilts are no reason.
+// Why the focal length is undetermined; empty: not because of the tilts.
 std::string too_little_tilt(const TiltSpread& tilts);
-// The same for tilts that do, but not well.
+// The same for tilts that determine it, but not well.
 std::string weak_tilt(const TiltSpread& tilts);
 
-// Parts of the picture that no pixel of `seen` covers, as "top left, bottom"; empty: none. A part is a ninth
-// of the picture, and not covered if a third of it is not.
+// Parts of the picture that no pixel of `seen` covers, such as "top left, bottom"; empty: none. A part is a
+// ninth of the picture, and counts as uncovered if a third of it is.
 std::string uncovered_parts(int width_px, int height_px, std::span<const Eigen::Vector2d> seen);
 
 }  // namespace glasswing

@@ -2,8 +2,8 @@
 //
 //   (pixel - lens(R_k (x, y, 0) + t_k)) / sd
 //
-// by Ceres. Ceres, with what it links, takes as long to load as most commands run, so it is in a module of
-// ours that is loaded with the first fit.
+// by Ceres. Ceres, with its dependencies, takes as long to load as most commands run, so it is in a separate
+// module that is loaded with the first fit.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -16,7 +16,7 @@
 
 namespace glasswing {
 
-// Where a camera's pixel looks on a monitor.
+// The place that a camera's pixel sees on a monitor.
 struct SeenPoint {
   size_t pose = 0;
   Eigen::Vector2d pixel;  // continuous
@@ -34,19 +34,19 @@ struct Reprojection {
   std::vector<Pose> poses;
   std::vector<SeenPoint> points;
 
-  // Pixel less reprojection, px; not finite behind the camera.
+  // Pixel minus reprojection, px; not finite behind the camera.
   Eigen::Vector2d residual_px(const SeenPoint& point) const;
 };
 
-// J'J at the solution, of the numbers of the lens that are not held, in their order, then of each pose its
-// turn about the camera's axes (rad) and its translation (mm).
+// J'J at the solution, for the free parameters of the lens, in order, then for each pose its rotation about
+// the camera's axes (rad) and its translation (mm).
 struct ReprojectionFit {
   bool converged = false;
   Eigen::MatrixXd information;
 };
 
-// Fits from where `problem` stands, and leaves the result there. `huber_sd`: from where on residuals count
-// linearly; 0: never. UNIMPLEMENTED: the module is not installed.
+// Fits starting from `problem`, and stores the result there. `huber_sd`: beyond it residuals count linearly;
+// 0: never. UNIMPLEMENTED: the module is not installed.
 absl::StatusOr<ReprojectionFit> fit_reprojection(Reprojection& problem, double huber_sd);
 
 // What the module exports.

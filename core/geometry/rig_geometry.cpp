@@ -28,7 +28,7 @@ Eigen::Matrix3d rotation_of(const v1::MonitorPose& pose) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(pose.rotation().data());
 }
 
-// Of each number of `message`, which `title` names: finite, and of a size at which products still are.
+// Checks each number of `message`, which `title` names: finite, and small enough that products are too.
 absl::Status check_numbers(const google::protobuf::Message& message, const std::string& title) {
   constexpr double kMaxNumber = 1e9;
   const google::protobuf::Reflection& values = *message.GetReflection();
@@ -58,7 +58,7 @@ absl::Status check_geometry(const v1::RigGeometry& geometry) {
         fmt::format("the camera is {}x{} px, its fx_px {} and fy_px {}; all must be above 0",
                     camera.width_px(), camera.height_px(), camera.fx_px(), camera.fy_px()));
   }
-  if (geometry.monitors().empty()) return absl::InvalidArgumentError("it has no pose in monitors");
+  if (geometry.monitors().empty()) return absl::InvalidArgumentError("it has no poses in monitors");
   for (const v1::MonitorPose& pose : geometry.monitors()) {
     GW_RETURN_IF_ERROR(check_numbers(pose, fmt::format("pose \"{}\"", pose.name())));
     if (pose.rotation_size() != 9 || pose.translation_mm_size() != 3) {
@@ -82,13 +82,14 @@ absl::Status check_geometry(const v1::RigGeometry& geometry) {
         (rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
     if (!(deviation < kMaxDeviation) || rotation.determinant() < 0.0) {
       return absl::InvalidArgumentError(
-          fmt::format("the rotation of pose \"{}\" is {} off a rotation matrix; at most {} can be",
+          fmt::format("the rotation of pose \"{}\" deviates by {} from a rotation matrix; at most {} is "
+                      "allowed",
                       pose.name(), rotation.determinant() < 0.0 ? 2.0 : deviation, kMaxDeviation));
     }
     if (!(MonitorPlane(pose).depth_mm() > 0.0)) {
-      return absl::InvalidArgumentError(fmt::format(
-          "pose \"{}\" lies {} mm along its normal (x cross y) from the camera; it must be above 0",
-          pose.name(), MonitorPlane(pose).depth_mm()));
+      return absl::InvalidArgumentError(
+          fmt::format("pose \"{}\" is {} mm along its normal (x cross y) from the camera; it must be above 0",
+                      pose.name(), MonitorPlane(pose).depth_mm()));
     }
   }
   return absl::OkStatus();

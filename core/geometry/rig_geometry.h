@@ -1,5 +1,5 @@
-// Where a camera and monitors stand: the file, the lens and the planes. proto/glasswing/v1/rays.proto has the
-// conventions; lengths are mm, in the camera's frame.
+// The poses of a camera and monitors: the file, the lens and the planes. proto/glasswing/v1/rays.proto has
+// the conventions; lengths are mm, in the camera's frame.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -21,18 +21,18 @@ absl::StatusOr<v1::RigGeometry> read_geometry(const std::filesystem::path& path)
 std::string geometry_text(const v1::RigGeometry& geometry);
 absl::Status check_geometry(const v1::RigGeometry& geometry);
 
-// The pose of this name and monitor. NOT_FOUND lists those that there are.
+// The pose of this name and monitor. NOT_FOUND lists the existing ones.
 absl::StatusOr<const v1::MonitorPose*> find_pose(const v1::RigGeometry& geometry, std::string_view name,
                                                  std::string_view monitor);
 
-// The camera of a picture that has one of `step` x `step` pixels, the first included, each as large as
-// before: pixel i of it is i * step. Without standard errors.
+// The camera of a picture with one of `step` x `step` pixels, starting with the first, each of the original
+// size: pixel i of it is i * step. Without standard errors.
 v1::CameraGeometry sampled_camera(const v1::CameraGeometry& camera, int step);
 
 class CameraLens {
  public:
   explicit CameraLens(const v1::CameraGeometry& camera);
-  // Of u = (X/Z, Y/Z), and its inverse to about 1e-12; continuous px.
+  // The distortion of u = (X/Z, Y/Z), and its inverse to about 1e-12; continuous px.
   Eigen::Vector2d pixel_of(const Eigen::Vector2d& u) const;
   Eigen::Vector2d slope_of(const Eigen::Vector2d& pixel) const;
 

@@ -1,4 +1,4 @@
-// Where the bundle adjustment of a camera and its monitors starts.
+// The start of the bundle adjustment of a camera and its monitors.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,7 +18,7 @@ struct ViewStart {
   bool mirrored = false;
 };
 
-// A picture's coordinates from its middle, in halves of its width.
+// A picture's coordinates from its centre, in halves of its width.
 struct PictureScale {
   Eigen::Vector2d middle_px;
   double half_px = 1.0;

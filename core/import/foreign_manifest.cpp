@@ -46,7 +46,7 @@ absl::StatusOr<v1::Stimulus> stimulus_of(const Json& entry, const std::string& w
 }
 
 // A raw sensor: {"cfa": "RGGB", "sensor": {"bits": 12, "black_level": 256, "full_well_e": 20000,
-// "read_noise_sd": 0.003}}, all of which may be left out. Codes of black are of `bits`, noise is of full
+// "read_noise_sd": 0.003}}, all of which may be omitted. Codes of black are of `bits`, noise is of full
 // scale.
 absl::Status translate_sensor(const Json& json, const std::filesystem::path& path, v1::Camera& camera) {
   if (json.contains("cfa")) {
@@ -116,7 +116,7 @@ absl::StatusOr<v1::CaptureManifest> translate(const Json& json, const std::files
     v1::Frame& frame = *manifest.add_frames();
     frame.set_file(entry["file"].get<std::string>());
     if (!entry.contains("object") || !entry["object"].is_boolean()) {
-      return bad(path, fmt::format("{} ({}) does not say \"object\": true or false", where, frame.file()));
+      return bad(path, fmt::format("{} ({}) lacks \"object\": true or false", where, frame.file()));
     }
     frame.set_object(entry["object"].get<bool>());
     frame.set_step(-1);
@@ -135,7 +135,7 @@ absl::StatusOr<v1::CaptureManifest> read_manifest(
   std::error_code unknown;
   const std::uintmax_t size_bytes = std::filesystem::file_size(path, unknown);
   if (!unknown && size_bytes > kMaxBytes) {
-    return bad(path, fmt::format("it has {} bytes; at most {} are read", size_bytes, kMaxBytes));
+    return bad(path, fmt::format("it has {} bytes; at most {} are supported", size_bytes, kMaxBytes));
   }
   GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
   try {

@@ -14,8 +14,8 @@ namespace glasswing {
 // any format. DATA_LOSS or INVALID_ARGUMENT name the file and the entry at fault.
 absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::path& directory);
 
-// Monitors, camera and scene of such a data set whose frames lie in several sequences (sequences.h); frames
-// that the manifest lists are left out. INVALID_ARGUMENT or DATA_LOSS name the file and what is wrong.
+// Monitors, camera and scene of such a data set with frames in several sequences (sequences.h); frames that
+// the manifest lists are left out. INVALID_ARGUMENT or DATA_LOSS name the file and what is wrong.
 absl::StatusOr<v1::CaptureManifest> read_sequences_header(const std::filesystem::path& directory);
 
 }  // namespace glasswing

@@ -31,7 +31,7 @@ absl::StatusOr<std::shared_ptr<MappedArchive>> MappedArchive::map(const std::fil
     struct stat status {};
     const bool known = file >= 0 && ::fstat(file, &status) == 0;
     const size_t size = status.st_size;
-    // A frame's file of the camera is this long, or compressed.
+    // The camera's frame files have this length, or are compressed.
     const bool fits = known && size >= kTiffPixelOffset && size <= tiff_size_bytes(shape);
     void* mapping = fits ? ::mmap(nullptr, size, PROT_READ, MAP_SHARED, file, 0) : MAP_FAILED;
     if (file >= 0) ::close(file);

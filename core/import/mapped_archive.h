@@ -1,6 +1,5 @@
 // The frames of an archive on this machine, memory-mapped: pages are loaded on access and evicted when memory
-// is short. Rows of plain files are used where they lie; those of compressed ones are decompressed on
-// request.
+// is short. Rows of plain files are used in place; those of compressed ones are decompressed on request.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -29,8 +28,8 @@ class MappedArchive {
   // Verifies every frame. DATA_LOSS names a frame file that is missing, has the wrong size or format, or does
   // not match its checksum in the manifest.
   static absl::StatusOr<std::shared_ptr<const MappedArchive>> open(const std::filesystem::path& directory);
-  // The same, with all colours at each pixel. Frames of a mosaic are interpolated, in memory, which holds
-  // compressed frames, too.
+  // The same, with all colours at each pixel. Frames of a mosaic are interpolated, in memory, which also
+  // holds compressed frames.
   static absl::StatusOr<std::shared_ptr<const MappedArchive>> open_interpolated(
       const std::filesystem::path& directory);
   ~MappedArchive();
@@ -41,14 +40,14 @@ class MappedArchive {
   // The samples of rows [first_row, first_row + row_count) of a frame, by its index in the manifest.
   // DATA_LOSS names the frame's file. Thread-safe.
   absl::StatusOr<FrameSamples> read(int frame, int first_row, int row_count) const;
-  // The same, of open_interpolated().
+  // The same, for open_interpolated().
   std::span<const std::uint16_t> rows(int frame, int first_row, int row_count) const;
 
  private:
   MappedArchive() = default;
   static absl::StatusOr<std::shared_ptr<MappedArchive>> map(const std::filesystem::path& directory);
 
-  // The strip of a compressed file that was read last: bands of rows are often smaller.
+  // The most recently read strip of a compressed file: bands of rows are often smaller.
   struct LastStrip {
     std::mutex mutex;
     int first_row = -1;

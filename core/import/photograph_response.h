@@ -17,7 +17,7 @@ namespace glasswing {
 
 class PhotographResponse {
  public:
-  // INVALID_ARGUMENT: another name, G outside [0.2, 5], or a black outside [0, 1).
+  // INVALID_ARGUMENT: an unknown name, G outside [0.2, 5], or a black outside [0, 1).
   static absl::StatusOr<PhotographResponse> create(const std::string& name, double black);
 
   // Codes to linear samples, 65535 = 1.0.

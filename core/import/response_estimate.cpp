@@ -15,17 +15,17 @@
 namespace glasswing {
 namespace {
 
-constexpr double kNoise = 1.0 / 255.0;  // of a sample: what quantisation and a camera leave
+constexpr double kNoise = 1.0 / 255.0;  // of a sample: from quantisation and the camera
 constexpr double kSaturated = 0.98;
 constexpr double kMinDifference = 5.0;  // of a pixel's sum between G = 1 and G = 2, standard deviations
 constexpr double kHuber = 2.0;          // standard deviations; beyond it the cost is linear
 constexpr double kMinGamma = 0.4, kMaxGamma = 3.0, kStep = 0.05;
-constexpr size_t kParts = 4;       // of the pictures, estimated apart
+constexpr size_t kParts = 4;       // of the pictures, estimated separately
 constexpr size_t kMinPixels = 60;  // in a part
 constexpr size_t kMinEstimates = 4;
 constexpr size_t kMaxRelations = 48;
 constexpr double kMaxError = 0.2;
-constexpr double kLinear = 0.1;        // from 1: what a black level of a few codes does
+constexpr double kLinear = 0.1;        // from 1: the effect of a black level of a few codes
 constexpr double kMinCurvature = 4.0;  // of the cost, for G by 1
 
 // sum of weight f(frame) = 0 at every pixel.
@@ -49,7 +49,7 @@ Setting setting_of(const v1::Frame& frame) {
   return {frame.stimulus().panel(), frame.exposure_ms(), frame.object()};
 }
 
-// What a frame shows, as text without its complement's mark, and the mark: 0 or 1; none if it has no
+// What a frame shows, as text without the complement mark, and the mark: 0 or 1; none if it has no
 // complement.
 struct Half {
   std::string key;
@@ -172,14 +172,14 @@ double cost_of(const Relation& relation, const Codes& codes, const std::vector<s
   return cost / static_cast<double>(pixels.size());
 }
 
-// One G for each relation and part that tells one.
+// One G for each relation and part that determines one.
 struct Estimates {
   std::vector<double> gammas;
   double power_cost = 0.0, srgb_cost = 0.0;
 };
 
 // Where the parabola through the lowest cost and its neighbours is lowest; none if the cost hardly depends on
-// G. A cost that falls to the end of the range is lowest there: such a relation contradicts others.
+// G. A cost that decreases up to the end of the range is lowest there: such a relation contradicts others.
 std::optional<double> lowest_at(const std::vector<double>& costs, size_t best) {
   const double gamma = kMinGamma + static_cast<double>(best) * kStep;
   if (best == 0 || best + 1 == costs.size()) {
@@ -219,8 +219,7 @@ class Estimator {
   }
 
  private:
-  // The pixels of a part whose sum depends on the curve: white and black ones would only add the noise that
-  // they have beyond that of a code.
+  // The pixels of a part whose sum depends on the curve: white and black ones would only add noise.
   std::vector<size_t> telling_pixels(const Relation& relation, const Codes& codes, size_t part) const {
     const size_t count = codes.front().size();
     std::vector<size_t> pixels;

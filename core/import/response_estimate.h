@@ -1,15 +1,15 @@
-// The undeclared response of photographs, from what the monitor showed in them. Light is additive:
-// some photographs' light is a known sum of others' at every pixel, whatever the object does with it:
+// Estimates the undeclared response of photographs from what the monitor showed. Light is additive: the light
+// of some photographs is a known sum of others' at every pixel, whatever the object does:
 //
 //   complements   f(a) + f(b) = f(white) + f(black); so for steps of fringes half a period apart, and for any
 //                 two pairs of complements
 //   levels        f(gray) = level f(white) + (1 - level) f(black)
 //   exposures     f(a) / time_a = f(b) / time_b
 //
-// f(u) = u^G or sRGB's curve is the one that leaves the least of it: the least mean of Huber's function of
-// sum / (noise of the sum), with noise of a code of 255. Blurred edges tell, pixels that are white or black
-// in all photographs do not. If the monitor's own curve is not linear, gray levels and fringes show both
-// curves together.
+// f(u) = u^G or sRGB's curve is the one with the smallest residual: the smallest mean of Huber's function of
+// sum / (noise of the sum), with noise of a code of 255. Blurred edges are informative, pixels that are white
+// or black in all photographs are not. If the monitor's own curve is not linear, gray levels and fringes show
+// both curves together.
 #pragma once
 
 #include <span>
@@ -27,7 +27,7 @@ struct ResponseEstimate {
   std::string reason;    // what it is estimated from, or why it is not
 };
 
-// `codes`: by frame of the manifest, the same pixels of each, 1 = the highest code. `black`: of the same
+// `codes`: by frame of the manifest, the same pixels of each, 1 = the highest code. `black`: on the same
 // scale.
 ResponseEstimate estimate_response(const v1::CaptureManifest& manifest,
                                    const std::vector<std::vector<float>>& codes, double black);

@@ -115,18 +115,18 @@ absl::StatusOr<v1::CaptureManifest> read_sequence(const fs::path& directory, con
   const std::vector<std::string> names = sequences_in(directory);
   if (std::ranges::find(names, name) == names.end()) {
     return absl::NotFoundError(
-        fmt::format("{} holds no sequence \"{}\" of the {}; it holds: {}", directory.string(), name, kShown,
+        fmt::format("{} has no sequence \"{}\" of the {}; it has: {}", directory.string(), name, kShown,
                     names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
   }
   if (manifest.monitors_size() != 1) {
-    return absl::InvalidArgumentError(fmt::format("{} names {} monitors; a video is of one",
+    return absl::InvalidArgumentError(fmt::format("{} names {} monitors; a video has one",
                                                   (directory / "manifest.json").string(),
                                                   manifest.monitors_size()));
   }
   const std::vector<fs::path> empty = backgrounds_of(directory, name);
   if (empty.empty()) {
     return absl::NotFoundError(
-        fmt::format("{} holds no picture of the empty stage for {}; it must be {}/{}.png", directory.string(),
+        fmt::format("{} has no picture of the empty stage for {}; it must be {}/{}.png", directory.string(),
                     name, kBackgrounds, kShown));
   }
   const auto add = [&](const std::vector<fs::path>& files, bool object) {

@@ -1,4 +1,4 @@
-// Archives that hold several sequences of frames, one folder each.
+// Archives with several sequences of frames, one folder each.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -30,7 +30,7 @@ class HeaderWalk {
 
  private:
   static absl::Status damaged() {
-    return absl::DataLossError("it is damaged or no matte: its header is not that of a matte");
+    return absl::DataLossError("it is damaged or not a matte: its header is not that of a matte");
   }
 
   bool take(size_t size, std::string_view* taken) {
@@ -65,7 +65,7 @@ class HeaderWalk {
     std::memcpy(&number, value.data() + at, sizeof number);
     return number;
   }
-  // Sides, then the mode of levels, which is 0 where there is one.
+  // Sides, then the mode of levels, which is 0 if there is one.
   static bool are_tiles(std::string_view value) {
     const auto good = [](std::uint32_t side) { return side >= 1 && side <= kMaxTile_px; };
     return good(word(value, 0)) && good(word(value, 4)) && value[8] == 0;

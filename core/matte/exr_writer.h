@@ -31,7 +31,7 @@ struct ExrWindow {
 ExrWindow window_of(const Matte& matte);
 ExrWindow window_of(const MatteOutline& outline);
 
-// Writes to memory, or to a new file: float32 scan lines, each compressed by itself (ZIPS). Deterministic.
+// Writes to memory, or to a new file: float32 scan lines, each compressed separately (ZIPS). Deterministic.
 // Throws OpenEXR's exceptions.
 class ExrWriter {
  public:
@@ -41,7 +41,7 @@ class ExrWriter {
 
   // Writes the next row of a part. `channels` points to the first pixel of each of its channels.
   void put(size_t part, std::span<const float* const> channels);
-  // The bytes in memory, empty of a file. Without rows these are the headers and a blank table of chunks.
+  // The bytes in memory, empty for a file. Without rows these are the headers and a blank table of chunks.
   std::string finish();
 
  private:

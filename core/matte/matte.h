@@ -97,7 +97,7 @@ class Matte {
   }
   // Copies the pixels of `tile`, which must lie within this matte; metadata stays.
   void put(const Matte& tile);
-  // Copies all of a pixel of `from`, which has as many modes, and channels of modes, as this matte.
+  // Copies a whole pixel of `from`, which has the same number of modes, and channels of modes, as this matte.
   void copy_pixel(const Matte& from, int from_x, int from_y, int x, int y);
 
  private:
@@ -124,8 +124,7 @@ class Matte {
   std::vector<Mode> modes_;
 };
 
-// The number of pixels that show the object, of those that are flagged, and of all pixels that are not
-// solved.
+// The number of pixels that show the object, of those that are flagged, and of all unsolved pixels.
 struct PixelCount {
   std::int64_t object = 0, flagged = 0, unsolved = 0;
   std::array<std::int64_t, kNamedFlags.size()> worst{};  // of the object, by its most serious flag

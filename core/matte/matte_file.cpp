@@ -63,7 +63,7 @@ absl::Status check(const Matte& matte, int first, int rows) {
           good = good && std::ranges::all_of(matte.modes(x, y, c), is_good);
       }
       if (!good)
-        return absl::DataLossError(fmt::format("pixel ({}, {}) holds values that no matte has", x, y));
+        return absl::DataLossError(fmt::format("pixel ({}, {}) has values that no matte can have", x, y));
     }
   }
   return absl::OkStatus();
@@ -81,8 +81,8 @@ class RowReader {
     for (size_t i = 0; i < parts_.size(); ++i) inputs_.emplace_back(file, static_cast<int>(i));
   }
 
-  // Reads `rows` rows, at most a block, from `row` on, counted from the outline's first. Pixels that the file
-  // does not have are 0.
+  // Reads `rows` rows, at most one block, from `row` on, counted from the outline's first. Pixels missing in
+  // the file are 0.
   absl::Status read(int row, int rows) {
     const int top = outline_.y0_px + row, bottom = top + rows - 1;
     const int first = std::max(top, stored_.min.y), last = std::min(bottom, stored_.max.y);
@@ -103,7 +103,7 @@ class RowReader {
         return all.substr(static_cast<size_t>(i) * kRowChecksumDigits, kRowChecksumDigits);
       };
       if (digits(found, y - first) != digits(row_checksums_, y - stored_.min.y))
-        return absl::DataLossError(fmt::format("its row {} does not agree with its checksum", y));
+        return absl::DataLossError(fmt::format("its row {} does not match its checksum", y));
     }
     return absl::OkStatus();
   }
@@ -119,7 +119,7 @@ class RowReader {
   MatteBlock block_;
 };
 
-// Rows that one thread reads in a row: a file of tiles is unpacked by rows of tiles.
+// Rows that one thread reads consecutively: a tiled file is unpacked by rows of tiles.
 int rows_at_a_time(const Imf::MultiPartInputFile& file) {
   const Imf::Header& header = file.header(0);
   if (!header.hasTileDescription()) return kMaxBlockRows;
@@ -133,7 +133,9 @@ auto with_matte_file(std::string_view bytes, const Use& use)
     -> decltype(use(std::declval<const MatteHead&>(), std::declval<Imf::MultiPartInputFile&>())) {
   constexpr std::string_view kOpenExr = "\x76\x2f\x31\x01";
   if (!bytes.starts_with(kOpenExr))
-    return absl::DataLossError("it is damaged or no matte: it is no OpenEXR file, as glasswing fetch writes");
+    return absl::DataLossError(
+        "it is damaged or not a matte: it is not an OpenEXR file from glasswing "
+        "fetch");
   GW_RETURN_IF_ERROR(check_exr_header(bytes).status());
   try {
     MemoryReader reader(bytes);
@@ -141,7 +143,7 @@ auto with_matte_file(std::string_view bytes, const Use& use)
     GW_ASSIGN_OR_RETURN(const MatteHead head, read_matte_head(file, bytes.size()));
     return use(head, file);
   } catch (const std::exception& error) {
-    return absl::DataLossError(fmt::format("it is damaged or no matte: {}", error.what()));
+    return absl::DataLossError(fmt::format("it is damaged or not a matte: {}", error.what()));
   }
 }
 

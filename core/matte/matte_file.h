@@ -21,12 +21,12 @@ absl::StatusOr<std::string> encode_matte(const Matte& matte);
 // DATA_LOSS: truncated, altered or not a matte; FAILED_PRECONDITION: a newer format_version.
 absl::StatusOr<Matte> decode_matte(std::string_view bytes);
 
-// As decode_matte(), but decodes a few rows at a time, for files of any size: calls `use` with one tile of
-// whole rows after another, from the top. Errors of `use` end it.
+// Like decode_matte(), but decodes a few rows at a time, for files of any size: calls `use` with one tile of
+// whole rows after another, from the top. Errors from `use` end it.
 absl::Status for_rows_of_matte(std::string_view bytes,
                                absl::FunctionRef<absl::Status(const Matte& rows)> use);
-// The same by `thread_count` threads (0: all cores), which call `use` at once, with blocks of rows in any
-// order.
+// The same with `thread_count` threads (0: all cores), which call `use` concurrently, with blocks of rows in
+// any order.
 absl::Status for_blocks_of_matte(std::string_view bytes, int thread_count,
                                  absl::FunctionRef<absl::Status(Matte& rows)> use);
 // The checks alone.
@@ -40,16 +40,16 @@ struct MatteOutline {
   int x0_px = 0, y0_px = 0, width_px = 0, height_px = 0;
   int modes_per_channel = 0;
   bool colourless = false;
-  // A file for other programs (core/delivery). It is read like any other; where it has no pixels, the picture
-  // is blank. It is not stored, and its rows are not joined or copied.
+  // A delivery file (core/delivery). It is read like any other; where it has no pixels, the picture is blank.
+  // It is not stored, and its rows are not joined or copied.
   bool delivery = false;
   v1::MatteMetadata metadata;
 };
 
-// As decode_matte(), for the headers only.
+// Like decode_matte(), for the headers only.
 absl::StatusOr<MatteOutline> outline_of(std::string_view bytes);
 
-// The checks that decode_matte() makes of pixels. DATA_LOSS names a pixel with invalid values.
+// The checks that decode_matte() makes on pixels. DATA_LOSS names a pixel with invalid values.
 absl::Status check_matte(const Matte& matte);
 
 }  // namespace glasswing

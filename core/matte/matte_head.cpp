@@ -31,14 +31,14 @@ bool is_delivery(const Imf::MultiPartInputFile& file) {
   return file.header(0).findTypedAttribute<Imf::StringAttribute>(kMatteDelivery) != nullptr;
 }
 
-// Parts that hold the matte: in a delivery file ids of objects may follow them.
+// Parts that hold the matte: in a delivery file, object ids may follow them.
 int matte_part_count(const Imf::MultiPartInputFile& file) {
   const int parts = file.parts();
   const Imf::Header& last = file.header(parts - 1);
   return is_delivery(file) && last.hasName() && last.name() == kIdsPart ? parts - 1 : parts;
 }
 
-// Whether a part is packed as mattes are, or as files for other programs may be.
+// Whether a part is packed like a matte, or as delivery files may be.
 bool is_well_packed(const Imf::Header& header, bool delivery) {
   if (!header.hasType()) return false;
   const Imf::Compression compression = header.compression();
@@ -100,17 +100,17 @@ absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2
   const int width = metadata.width_px(), height = metadata.height_px();
   if (width < 1 || height < 1 || width > kMaxSide_px || height > kMaxSide_px || window.max.x >= width ||
       window.max.y >= height) {
-    return absl::DataLossError(fmt::format("it is of a picture of {}x{} px, but has pixels up to ({}, {})",
+    return absl::DataLossError(fmt::format("it has a picture of {}x{} px, but has pixels up to ({}, {})",
                                            width, height, window.max.x, window.max.y));
   }
   if (metadata.monitors_size() > kMaxMonitors) {
-    return absl::DataLossError(
-        fmt::format("it names {} monitors; at most {} can be", metadata.monitors_size(), kMaxMonitors));
+    return absl::DataLossError(fmt::format("it names {} monitors; at most {} are supported",
+                                           metadata.monitors_size(), kMaxMonitors));
   }
   const std::string& footprint = metadata.footprint();
   if (!footprint.empty() && footprint != "gaussian" && footprint != kBoxFootprint) {
     return absl::FailedPreconditionError(
-        fmt::format("its footprints are \"{}\"; this program reads \"gaussian\" and \"box\"", footprint));
+        fmt::format("its footprints are \"{}\"; this program supports \"gaussian\" and \"box\"", footprint));
   }
   return absl::OkStatus();
 }
@@ -142,7 +142,7 @@ absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, s
   GW_ASSIGN_OR_RETURN(const std::string checksum, text_of(header, kMatteChecksum));
   if (matte_checksum(metadata, checked.parts, head.row_checksums) != checksum ||
       head.row_checksums.size() != static_cast<size_t>(outline.height_px) * kRowChecksumDigits)
-    return absl::DataLossError("its checksum does not agree with what it says of itself");
+    return absl::DataLossError("its checksum does not match its headers");
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
   if (!google::protobuf::util::JsonStringToMessage(metadata, &outline.metadata, options).ok())

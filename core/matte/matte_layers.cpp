@@ -13,8 +13,10 @@ namespace {
 constexpr const char* kConventionsText =
     "C = F + sum R integral G(x; c, S) T(x) dx per channel, linear light. Monitor px: origin at the outer "
     "corner of the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. G is "
-    "a Gaussian, or where the attribute \"glasswing\" has footprint \"box\" an upright box. Of a mode, Y "
-    "is the same in all colours. texture counts the monitors listed in that attribute.";
+    "a "
+    "Gaussian, or, if the attribute \"glasswing\" has footprint \"box\", an upright box. For a mode, Y is "
+    "the "
+    "same in all colours. texture counts the monitors listed in that attribute.";
 constexpr std::array<const char*, kChannels> kColours{"R", "G", "B"};
 constexpr const char* kGray = "Y";
 constexpr const char* kPreviewCoverage = "A";

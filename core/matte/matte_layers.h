@@ -53,7 +53,7 @@ inline constexpr size_t kRowChecksumDigits = 16;
 std::string row_checksums(std::span<const std::uint64_t> rows);
 std::string matte_checksum(const std::string& metadata, const std::vector<ExrPart>& parts,
                            const std::string& rows);
-// Overwrites the text of an attribute in a file's headers, which must be there with a text of this length.
+// Overwrites the text of an attribute in a file's headers, which must exist with a text of this length.
 void put_attribute(std::string& exr, std::string_view name, std::string_view text);
 // Sets the attributes of all parts.
 void describe(std::vector<ExrPart>& parts, const std::string& metadata, const std::string& rows);

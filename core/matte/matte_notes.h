@@ -1,5 +1,5 @@
-// What users should know of a matte beside its pixels: its warnings and the shares of its flags, in the same
-// words wherever a matte is made or read.
+// What users should know about a matte in addition to its pixels: its warnings and the shares of its flags,
+// in the same words wherever a matte is made or read.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -10,11 +10,11 @@
 
 namespace glasswing {
 
-// Adds those of a matte that are not there yet, up to 50: most of a video's frames say the same.
+// Adds those of a matte that are not present yet, up to 50: most of a video's frames have the same ones.
 void note_warnings(const v1::MatteMetadata& metadata, std::vector<std::string>& warnings);
 std::vector<std::string> warnings_of(const v1::MatteMetadata& metadata);
 
-// On standard error, a line each.
+// On standard error, one per line.
 void print_warnings(const std::vector<std::string>& warnings);
 
 // The shares of flags, on standard output; nothing if there are none.

@@ -37,7 +37,7 @@ absl::Status check_region(const MatteRegion& region, int width_px, int height_px
       region.x_px <= width_px - region.width_px && region.y_px <= height_px - region.height_px)
     return absl::OkStatus();
   return absl::InvalidArgumentError(
-      fmt::format("the region is {}; it must have pixels and lie within the picture, which is {}x{}",
+      fmt::format("the region is {}; it must have pixels and be within the picture, which is {}x{}",
                   text_of(region), width_px, height_px));
 }
 

@@ -1,4 +1,4 @@
-// A region of a picture, as "--crop" names it, and pictures sampled evenly.
+// A region of a picture, in the form of "--crop", and pictures sampled evenly.
 #pragma once
 
 #include <absl/status/status.h>
@@ -16,20 +16,20 @@ struct MatteRegion {
   bool operator==(const MatteRegion&) const = default;
 };
 
-// "WIDTHxHEIGHT+X+Y". INVALID_ARGUMENT: another form, an empty region, or a negative corner.
+// "WIDTHxHEIGHT+X+Y". INVALID_ARGUMENT: a different form, an empty region, or a negative corner.
 absl::StatusOr<MatteRegion> parse_region(std::string_view text);
-// INVALID_ARGUMENT: the region is empty, or does not lie within a picture of this size.
+// INVALID_ARGUMENT: the region is empty, or is not within a picture of this size.
 absl::Status check_region(const MatteRegion& region, int width_px, int height_px);
 
-// What of a matte is wanted: of every n-th row of a region every n-th pixel, the first included, with n by
-// sampling_step().
+// The requested part of a matte: every n-th pixel of every n-th row of a region, starting with the first,
+// with n from sampling_step().
 struct MattePart {
   std::optional<MatteRegion> region;  // absent: all there is
   std::int64_t max_pixels = 0;
 };
 // The smallest n, from 1, for which a picture has at most `max_pixels` pixels; 1 if that is 0 or less.
 int sampling_step(int width_px, int height_px, std::int64_t max_pixels);
-// The number of samples, the first included.
+// The number of samples, including the first.
 constexpr int sampled_length(int length_px, int step) {
   return (length_px + step - 1) / step;
 }

@@ -59,7 +59,7 @@ struct Head {
 };
 absl::StatusOr<Head> read_head(const PositionedFile& file, std::uint64_t size_bytes) {
   Head head;
-  // Its length stands nowhere.
+  // Its length is not stored.
   for (size_t size = kFirstRead_bytes;; size *= 2) {
     head.bytes.resize(std::min<std::uint64_t>(size, size_bytes));
     GW_RETURN_IF_ERROR(file.read_at(0, head.bytes));
@@ -78,7 +78,7 @@ absl::StatusOr<MatteHead> parse_head(const std::string& head, std::uint64_t size
     const Imf::MultiPartInputFile parts(stream, 1, false);
     return read_matte_head(parts, size_bytes);
   } catch (const std::exception& error) {
-    return absl::DataLossError(fmt::format("it is damaged or no matte: {}", error.what()));
+    return absl::DataLossError(fmt::format("it is damaged or not a matte: {}", error.what()));
   }
 }
 
@@ -94,7 +94,7 @@ Matte columns_of(const Matte& rows, int left, int step, int x0_px, int y0_px, in
 absl::Status check_packing(const MatteOutline& outline) {
   if (!outline.delivery) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      "it was written for other programs (glasswing matte deliver); its rows cannot be copied");
+      "it was written for delivery (glasswing matte deliver); its rows cannot be copied");
 }
 
 }  // namespace
@@ -110,7 +110,7 @@ absl::StatusOr<PackedMatteReader> PackedMatteReader::open(const PositionedFile& 
   reader.table_.resize(part_count(reader.outline_) * static_cast<size_t>(reader.outline_.height_px));
   const size_t table_bytes = reader.table_.size() * kOffsetBytes;
   if (head.bytes.size() - head.tables_at < table_bytes)
-    return absl::DataLossError("it is damaged or no matte: it does not say where its rows are");
+    return absl::DataLossError("it is damaged or not a matte: it lacks the positions of its rows");
   std::memcpy(reader.table_.data(), head.bytes.data() + head.tables_at, table_bytes);
   for (const ExrPart& part : matte_parts(reader.outline_.modes_per_channel, reader.outline_.colourless)) {
     // A row that deflating would enlarge is stored plain.
@@ -187,12 +187,12 @@ absl::Status PackedMatteWriter::check_next(const MatteOutline& tile) const {
     return absl::DataLossError(fmt::format("the tile from row {} on contains partial rows", tile.y0_px));
   if (tile.modes_per_channel != whole_.modes_per_channel || tile.colourless != whole_.colourless)
     return absl::DataLossError(
-        fmt::format("the tile from row {} on has other layers than the first", tile.y0_px));
+        fmt::format("the tile from row {} on has different layers from the first", tile.y0_px));
   if (tile.y0_px < next) return absl::DataLossError(fmt::format("two tiles cover row {}", tile.y0_px));
   if (tile.y0_px > next) return absl::DataLossError(fmt::format("no tile covers row {}", next));
   if (tile.y0_px + tile.height_px > end)
     return absl::DataLossError(
-        fmt::format("a tile covers row {}, which the picture has not", tile.y0_px + tile.height_px - 1));
+        fmt::format("a tile covers row {}, which is not in the picture", tile.y0_px + tile.height_px - 1));
   return absl::OkStatus();
 }
 
@@ -207,7 +207,7 @@ absl::Status PackedMatteWriter::add(std::string_view tile) {
   const size_t rows_at = tables_at + part_count(whole_) * rows * kOffsetBytes;
   const auto no_table = [&] {
     return absl::DataLossError(
-        fmt::format("the tile from row {} on does not say where its rows are", outline.y0_px));
+        fmt::format("the tile from row {} on lacks the positions of its rows", outline.y0_px));
   };
   if (rows_at > tile.size()) return no_table();
   for (size_t part = 0; part < part_count(whole_); ++part) {

@@ -19,16 +19,16 @@ namespace glasswing {
 
 class PackedMatteReader {
  public:
-  // Reads the headers. Borrows the file. Errors as outline_of(), and FAILED_PRECONDITION: a delivery file.
+  // Reads the headers. Borrows the file. Errors as in outline_of(), and FAILED_PRECONDITION: a delivery file.
   static absl::StatusOr<PackedMatteReader> open(const PositionedFile& file);
 
   const MatteOutline& outline() const { return outline_; }
-  // The file of `count` rows, the first of them counted from the outline's, each `step` below the one before
-  // and numbered as if nothing lay between: equals encode_matte() of them if the source is undamaged. Its
-  // rows are not verified; decode_matte() of it does. DATA_LOSS: the source's table of rows is damaged.
+  // The file of `count` rows, the first of them counted from the outline's, each `step` below the previous
+  // one and numbered consecutively: equals encode_matte() of them if the source is undamaged. Its rows are
+  // not verified; decode_matte() of it does. DATA_LOSS: the source's table of rows is damaged.
   absl::StatusOr<std::string> rows(int first, int count, int step = 1) const;
   // Decodes such rows and verifies their checksums: calls `use` with one tile of whole rows after another,
-  // numbered on from `first`. Errors of `use` end it.
+  // numbered from `first`. Errors from `use` end it.
   absl::Status for_rows(int first, int count, absl::FunctionRef<absl::Status(const Matte& rows)> use,
                         int step = 1) const;
 
@@ -51,8 +51,8 @@ class PackedMatteWriter {
   // A file of `whole`'s data window, layers and metadata.
   static absl::StatusOr<PackedMatteWriter> begin(const MatteOutline& whole, Put put);
   // Appends the rows of a tile. DATA_LOSS: damaged headers, partial rows, other layers than the outline's, or
-  // rows that do not follow those before, which are named; FAILED_PRECONDITION: a delivery file. Compressed
-  // rows are copied as they are, unchecked.
+  // rows that do not follow the previous ones, which are named; FAILED_PRECONDITION: a delivery file.
+  // Compressed rows are copied unchanged and unchecked.
   absl::Status add(std::string_view tile);
   // Writes the headers; the file then equals encode_matte() of the whole matte, byte for byte, with the
   // metadata of `whole`. DATA_LOSS: rows are missing.
@@ -71,10 +71,9 @@ class PackedMatteWriter {
   std::vector<std::uint64_t> table_;  // offsets of rows, by part
 };
 
-// Writes a part of a matte as a file of its own, verifying the rows that it decodes; others are not read. Its
-// data window is the region; where pixels are left out, window and picture count what is left, and the
-// metadata's sampling_px is their distance. INVALID_ARGUMENT: the region does not lie within the file's data
-// window.
+// Writes part of a matte as a separate file, verifying the rows that it decodes; others are not read. Its
+// data window is the region; if pixels are left out, window and picture count the remaining ones, and the
+// metadata's sampling_px is their spacing. INVALID_ARGUMENT: the region is not within the file's data window.
 absl::Status write_part(const PackedMatteReader& matte, const MattePart& part, PackedMatteWriter::Put put);
 
 }  // namespace glasswing

@@ -14,7 +14,7 @@ std::int64_t fill_from_rim(
       for (int x = std::max(place.x - 1, 0); x <= std::min(place.x + 1, width_px - 1); ++x) each(x, y);
     }
   };
-  // Each round fills the unknown pixels beside known ones: at first, and then beside those just filled.
+  // Each round fills the unknown pixels beside known ones, then beside those just filled.
   std::vector<PixelPlace> rim, next, around;
   std::vector<bool> on_rim(known.size());
   const auto add = [&](int x, int y, std::vector<PixelPlace>& to) {

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// MatteMetadata.generator of a part: who made it, kMark and the fields of its origin.
+// MatteMetadata.generator of a part: its generator, kMark and the fields of its origin.
 constexpr char kBetween[] = "; ", kMark[] = "rows of a matte", kAsRecorded[] = "as recorded",
                kCorrected[] = "corrected";
 constexpr size_t kFields = 6;
@@ -47,7 +47,7 @@ absl::StatusOr<Part> open_part(const fs::path& path) {
   const std::optional<PartOrigin> origin = origin_of(part.outline.metadata);
   if (!origin || part.outline.delivery || part.outline.metadata.edits_size() > 0) {
     return absl::InvalidArgumentError(
-        fmt::format("{} is no part of a matte, or was edited; glasswing-solver solve --rows writes parts",
+        fmt::format("{} is not a part of a matte, or was edited; glasswing-solver solve --rows writes parts",
                     path.string()));
   }
   part.origin = *origin;
@@ -120,7 +120,7 @@ absl::StatusOr<std::vector<Part>> open_parts(const std::vector<fs::path>& paths)
   return parts;
 }
 
-// Decodes every row, as whoever reads the matte will.
+// Decodes every row, as a reader will.
 absl::StatusOr<PixelCount> verified_pixels(const Part& part) {
   PixelCount pixels;
   std::mutex mutex;
@@ -166,7 +166,9 @@ std::optional<PartOrigin> origin_of(const v1::MatteMetadata& metadata) {
 std::string mixed_vectors(const JoinedParts& joined) {
   if (joined.vectors.size() < 2) return "";
   return fmt::format(
-      "the parts were solved by processors with vectors {}, between which the last bits of the matte differ",
+      "the parts were solved by processors with different vector instructions, {}; the last bits of the "
+      "matte "
+      "differ between them",
       absl::StrJoin(joined.vectors, " and "));
 }
 
@@ -188,7 +190,7 @@ absl::StatusOr<JoinedParts> join_parts(const std::vector<fs::path>& paths, Posit
     joined.vectors.insert(part.origin.vectors);
     if (const absl::Status added = writer.add(part.file->bytes()); !added.ok())
       return in_part(part.path, added);
-    if (!part.file->intact()) return absl::DataLossError(part.path.string() + " changed while it was read");
+    if (!part.file->intact()) return absl::DataLossError(part.path.string() + " changed while being read");
   }
   GW_RETURN_IF_ERROR(writer.finish());
   return joined;

@@ -1,5 +1,5 @@
-// Parts: rows of a matte that a process solved by itself, each in a file of its own whose data window is the
-// rows (`glasswing-solver solve --rows`). Its metadata says what they are rows of.
+// Parts: separately solved rows of a matte, each in its own file whose data window is the rows
+// (`glasswing-solver solve --rows`). Its metadata records their origin.
 #pragma once
 
 #include <absl/status/status.h>
@@ -17,7 +17,7 @@
 
 namespace glasswing {
 
-// What a part was solved from, and how. Parts of one matte differ in `vectors` at most.
+// What a part was solved from, and how. Parts of one matte may differ only in `vectors`.
 struct PartOrigin {
   std::string archive;       // archive_digest()
   std::string computes;      // versions: "gaussian/1 matte/1"
@@ -43,8 +43,8 @@ struct JoinedParts {
 std::string mixed_vectors(const JoinedParts& joined);
 
 // Verifies the parts and writes the matte of their rows: the file of one process that solved all of them,
-// byte for byte. INVALID_ARGUMENT names the file that is no part or goes with another archive, method, option
-// or version than the first, and rows that no file or that two have. DATA_LOSS names a damaged file.
+// byte for byte. INVALID_ARGUMENT names the file that is not a part or differs from the first in archive,
+// method, option or version, and missing or duplicate rows. DATA_LOSS names a damaged file.
 absl::StatusOr<JoinedParts> join_parts(const std::vector<std::filesystem::path>& parts, PositionedFile& file);
 
 }  // namespace glasswing

@@ -1,5 +1,5 @@
-// The table of the ways to solve: what servers check requests against, solvers read values from, and command
-// line, console and docs show. solver/methods.cpp makes them.
+// The table of methods: servers check requests against it, solvers read values from it, and command line,
+// console and docs show it. solver/methods.cpp makes them.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,11 +14,11 @@
 
 namespace glasswing {
 
-// An option takes a number in [low, high], or one of `choices`.
+// An option has a number in [low, high], or one of `choices`.
 struct MethodOption {
   std::string_view name;
   std::string_view usual;  // the default: a value, or words where it depends on the frames ("all")
-  std::string_view help;   // one line for people
+  std::string_view help;   // one line of text
   double low = 0.0, high = 0.0;
   bool whole = false;                               // takes whole numbers only
   std::vector<std::string_view> choices = {};       // empty: a number
@@ -27,11 +27,11 @@ struct MethodOption {
 
 struct SolvingMethod {
   std::string_view name;
-  // Raised whenever a change of the code makes other numbers of the same frames: tiles of two versions must
-  // not meet in one matte.
+  // Raised whenever a change of the code gives different numbers for the same frames: tiles of two versions
+  // must not be in one matte.
   int version = 1;
-  // An archive that names no method is solved by the one of those whose stimuli (stimulus.proto: kind) it
-  // shows that has the lowest rank.
+  // An archive that names no method is solved by the one with the lowest rank among those whose stimuli
+  // (stimulus.proto: kind) it shows.
   std::string_view stimulus;
   int rank = 0;
   std::vector<MethodOption> options;
@@ -45,23 +45,23 @@ std::vector<std::string> method_names();
 absl::Status check_method(std::string_view name);
 // Empty: there is no such method.
 std::span<const MethodOption> options_of(std::string_view method);
-// Of all methods, and of how mattes are written ("matte").
+// Of all methods, and of the matte format ("matte").
 const std::map<std::string, int>& method_versions();
 // The versions of a method and of the matte's file, which all tiles and parts of one matte share:
 // "gaussian/1 matte/1".
 std::string computes(const std::string& method);
 
-// What the option takes: "a whole number, 1 to 8", "0 or 1", "adaptive, perona-malik or none".
+// The option's accepted values: "a whole number, 1 to 8", "0 or 1", "adaptive, perona-malik or none".
 std::string range_of(const MethodOption& option);
 
 // Its help with range and default: "factor applied to highlights (0 to 100; default: 1)".
 std::string description_of(const MethodOption& option);
 
-// The values of a method's options: those given, else the defaults.
+// The values of a method's options: those given, or else the defaults.
 class OptionValues {
  public:
-  // INVALID_ARGUMENT names the option that the method does not have, whose value is none, or that needs
-  // another one, and what would be accepted. check_method(method) is OK.
+  // INVALID_ARGUMENT names the option that the method does not have, that has an invalid value, or that needs
+  // another option, and what would be accepted. check_method(method) is OK.
   static absl::StatusOr<OptionValues> read(std::string_view method,
                                            const std::map<std::string, std::string>& given);
 

@@ -15,7 +15,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kMinStripes = 5, kMinDirections = 3;  // that a matte needs of a sweep, and of a monitor
+constexpr int kMinStripes = 5, kMinDirections = 3;  // needed for a matte from a sweep, and from a monitor
 constexpr double kLastStage = 0.9;                  // of all steps
 
 // Monitor, direction, sigma and exposure.
@@ -30,7 +30,7 @@ SweepKey sweep_of(const Step& step) {
   return {stripe.panel(), stripe.phi_deg(), stripe.sigma_px(), step.exposure_ms};
 }
 
-// Where a stripe is within the order of showing: of one pass all sweeps, then the next.
+// A stripe's position in the showing order: one pass of all sweeps, then the next.
 struct Place {
   bool fine = false;
   int sweep = 0;  // by first appearance
@@ -38,7 +38,7 @@ struct Place {
   auto operator<=>(const Place&) const = default;
 };
 
-// Every how-manyth stripe makes the coarse sweep. `steps` are one sweep's.
+// The stripe spacing of the coarse sweep. `steps` are one sweep's.
 int coarseness_of(const std::vector<const Step*>& steps) {
   if (steps.size() < 2) return 1;
   const v1::Stimulus &first = steps[0]->stimulus, &second = steps[1]->stimulus;
@@ -114,7 +114,7 @@ std::vector<Step> in_order_of_showing(const std::vector<Step>& steps) {
 std::vector<DraftStage> draft_stages(const v1::Plan& plan, const std::vector<Step>& shown) {
   if (plan.method() != "gaussian") return {};
   if (plan.has_adapt()) return after_rounds(shown);
-  // Numbered in the plan's order, as coarse_to_fine() numbers them.
+  // Numbered in the plan's order, like coarse_to_fine().
   std::vector<Step> planned = shown;
   std::ranges::sort(planned, {}, &Step::number);
   const std::map<int, Place> places = places_of(planned);

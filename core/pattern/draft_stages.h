@@ -1,9 +1,9 @@
-// What of a session can be solved before its last image: the order in which its stripes are shown, coarse
-// before fine, and the sets of steps that drafts of the matte are made of.
+// The parts of a session that can be solved before its last image: the order in which its stripes are shown,
+// coarse before fine, and the sets of steps from which drafts of the matte are made.
 //
-// A sweep's stripes need not be closer than 1.5 sigma (plan.proto, Sweep.step_px): of an image sampled so,
-//   2 exp(-2 pi^2 / 1.5^2) = 3e-4
-// is lost. So every k-th stripe of a sweep, k step_px <= 1.5 sigma_px, is a sweep of its own.
+// A sweep's stripes need not be closer than 1.5 sigma (plan.proto, Sweep.step_px): of an image sampled that
+// way, 2 exp(-2 pi^2 / 1.5^2) = 3e-4 is lost. So every k-th stripe of a sweep, k step_px <= 1.5 sigma_px, is
+// itself a sweep.
 #pragma once
 
 #include <string>
@@ -28,7 +28,7 @@ struct DraftStage {
 // Rising. `shown`: all steps of a plan, in the order of showing. A stage ends with a set of stripes, coarse
 // or fine, once all monitors whose stripes have begun were swept in three directions. Empty for methods other
 // than "gaussian", whose images are few or make a matte only together. None ends after nine tenths of the
-// steps: the finished matte comes soon enough then. Of a plan that adapts a stage ends with the plan's own
+// steps: the finished matte follows soon enough then. Of a plan that adapts a stage ends with the plan's own
 // steps, and with each round.
 std::vector<DraftStage> draft_stages(const v1::Plan& plan, const std::vector<Step>& shown);
 

@@ -23,11 +23,11 @@ constexpr size_t kMaxPixels = 64;                 // of a cell
 constexpr double kSure = 0.8;
 // Of the noise: 12 sd are out of reach of ten samples.
 constexpr float kSureContrast = 12.0f;
-// Of a pixel's contrast: pairs of ids may differ by so much. A cell that was lit twice in one pair and never
-// in another makes 2; noise of a twelfth of the contrast, sqrt(2) times 2.3 sd, makes 0.3.
+// Of a pixel's contrast: pairs of ids may differ by this much. A cell that was lit twice in one pair and
+// never in another makes 2; noise of a twelfth of the contrast, sqrt(2) times 2.3 sd, makes 0.3.
 constexpr float kMaxPairDifference = 0.5f;
-// Pixels that contradict: so many, and such a share of those with a sure contrast. If two ids are swapped
-// half the cells contradict; a lag of an id leaves one cell of 32 that does not.
+// Pixels that contradict: this many, and this share of those with a significant contrast. If two ids are
+// swapped half the cells contradict; a lag of an id leaves one cell of 32 that does not.
 constexpr int kMinContradicting = 8;
 constexpr double kMaxContradicting = 0.125;
 
@@ -57,8 +57,8 @@ bool pairs_differ(const Light& light, float contrast) {
   return most - least > kMaxPairDifference * contrast;
 }
 
-// From which on a pixel's contrast is no noise. Most pixels see no patch, and change in few of the frames:
-// the median of what they change by from frame to frame is 0.95 sd of Gaussian noise.
+// From which on a pixel's contrast is not noise. Most pixels see no patch, and change in few of the frames:
+// the median change from frame to frame is 0.95 sd of Gaussian noise.
 float sure_contrast(std::span<const Image16> frames) {
   const size_t channels = frames.front().channels;
   std::vector<float> changes;
@@ -71,7 +71,7 @@ float sure_contrast(std::span<const Image16> frames) {
   return kSureContrast * median_in_place(std::span<float>(changes));
 }
 
-// Enough pixels change otherwise than the ids do.
+// Enough pixels change differently from the ids.
 bool contradicts(std::span<const Image16> frames) {
   const size_t channels = frames.front().channels;
   const float sure = std::max(kMinContrast * static_cast<float>(channels), sure_contrast(frames));

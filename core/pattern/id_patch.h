@@ -10,8 +10,8 @@
 // may hide or bend some cells: a bit is read from either of its cells, and kMinBits bits are enough.
 //
 // The ids come in pairs of complements, in which every cell is lit once. So the light of a pair is the same
-// for all pairs, in any mixture of cells: a pixel whose light is not shows that the pictures changed at
-// other times, or in another order, than is believed.
+// for all pairs, in any mixture of cells: a pixel for which it is not shows that the pictures changed at
+// other times or in another order than assumed.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -28,7 +28,7 @@ namespace glasswing {
 
 struct IdPatch {
   static constexpr int kBits = 16;
-  // Of the ids of eight showings in a row, no two agree in as many bits, whichever those are.
+  // Of the ids of eight showings in a row, no two agree in that many bits, whichever they are.
   static constexpr int kMinBits = 12;
   static constexpr int kMinWidth_px = 32;
   static constexpr int kMinRows = 4;

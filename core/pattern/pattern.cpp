@@ -118,7 +118,7 @@ void Pattern::rasterise(int y_px, std::span<float> row) const {
 }
 
 // Along a row z rises by d per pixel, so exp(-z^2 / 2) is multiplied by q = exp(-z d - d^2 / 2), and q by
-// exp(-d^2). After n pixels the product is off by n^2 roundings of a double, which a float does not show.
+// exp(-d^2). After n pixels the product is off by n^2 roundings of a double, which a float does not resolve.
 void Pattern::rasterise(const Stripe& stripe, int y_px, std::span<float> row) const {
   const double off_px = (y_px + 0.5) * stripe.sin_phi - stripe.r_px;
   // The pixels where |z| < kReach; the whole row if the bounds are not finite.

@@ -32,7 +32,7 @@ struct MonitorSize {
 
 class Pattern {
  public:
-  // INVALID_ARGUMENT names the field, its value and what would be accepted. Photos are refused: they are not
+  // INVALID_ARGUMENT names the field, its value and what would be accepted. Photos are rejected: they are not
   // functions of position, and the owner of the picture handles them.
   static absl::StatusOr<Pattern> create(const v1::Stimulus& stimulus, MonitorSize size);
 

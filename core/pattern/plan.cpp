@@ -338,7 +338,7 @@ void add_fringes(const v1::Fringes& fringes, const v1::Monitor& monitor, std::ve
       v1::Stimulus wave = stimulus_on(monitor.name(), StimulusKind::kSinusoid);
       wave.set_phi_deg(fringes.orientation_deg());
       wave.set_period_px(period_px);
-      // Two opposite phases would tell a wave's cosine and nothing of its sine.
+      // Two opposite phases would determine a wave's cosine but not its sine.
       wave.set_phase_deg(phases == 2 ? 90.0 * k : 360.0 * k / phases);
       wave.set_peak(1.0);
       for (int i = 0; i < 3; ++i) wave.add_colour(1.0);

@@ -40,11 +40,11 @@ struct Step {
   v1::Stimulus stimulus;  // on its panel; the other monitors are black
 };
 
-// All steps, those without the object first, then by exposure; each such group starts with the patterns that
-// teach the camera the id patches. The steps of a video come last, in order; so do those of rounds, of which
-// a further one changes none before. `rig` lists all monitors, of
-// which the plan selects. INVALID_ARGUMENT: check_plan() refuses the plan, a monitor is missing from the rig
-// or has another size, there are more than 20000 steps, or a video does not name one of several monitors.
+// All steps, those without the object first, then by exposure; each such group starts with the patterns from
+// which the id patches are learned. The steps of a video come last, in order; so do those of rounds; a
+// further round does not change earlier steps. `rig` lists all monitors, from which the plan selects.
+// INVALID_ARGUMENT: check_plan() refuses the plan, a monitor is missing from the rig or has another size,
+// there are more than 20000 steps, or a video does not name one of several monitors.
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig);
 
 // The values, or their defaults.

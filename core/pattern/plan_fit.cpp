@@ -20,11 +20,11 @@ constexpr int kDraftImages = 100;
 constexpr int kMaxLevels = 14;
 constexpr int kManyImages = 300, kWhiteSteps = 100;
 constexpr double kShorter = 8.0;   // how much shorter the exposure for highlights is
-constexpr double kNotable = 1.02;  // a longer exposure than this tells more
+constexpr double kNotable = 1.02;  // a longer exposure than this is more informative
 constexpr double kLonger = 8.0;    // and that of dark objects longer
 constexpr int kMaxHoldRefreshes = 600;
 constexpr double kTriggerMargin_ms = 4.0;  // for the uncertainty of stamps and clocks
-constexpr double kFineBars = 128.0;        // of a side, where bars alone tell the place
+constexpr double kFineBars = 128.0;        // of a side, where bars alone determine the place
 
 double longer_side(const v1::Monitor& monitor) {
   return std::max(monitor.width_px(), monitor.height_px());
@@ -89,7 +89,7 @@ v1::Plan plan_with(PlanQuality quality, double sigma_px, const RigLimits& rig) {
   return plan;
 }
 
-// The plan with the narrowest stripes that takes at most so many images.
+// The plan with the narrowest stripes that takes at most this many images.
 absl::StatusOr<v1::Plan> plan_of_images(PlanQuality quality, int images, const RigLimits& rig) {
   const auto plan_at = [&](int k) { return plan_with(quality, k * kSigmaStep_px, rig); };
   const auto fits = [&](int k) { return images_of(plan_at(k), rig) <= images; };
@@ -111,8 +111,8 @@ double rounded(double sigma_px) {
   return std::clamp(std::round(2.0 * sigma_px) / 2.0, kMinSigma_px, kMaxSigma_px);
 }
 
-// The time that a picture must stand still for: exposure, readout and the time to the next frame. A triggered
-// exposure waits for no frame, but it must fit between the scan-outs of two pictures.
+// The time that a picture must stay unchanged for: exposure, readout and the time to the next frame. A
+// triggered exposure waits for no frame, but it must fit between the scan-outs of two pictures.
 double needed_ms(const v1::GetCameraResponse& camera, double exposure_ms, double refresh_hz) {
   if (camera.on_demand()) return 0.0;  // it stands until the camera has taken it
   const double period_ms = camera.frame_rate_hz() > 0.0 ? 1e3 / camera.frame_rate_hz() : 0.0;
@@ -149,7 +149,7 @@ absl::Status fit_camera(const PlanWish& wish, const RigLimits& rig, v1::Plan& pl
   return absl::OkStatus();
 }
 
-// The plan's monitors that the rig has too, with the sizes that one of them knows.
+// The plan's monitors that the rig has too, with the sizes known to either of them.
 std::vector<v1::Monitor> common_monitors(const v1::Plan& plan, const RigLimits& rig) {
   if (plan.monitors().empty()) return rig.monitors;
   std::vector<v1::Monitor> monitors;
@@ -175,7 +175,7 @@ double narrowest_sigma(const v1::Plan& plan) {
 
 void add_level_misfits(const v1::Plan& plan, const std::vector<v1::Monitor>& monitors,
                        std::vector<std::string>& out) {
-  // Sinusoids tell the place.
+  // Sinusoids determine the place.
   if (!plan.has_square_waves() || plan.has_calibration() || !plan.fringes().empty()) return;
   const int levels = plan.square_waves().levels();
   for (const v1::Monitor& monitor : monitors) {
@@ -192,7 +192,7 @@ void add_level_misfits(const v1::Plan& plan, const std::vector<v1::Monitor>& mon
   }
 }
 
-// The solver would refuse the frames.
+// The solver would reject the frames.
 void add_orientation_misfits(const v1::Plan& plan, std::vector<std::string>& out) {
   constexpr size_t kMinOrientations = 3;
   if (plan.method() != "gaussian" || plan.has_calibration() || plan.sweeps().empty()) return;

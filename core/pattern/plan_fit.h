@@ -49,8 +49,8 @@ absl::Status fit_to_camera(const RigLimits& rig, v1::Plan& plan);
 // Steps with the object at one exposure. `plan` passes check_plan(), and `rig` has its monitors.
 int images_of(const v1::Plan& plan, const RigLimits& rig);
 
-// For people: what of the plan does not fit the rig, a sentence each, with what would. Monitors that the rig
-// does not have are left out.
+// Readable text: what in the plan does not fit the rig, one sentence each, and what would fit. Monitors that
+// the rig does not have are left out.
 std::vector<std::string> misfits(const v1::Plan& plan, const RigLimits& rig);
 
 // Rows of an id patch (glasswing-display --patch-rows) whose cells a camera that sees the whole monitor can

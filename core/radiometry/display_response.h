@@ -44,8 +44,8 @@ struct DisplayResponse {
 };
 
 // 8 to 12 bits. INVALID_ARGUMENT: a solid that is neither black nor white nor a gray of one primary.
-// FAILED_PRECONDITION describes the measurement for people: no black, clipped light (over 0.95), or an error
-// of fit_tone_curve for a primary.
+// FAILED_PRECONDITION describes the problem of the measurement: no black, clipped light (over 0.95), or an
+// error of fit_tone_curve for a primary.
 absl::StatusOr<DisplayResponse> fit_display_response(const std::vector<ShownSolid>& solids, int bits);
 
 // Removes the monitor's drift: black and white, shown repeatedly, are interpolated in time (held before the

@@ -3,7 +3,7 @@
 //   seen_c = sum over primaries p of N_cp light_p
 //
 // N is a monitor's crosstalk with each row divided by its sum, the camera's response to white, so white keeps
-// its brightness in every channel. An object acts on the light that each camera channel sees: glass refracts
+// its brightness in every channel. An object acts on the light seen by each camera channel: glass refracts
 // red and green differently. So a matte's channels are those of the camera: backgrounds are multiplied by N
 // before compositing, and the composite is converted back to primaries by the inverse of the monitors' mean
 // N.

@@ -16,10 +16,10 @@ class Shading {
   static absl::StatusOr<Shading> create(const v1::CaptureManifest& manifest);
 
   bool is_uniform() const { return !fades_ && grids_.empty(); }
-  // Light of a uniform surface at the centre of pixel (x, y), relative to the middle of the camera's picture:
+  // Light of a uniform surface at the centre of pixel (x, y), relative to the centre of the camera's picture:
   // 1 + r2 r^2 + r4 r^4, r = 1 in the corners.
   double camera(int x, int y) const;
-  // Light of a monitor at a point in monitor px, relative to its middle; `texture` is its index in the
+  // Light of a monitor at a point in monitor px, relative to its centre; `texture` is its index in the
   // manifest. Bilinear between the centres of the grid's cells, constant beyond the outermost.
   double monitor(int texture, double x_px, double y_px) const;
 

@@ -28,7 +28,7 @@
 
 namespace glasswing {
 
-// Of a monitor that has tone curves; more bits are taken for light as they are.
+// For a monitor that has tone curves; codes with more bits are treated as linear light.
 inline constexpr int kMaxCurveBits = 12;
 
 class ToneCurve {
@@ -68,8 +68,8 @@ struct ToneFit {
 };
 
 // `what` starts the messages: "red". INVALID_ARGUMENT: an invalid code or light. FAILED_PRECONDITION
-// describes the measurement for people: fewer than 6 different codes, or 0 or the highest missing; light that
-// falls by more than noise (4 standard errors, and 0.5 % of full scale); or no light at all.
+// describes the problem of the measurement: fewer than 6 different codes, or 0 or the highest missing; light
+// that falls by more than noise (4 standard errors, and 0.5 % of full scale); or no light at all.
 absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> points, int bits, std::string_view what);
 
 }  // namespace glasswing

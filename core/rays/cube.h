@@ -26,8 +26,8 @@ PlaneFootprint on_cube(const Cube& cube, const Eigen::Vector3d& direction,
                        const std::array<Eigen::Vector3d, 2>& spread, int& face);
 
 // The bundles' directions as modes of a matte whose monitors are the faces, whatever their width. Of `step`
-// x `step` pixels one is in it. Where rays came from is lost. `lossless`: inside the object, light that no
-// ray tells of comes from everywhere alike: a bundle of kEverywhere.
+// x `step` pixels one is in it. The origins of the rays are lost. `lossless`: inside the object, light
+// without a ray comes from all directions equally: a bundle of kEverywhere.
 Matte matte_of_directions(const RayMatte& rays, const Cube& cube, int step, bool lossless = false);
 inline constexpr double kEverywhere = 4.0;  // rad
 

@@ -23,11 +23,11 @@ using Eigen::Vector3d;
 
 constexpr double kMinWeight = 1e-4;  // of a mode, below which it is left out
 constexpr float kMaxWeight = 1.05f;  // no object has more
-constexpr double kUncut = 0.25;      // sigmas inside its monitor, where 60 % of a mode's light were seen
+constexpr double kUncut = 0.25;      // sigmas inside its monitor, where 60 % of a mode's light was seen
 constexpr double kNearPx = 4.0;      // as LightPaths
 constexpr double kMaxCost = 1.0;     // of a pair
 constexpr double kStrayLight = 0.1;  // of a mode's light, that may be left without a partner
-constexpr double kSameCost = 0.1;    // of two pairs of which either may be right
+constexpr double kSameCost = 0.1;    // of two pairs, either of which may be right
 constexpr int kPasses = 4;
 constexpr float kMaxLengthError = 1e-4f;  // of a direction
 
@@ -62,7 +62,7 @@ Place place_of(const Mode& mode) {
   return place;
 }
 
-// How far a mode's centre lies inside its monitor, in its sigmas; below 0: beyond it.
+// How far a mode's centre lies inside its monitor, in its sigmas; below 0: outside it.
 double inside(const Mode& mode, const MonitorExtent& extent) {
   const auto along = [](float at_px, float variance_px2, double size_px) {
     constexpr double kMinSigma_px = 1e-3;
@@ -85,9 +85,9 @@ bool is_contradicted(const Mode& mode, std::span<const Mode> others) {
   return comparable;
 }
 
-// A mode that is cut by its monitor's edge counts with the part that was seen, unless the other depth
-// confirms it: what the rest of it would be is the fit's guess, of any size, and would show at other depths
-// and in an environment.
+// A mode that is clipped by its monitor's edge counts with the visible part, unless the other depth confirms
+// it: the rest is extrapolated by the fit, can have any size, and would show at other depths and in an
+// environment.
 Mode as_seen(const Mode& mode, std::span<const Mode> others, const MonitorExtent& extent) {
   const double distance = inside(mode, extent);
   if (distance > kUncut || (distance >= 0.0 && !is_contradicted(mode, others))) return mode;
@@ -135,8 +135,7 @@ class Depth {
   }
   const MonitorPlane& plane(int texture) const { return planes_[texture]; }
   const std::vector<MonitorPlane>& planes() const { return planes_; }
-  // Of where a monitor's place lies, mm^2, by the calibration's covariance of its pose; 0 where there is
-  // none.
+  // Variance of a monitor's place, mm^2, by the calibration's covariance of its pose; 0 where there is none.
   Matrix3d error_at(int texture, const Vector2d& at) const {
     const MonitorPlane& plane = planes_[texture];
     const Vector3d turned = plane.at(at.x(), at.y()) - plane.corner_mm;
@@ -249,7 +248,7 @@ class Matcher {
     for (const Pair& pair : here.pairs) {
       const Place &from = here.near[pair.near], &to = here.far[pair.far];
       Ray ray = joined(x, y, c, from, to);
-      // What is left of a mode by noise goes with its pairs.
+      // The part of a mode left over by noise is added to its pairs.
       const bool whole = near_left[pair.near] < kStrayLight * from.weight;
       const double near_weight = whole ? pair.light * from.weight / near_light[pair.near] : pair.light;
       const bool far_whole = far_left[pair.far] < kStrayLight * to.weight;
@@ -264,7 +263,7 @@ class Matcher {
       unpaired += near_left[i];
       rays.push_back(extrapolated(x, y, c, i, near_left[i], false));
     }
-    // What only the far depth saw may be the same light as what only the near one saw.
+    // Light that only the far depth saw may be the same as light that only the near one saw.
     for (size_t k = 0; k < here.far.size(); ++k) {
       const double light = std::min(far_left[k], here.far[k].weight);
       if (light < std::max(kStrayLight * here.far[k].weight, 3.0 * kMinWeight)) continue;
@@ -309,7 +308,7 @@ class Matcher {
     return d / (1.0 + d);
   }
 
-  // 0 to 1: what the neighbours' pairs say of a pair; 0.5 where there are none.
+  // 0 to 1: support for a pair from the neighbours' pairs; 0.5 if there are none.
   double strangeness(int x, int y, int c, const Place& from, const Place& to) const {
     double sum = 0.0, count = 0.0;
     for_neighbours(x, y, c, [&](const Node& there, int, int) {
@@ -358,7 +357,7 @@ class Matcher {
       const Place &from = here.near[candidate.near], &to = here.far[candidate.far];
       if (light < std::max(0.05 * std::min(from.weight, to.weight), kMinWeight)) continue;
       Pair pair{.near = candidate.near, .far = candidate.far, .light = light};
-      // Another partner of about the same cost, elsewhere, that is no part of the same path.
+      // Another partner of about the same cost, elsewhere, that is not part of the same path.
       for (const Candidate& rival : candidates) {
         if (rival.cost > candidate.cost + kSameCost) break;
         if (rival.near != candidate.near || rival.far == candidate.far) continue;
@@ -437,8 +436,8 @@ class Matcher {
     ray.direction_sd = widened(ray.direction_sd, near + far, length);
   }
 
-  // Which places of one depth lie on one path: those of neighbouring pixels that lie as near each other as
-  // their widths say, and carry about the same light.
+  // Which places of one depth lie on one path: those of neighbouring pixels whose distance fits their widths,
+  // and which carry about the same light.
   void label(bool of_far, std::vector<std::vector<int>>& labels) const {
     std::vector<int> parent;
     labels.assign(nodes_.size(), {});
@@ -483,7 +482,7 @@ class Matcher {
     }
   }
 
-  // Of a place that one depth alone saw: the other by fits to the pairs around on the same path, affine and
+  // Of a place that only one depth saw: the other by fits to the pairs around on the same path, affine and
   // quadratic in this one. Their difference is its standard error.
   Ray extrapolated(int x, int y, int c, size_t place, double light, bool seen_far) const {
     struct Sample {
@@ -524,7 +523,7 @@ class Matcher {
     const Matrix2d seen_axes = root_of(seen.covariance);
     constexpr size_t kMinSamples = 12;
     if (samples.size() < kMinSamples) {
-      // The direction is as good as unknown: straight on from the camera, by half a radian or so.
+      // The direction is practically unknown: straight on from the camera, by half a radian or so.
       constexpr double kUnknownSd = 0.5;
       const Vector3d here = own.at(seen.at.x(), seen.at.y());
       const Vector3d straight = here * (target.depth_mm() / here.dot(target.normal)) - target.corner_mm;
@@ -552,7 +551,7 @@ class Matcher {
   }
 
   // A bundle through a place that was seen and one that was not, px on the other depth's monitor, with that
-  // one's standard error and width. A monitor that did not see it is not where it went.
+  // one's standard error and width. It did not hit a monitor that did not see it.
   Ray one_sided(const Place& seen, const Matrix2d& seen_axes, Vector2d other, double sd, double width,
                 double light, bool seen_far, RayState state) const {
     const MonitorPlane &near_plane = near_.plane(seen.texture), &far_plane = far_.plane(seen.texture);
@@ -637,7 +636,7 @@ RayMatte gathered(const Matte& matte, const v1::RigGeometry& geometry, const std
             // The empty stage passes all light.
             rays.push_back(straight_ray(lens, x, y, 1.0f));
           }
-          // Planes that cross where both were seen, or a lens that cannot be undone there.
+          // Planes that cross where both were seen, or a lens whose distortion cannot be inverted there.
           std::erase_if(rays, [](const Ray& ray) {
             return !ray.origin_mm.allFinite() || !ray.direction.allFinite() ||
                    std::abs(ray.direction.norm() - 1.0f) > kMaxLengthError;

@@ -24,7 +24,7 @@ Row row_of(const Eigen::Vector2d& step, double unit_px) {
   return row;
 }
 
-// How far each step lies from the middle of all, in medians of that.
+// How far each step lies from the centre of all, in medians of that.
 std::vector<double> leverages(std::span<const PathSample> samples) {
   Eigen::Vector2d middle;
   for (int axis = 0; axis < 2; ++axis) {
@@ -50,7 +50,7 @@ PathFit fit_path(std::span<const PathSample> samples, PathShape shape, double un
     rows.push_back(row_of(sample.step, unit_px));
     total += sample.weight;
   }
-  // The start doubts those that lie apart: they would bend it to themselves.
+  // The start gives little weight to distant ones, which would pull it towards themselves.
   std::vector<double> off_px = leverages(samples);
   PathFit fit;
   for (int round = 0; round < kRounds; ++round) {

@@ -237,7 +237,7 @@ absl::Status check_rays(const RayMatte& rays) {
         }
       }
       if (!good)
-        return absl::DataLossError(fmt::format("pixel ({}, {}) holds values that no rays have", x, y));
+        return absl::DataLossError(fmt::format("pixel ({}, {}) has values that are invalid in rays", x, y));
     }
   }
   return absl::OkStatus();
@@ -251,7 +251,7 @@ absl::StatusOr<RayMatte> decode_checked(std::string_view bytes) {
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
   if (json.empty() || !google::protobuf::util::JsonStringToMessage(json, &metadata, options).ok())
-    return absl::DataLossError("it is no file of rays");
+    return absl::DataLossError("it is not a file of rays");
   if (metadata.format_version() > 1) {
     return absl::FailedPreconditionError(
         fmt::format("its format_version is {}; this program reads 1", metadata.format_version()));
@@ -263,7 +263,7 @@ absl::StatusOr<RayMatte> decode_checked(std::string_view bytes) {
       width > kMaxSide || height > kMaxSide) {
     return absl::DataLossError("its parts or its size are not those of a file of rays");
   }
-  // Before memory is taken for what the header promises: deflate makes at most 258 bytes of two bits.
+  // Before memory is allocated for what the header declares: deflate makes at most 258 bytes of two bits.
   constexpr size_t kMaxExpansion = 1032;
   const size_t area = static_cast<size_t>(width) * height;
   if (area * static_cast<size_t>(count) * ray_layers().size() * kChannels * sizeof(float) / kMaxExpansion >
@@ -357,7 +357,7 @@ absl::StatusOr<RayMatte> decode_rays(std::string_view bytes) {
   try {
     return decode_checked(bytes);
   } catch (const std::exception& error) {
-    return absl::DataLossError(fmt::format("it is damaged or no file of rays: {}", error.what()));
+    return absl::DataLossError(fmt::format("it is damaged or not a file of rays: {}", error.what()));
   }
 }
 

@@ -20,7 +20,7 @@ bool meet_plane(const Ray& ray, const MonitorPlane& plane, double from_mm, Plane
   const double cosine = plane.normal.dot(direction);
   if (!(std::abs(cosine) > kMinCosine)) return false;
   const double along = plane.normal.dot(plane.corner_mm - origin) / cosine;
-  // What leads back towards the camera's side comes from there.
+  // Rays that lead back towards the camera's side come from there.
   if (!(along >= (cosine > 0.0 ? from_mm : std::max(from_mm, 0.0)))) return false;
   const double to_px = 1.0 / (plane.pitch_mm * plane.pitch_mm);
   const auto in_px = [&](const Eigen::Vector3d& on_plane) {

@@ -1,4 +1,4 @@
-// Rays of a matte: for every camera pixel, along which lines its light came, whatever stands behind.
+// Rays of a matte: for every camera pixel, the lines along which its light came, whatever is behind.
 //
 // A ray is a bundle: O(u, v) = origin + u O_u + v O_v and D(u, v) = direction + u D_u + v D_v, with u and v
 // independent, of standard deviation 1. These are ray differentials (Igehy 1999) of a Gaussian's axes. On any

@@ -211,7 +211,7 @@ EnvironmentMap::EnvironmentMap(const Environment& environment)
   for (size_t c = 0; c < kChannels; ++c) mean_[c] = static_cast<float>(sums[c] / total);
 }
 
-// What the turned environment shows in a direction is what the map has one turn back.
+// The turned environment shows in a direction what the map shows one turn back.
 Vector3d EnvironmentMap::in_map(const Eigen::Vector3f& direction) const {
   const Vector3d d = direction.cast<double>();
   return {cos_turn_ * d.x() - sin_turn_ * d.z(), d.y(), sin_turn_ * d.x() + cos_turn_ * d.z()};

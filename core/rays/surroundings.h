@@ -3,7 +3,7 @@
 // Each ray's bundle is projected to what stands behind: to a plane as a Gaussian of its pixels, to the
 // environment as a Gaussian on one of the six faces of a cube around the camera. These are modes of a matte
 // whose monitors are planes and faces, so that both compositors (core/matte) look them up. Faces reach beyond
-// their neighbours, so no footprint is cut at an edge, and the map's seam and poles are nowhere special.
+// their neighbours, so no footprint is clipped at an edge, and the map's seam and poles are nowhere special.
 // Bundles wider than 2 degrees are summed over a map of 256 x 128 instead.
 #pragma once
 
@@ -31,8 +31,8 @@ absl::StatusOr<const v1::MonitorPose*> nearest_pose(const RayMatte& rays);
 PlanePicture picture_at(const v1::MonitorPose& pose, double depth_mm, const RadianceImage& picture);
 
 // Equirectangular: column u of W is lon = 2 pi (u / W - 1/2), row v of H is th = pi v / H, of direction
-// (sin th sin lon, -cos th, sin th cos lon) in the camera's frame. So its middle lies ahead, its right half
-// to the right, its first row above. Pixels are flat.
+// (sin th sin lon, -cos th, sin th cos lon) in the camera's frame. So its centre is ahead, its right half to
+// the right, its first row above. Pixels are flat.
 struct Environment {
   RadianceImage picture;
   double turn_rad = 0.0;  // of the environment about the vertical: what lay ahead moves to the right
@@ -41,7 +41,7 @@ struct Environment {
 struct Surroundings {
   std::vector<PlanePicture> planes;  // nearer ones hide what is behind them
   std::optional<Environment> environment;
-  // The object absorbs nothing: light that no ray tells of comes from all of the environment alike.
+  // The object absorbs nothing: light without a ray comes equally from the whole environment.
   bool lossless = false;
 };
 

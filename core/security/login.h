@@ -21,7 +21,7 @@ struct Principal {
   std::chrono::sys_seconds expires = {};
   std::string token = {};  // the id of the token that logged it in
 
-  // For the audit log, which names a token's maker where the token is made.
+  // For the audit log, which names a token's maker when the token is made.
   std::string title() const { return name + " (token " + token + ")"; }
 };
 

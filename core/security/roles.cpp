@@ -13,8 +13,8 @@ namespace {
 constexpr Roles kOperator = only(Role::kOperator), kServer = only(Role::kServer),
                 kCamera = only(Role::kCamera), kSolver = only(Role::kSolver), kConsole = only(Role::kConsole);
 constexpr Roles kPeople = kOperator | only(Role::kViewer);
-// Of nodes, which know no logins: the console shows people what a viewer may see there, and asks the server
-// who they are before.
+// For nodes, which do not know logins: the console shows people what a viewer may see there, after asking the
+// server who they are.
 constexpr Roles kLookers = kPeople | kConsole;
 constexpr Roles kAnybody = kPeople | kServer | kNodes;
 constexpr bool kAudited = true;

@@ -71,7 +71,7 @@ bool contains(const std::string& text, const char* words) {
   return text.find(words) != std::string::npos;
 }
 
-// Empty: it is no address.
+// Empty: it is not an address.
 std::string host_of(const std::string& address) {
   const absl::StatusOr<Address> parsed = parse_address(address);
   return parsed.ok() ? parsed->host : "";
@@ -100,7 +100,7 @@ bool is_loopback(const std::string& address) {
 std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address, Roles roles) {
   const Tls& tls = in_force();
   if (tls.reload != nullptr) {
-    // Made anew each time: gRPC's options belong to the credentials that are made of them.
+    // Created each time: gRPC's options belong to the credentials created from them.
     grpc::experimental::TlsChannelCredentialsOptions options;
     options.set_certificate_provider(tls.reload->provider());
     options.watch_root_certs();

@@ -27,7 +27,7 @@ namespace {
 constexpr std::chrono::milliseconds kInterval(50);
 constexpr int kLooksBetweenTrims = 10;
 
-// Null: it is not a connection any more.
+// Null: it is no longer a connection.
 std::optional<std::uint64_t> cookie_of(int fd) {
   std::uint64_t cookie = 0;
   socklen_t size = sizeof cookie;
@@ -146,7 +146,7 @@ void ConnectionWatch::look() {
   }
 }
 
-// gRPC frees what it held of a dropped connection when it gets to it.
+// gRPC frees the data of a dropped connection when it notices.
 void ConnectionWatch::give_back_memory() {
   if (looks_to_trim_ > 0 && --looks_to_trim_ % kLooksBetweenTrims == 0) ::malloc_trim(0);
 }
@@ -157,7 +157,7 @@ void ConnectionWatch::drop(const std::string& peer, std::int64_t bytes) {
   counter("glasswing_connections_dropped_total", "Connections that sent too much without a call or message.")
       .Increment();
   // Resets the connection, and drops what was received but not read. After shutdown() alone the peer could
-  // wait for minutes with what it has still to send.
+  // wait for minutes with the data that it still has to send.
   const sockaddr nobody{.sa_family = AF_UNSPEC, .sa_data = {}};
   static_cast<void>(::connect(connections_.at(peer).fd, &nobody, sizeof nobody));
   connections_.erase(peer);

@@ -28,7 +28,7 @@ class JoinedCalls {
   using Answer = absl::StatusOr<Response>;
 
   // `kept`: how many answers are kept for repetitions that come after the end; the oldest is dropped. Errors
-  // are not kept: who repeats a call that failed wants it tried again.
+  // are not kept: a caller that repeats a failed call wants it tried again.
   explicit JoinedCalls(size_t kept = 8) : kept_(kept) {}
 
   // Calls `work` for the first call with this id, and returns its answer to that call and to all others.

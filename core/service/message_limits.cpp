@@ -12,7 +12,7 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// The path of what exceeds its limit, then the reason; empty: nothing does.
+// The path of the field that exceeds its limit, then the reason; empty: none does.
 std::string excess_of(const Message& message);
 
 std::string excess_of_string(const std::string& text, const FieldDescriptor& field) {

@@ -48,7 +48,7 @@ void Registration::run(std::stop_token stop) {
     if (std::optional<v1::Preparation> now = preparation_of_ ? preparation_of_() : std::nullopt)
       *node_.mutable_preparation() = *std::move(now);
     grpc::Status status = call(stop, true);  // returns as soon as the server is up
-    // A call that waits reports only its deadline; one that does not reports why the server is out of reach.
+    // A call that waits reports only its deadline; one that does not reports why the server is unreachable.
     if (!status.ok() && known) status = call(stop, false);
     if (stop.stop_requested()) return;
     if (status.ok() != known) {

@@ -17,7 +17,7 @@ namespace glasswing {
 
 class Registration {
  public:
-  // Tells what the node prepares now; nothing: it can be used.
+  // Returns what the node is preparing; nothing: it can be used.
   using PreparationOf = std::function<std::optional<v1::Preparation>()>;
 
   // `server_address` empty: does nothing. Retries for ever if the server does not answer; logs the first

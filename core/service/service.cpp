@@ -170,11 +170,11 @@ std::shared_ptr<grpc::Channel> dial(const std::string& address, Roles roles) {
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetInt(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
   arguments.SetInt(GRPC_COMPRESSION_CHANNEL_ENABLED_ALGORITHMS_BITSET, kUncompressed);
-  // A call to a machine that vanished ends within 30 s. Not without calls, which servers take for a flood.
+  // A call to a machine that vanished ends within 30 s. Not without calls, which servers treat as a flood.
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  // With its scheme: a host such as "unix" is none.
+  // With its scheme: a host such as "unix" is not one.
   return grpc::CreateCustomChannel("dns:///" + address, credentials_for(address, roles), arguments);
 }
 

@@ -21,7 +21,7 @@ std::array<float, 4> cubic(float part) {
           0.5f * (-3.0f * t3 + 4.0f * t2 + t), 0.5f * (t3 - t2)};
 }
 
-// Moves the picture along one axis; the outermost samples stand for what lies beyond.
+// Moves the picture along one axis; the outermost samples are repeated outside it.
 void move(RadianceImage& image, bool along_x, double by_px) {
   if (by_px == 0.0) return;
   const RadianceImage from = image;

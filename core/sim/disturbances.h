@@ -1,5 +1,5 @@
-// What happens to a simulated camera and its room while it runs; nothing declares any of it. Times count from
-// the camera's first start.
+// What happens to a simulated camera and its room while it runs; none of it is declared. Times count from the
+// camera's first start.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 namespace glasswing {
 
 struct Disturbances {
-  // A knock: from `knock_s` on everything lies that much to the right and below, px.
+  // A knock: from `knock_s` on everything is shifted this much to the right and down, px.
   double knock_s = 0.0, knock_dx_px = 0.0, knock_dy_px = 0.0;
   double knock_lasts_s = 0.0;        // then all is as before; 0: it stays
   double creep_px_per_minute = 0.0;  // of the camera, which sinks: everything rises

@@ -38,7 +38,7 @@ struct EmissionMonitor {
 };
 
 // One monitor's light during an interval: consecutive pictures, the first of which may have started before
-// it. The monitor stands where it stood in the middle of the interval.
+// it. The monitor is where it was in the middle of the interval.
 struct MonitorEmission {
   EmissionMonitor monitor;
   std::vector<EmittedPicture> pictures;
@@ -54,8 +54,8 @@ class EmissionTimeline {
 
   void add_monitor(const EmissionMonitor& monitor);  // a known name is replaced, and its pictures dropped
   void add_picture(const std::string& monitor, EmittedPicture picture);
-  // The monitor stands so from `since` on; times rise. The pose that it was added with is that of the time
-  // before.
+  // The monitor has this pose from `since` on; times increase. The pose that it was added with is that of the
+  // time before.
   void set_pose(const std::string& monitor, nanoseconds since, const PanelPose& pose);
   void set_horizon(const std::string& monitor, nanoseconds until);
   void clear();  // the link broke: drops all monitors
@@ -65,7 +65,7 @@ class EmissionTimeline {
   // out, or there are no monitors.
   bool wait_known_until(nanoseconds until, nanoseconds timeout) const;
   // Pictures whose light may overlap [from, until] on any row, by monitor, in the order of monitors().
-  // Nothing if some of these are not kept any more.
+  // Nothing if some of these are no longer kept.
   std::optional<std::vector<MonitorEmission>> between(nanoseconds from, nanoseconds until) const;
 
  private:

@@ -1,4 +1,4 @@
-// Where a monitor stands, relative to its own place in the scene. About its middle it is first tilted, then
+// Where a monitor stands, relative to its own place in the scene. About its centre it is first tilted, then
 // turned, then moved. With the axes x right, y down and z = x cross y of a monitor at its own place, which
 // leads away from the scene, its pixels then run along
 //

@@ -98,7 +98,7 @@ std::vector<prometheus::MetricFamily> collect_metrics() {
 
 void add_metrics_option(CLI::App& app, MetricsOptions& options) {
   app.add_option("--metrics", options.address,
-                 "host:port to serve /metrics at, for Prometheus; loopback only; none if left out");
+                 "host:port to serve /metrics at, for Prometheus; loopback only; default: none");
 }
 
 absl::StatusOr<std::unique_ptr<MetricsHost>> MetricsHost::start(const MetricsOptions& options) {

@@ -27,12 +27,13 @@ absl::Status CommandRail::move(double position_mm, std::stop_token stop) {
         absl::StrReplaceAll(word, {{"{mm}", fmt::format("{}", position_mm)}, {"{monitor}", monitor_}}));
   const absl::Status ended = run_command(words, {.limit = limit_, .stop = std::move(stop)});
   if (absl::IsDeadlineExceeded(ended)) {
-    return absl::FailedPreconditionError(fmt::format("{} has not moved the monitor in {} s, and was ended",
-                                                     words[0],
-                                                     std::chrono::duration<double>(limit_).count()));
+    return absl::FailedPreconditionError(
+        fmt::format("{} has not moved the monitor in {} s, and was "
+                    "terminated",
+                    words[0], std::chrono::duration<double>(limit_).count()));
   }
   if (absl::IsCancelled(ended))
-    return absl::FailedPreconditionError(words[0] + " was ended before it had moved the monitor");
+    return absl::FailedPreconditionError(words[0] + " was terminated before it had moved the monitor");
   return ended;
 }
 

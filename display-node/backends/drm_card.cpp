@@ -79,7 +79,7 @@ absl::Status DrmCard::check_abilities() {
     return lacks("has a driver without atomic modesetting");
   if (!can(DRM_CAP_DUMB_BUFFER)) return lacks("has a driver without dumb buffers");
   if (!can(DRM_CAP_TIMESTAMP_MONOTONIC))
-    return lacks("stamps refreshes in another clock than CLOCK_MONOTONIC");
+    return lacks("timestamps refreshes in a clock other than CLOCK_MONOTONIC");
   return absl::OkStatus();
 }
 
@@ -162,7 +162,7 @@ absl::StatusOr<DrmCard::Pipe> DrmCard::claim(const Connector& connector, int bit
     }
     if (std::find(taken.begin(), taken.end(), bits) == taken.end()) {
       return absl::FailedPreconditionError(
-          fmt::format("{} takes no pictures with codes of {} bits for {}; there is: {}", name_, bits,
+          fmt::format("{} does not support pictures with codes of {} bits for {}; available: {}", name_, bits,
                       connector.name, fmt::join(taken, ", ")));
     }
     pipe.bits = bits;
@@ -172,7 +172,7 @@ absl::StatusOr<DrmCard::Pipe> DrmCard::claim(const Connector& connector, int bit
   }
   if (pipe.plane == 0) {
     return absl::FailedPreconditionError(
-        fmt::format("{} cannot drive {} beside the monitors named before it", name_, connector.name));
+        fmt::format("{} cannot drive {} in addition to the monitors named before it", name_, connector.name));
   }
   claimed_.insert({pipe.crtc, pipe.plane});
   return pipe;
@@ -225,7 +225,7 @@ absl::Status DrmCard::set(const Connector& connector, const Pipe& pipe, const dr
                           const Framebuffer& framebuffer) {
   if (drmIsMaster(fd_) == 0) {
     return absl::FailedPreconditionError(
-        fmt::format("another program, a desktop perhaps, holds {}; stop it, or show pictures through it "
+        fmt::format("another program, perhaps a desktop, holds {}; stop it, or show pictures through it "
                     "(--backend x11)",
                     name_));
   }

@@ -1,4 +1,4 @@
-// A graphics card, as the Linux kernel drives it (DRM/KMS, atomic): its connectors, framebuffers in its
+// A graphics card, as driven by the Linux kernel (DRM/KMS, atomic): its connectors, framebuffers in its
 // memory, and requests that change what it shows.
 #pragma once
 
@@ -46,7 +46,7 @@ class DrmCard {
     int bits = 8;  // of a code
   };
   // Reserves a free pipe for the connector. `bits`: of a code, 8 or 10. FAILED_PRECONDITION: no pipe is free,
-  // or it does not support codes of so many bits.
+  // or it does not support codes with this many bits.
   absl::StatusOr<Pipe> claim(const Connector& connector, int bits);
 
   struct Framebuffer {
@@ -69,7 +69,7 @@ class DrmCard {
     std::uint64_t serial = 0;
     nanoseconds refresh_start{};
   };
-  // The following are UNAVAILABLE if the monitor or the card is gone.
+  // The following are UNAVAILABLE if the monitor or the card has been removed.
   absl::StatusOr<Refresh> last_refresh(const Pipe& pipe) const;
   // Requests an event for the start of that refresh; it comes at once if the refresh has begun.
   absl::Status ask_for(const Pipe& pipe, std::uint64_t refresh, std::uint64_t serial);

@@ -117,7 +117,7 @@ absl::StatusOr<std::unique_ptr<KmsDisplay>> KmsDisplay::open(const Options& opti
           fmt::format("no monitor is plugged in at \"{}\"; there is: {}", monitor.connector, found.listed));
     }
     if (!taken.insert(socket->name).second)
-      return absl::InvalidArgumentError(fmt::format("two monitors are asked for at {}", socket->name));
+      return absl::InvalidArgumentError(fmt::format("two monitors are requested at {}", socket->name));
     GW_ASSIGN_OR_RETURN(const drmModeModeInfo mode, choose_mode(monitor, *socket));
     GW_RETURN_IF_ERROR(display->open_output(*socket->card, *socket->connector, mode, options.bits));
     const double period_ns = 1e9 / refresh_hz_of(mode);
@@ -155,7 +155,7 @@ absl::Status KmsDisplay::open_output(DrmCard& card, const DrmCard::Connector& co
   output.status_fd = ::open(status.c_str(), O_RDONLY | O_CLOEXEC);
   if (output.status_fd < 0) {
     return absl::FailedPreconditionError(
-        fmt::format("{}, which says whether a monitor is plugged in, cannot be opened: {}", status,
+        fmt::format("{}, which reports whether a monitor is plugged in, cannot be opened: {}", status,
                     std::strerror(errno)));
   }
   GW_ASSIGN_OR_RETURN(output.pipe, card.claim(connector, bits));
@@ -261,7 +261,7 @@ absl::Status KmsDisplay::wait_for_all(nanoseconds at) {
 }
 
 absl::StatusOr<std::vector<Scanout>> KmsDisplay::show(const std::vector<Picture>& pictures, nanoseconds at) {
-  // After a failure a flip may still be pending, and only its end tells which buffer is free.
+  // After a failure a flip may still be pending, and only its end shows which buffer is free.
   for (Output& output : outputs_) {
     if (output.stage == Stage::kWaiting) output.stage = Stage::kShown;
   }
@@ -276,8 +276,8 @@ absl::StatusOr<std::vector<Scanout>> KmsDisplay::show(const std::vector<Picture>
   std::vector<Scanout> scanouts;
   for (size_t i = 0; i < outputs_.size(); ++i) {
     GW_RETURN_IF_ERROR(check_plugged_in(i));
-    // A driver that does not know its scan-out position takes the time of its interrupt, anywhere in the
-    // blanking before the first row; nothing tells which kind of driver it is.
+    // A driver that does not know its scan-out position uses the time of its interrupt, anywhere in the
+    // blanking before the first row; there is no way to tell which kind of driver it is.
     scanouts.push_back({.start = outputs_[i].shown_start, .uncertainty = outputs_[i].blanking + kStampError});
   }
   return scanouts;

@@ -1,5 +1,6 @@
-// Monitors of a bare console, by the kernel's atomic modesetting: each picture is drawn into a framebuffer of
-// the card, a page flip shows it from the next refresh on, and the kernel reports that refresh's time.
+// Monitors of a bare console, through the kernel's atomic modesetting: each picture is drawn into a
+// framebuffer of the card, a page flip shows it from the next refresh on, and the kernel reports that
+// refresh's time.
 //
 // That time is when the scan-out of the refresh's first row begins (Linux,
 // drm_crtc_funcs.get_vblank_timestamp: "the time immediately after end of the vblank interval"),
@@ -67,8 +68,7 @@ class KmsDisplay final : public Display {
   absl::Status open_output(DrmCard& card, const DrmCard::Connector& connector, const drmModeModeInfo& mode,
                            int bits);
   void fill(Buffer& buffer, const ScreenInfo& screen, const Picture& picture);
-  // Flips if the next refresh is the one for `at`; otherwise requests an event for the refresh before that
-  // one.
+  // Flips if the next refresh is the one for `at`; otherwise requests an event for the previous refresh.
   absl::Status advance(size_t index, nanoseconds at);
   absl::Status take_events(DrmCard& card, nanoseconds at);
   // Waits until every output's picture is on screen, up to kPatience beyond `at`.

@@ -5,11 +5,10 @@
 namespace glasswing {
 namespace {
 
-// The log's size, which is how far a reader may fall behind; at least two pictures a monitor.
+// The log's size, which is how far a reader may fall behind; at least two pictures per monitor.
 constexpr size_t kLogBytes = size_t{256} << 20;
 constexpr size_t kMaxLogged = 256;
-// No picture starts earlier than this before the time it was asked for; larger than any display's
-// uncertainty.
+// No picture starts earlier than this before its requested time; larger than any display's uncertainty.
 constexpr nanoseconds kEarly = std::chrono::milliseconds(5);
 
 size_t log_limit_of(const std::vector<ScreenInfo>& screens) {
@@ -82,7 +81,7 @@ bool LightTap::read(std::uint64_t& cursor, std::vector<Emission>& emissions, nan
     emissions.assign(log_.begin() + cursor - first, log_.end());
   }
   cursor = next_;
-  // A show that is not yet asked for starts after now.
+  // A show that has not been requested yet starts after now.
   horizon = monotonic_now();
   if (show_began_ > nanoseconds(0)) horizon = std::min(horizon, shows_nothing_to_);
   return true;

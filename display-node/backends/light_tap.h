@@ -1,5 +1,5 @@
-// Passes pictures on to a display and, once somebody reads, logs what it emitted from when on: the light that
-// a simulated camera sees, whatever the screens behind it.
+// Passes pictures on to a display and, once there is a reader, logs what it emitted and from when: the light
+// that a simulated camera sees, whatever the screens behind it.
 #pragma once
 
 #include <condition_variable>
@@ -14,8 +14,8 @@
 
 namespace glasswing {
 
-// A picture that starts its scan-out, on monitor screens()[monitor]; or, with `pose`, a monitor that stands
-// elsewhere from then on and shows what it showed.
+// A picture that starts its scan-out, on monitor screens()[monitor]; or, with `pose`, a monitor that is
+// elsewhere from then on and shows the same picture.
 struct Emission {
   size_t monitor = 0;
   nanoseconds scanout_start{};
@@ -32,10 +32,10 @@ class LightTap final : public Display {
   const std::vector<ScreenInfo>& screens() const override { return display_.screens(); }
   absl::StatusOr<std::vector<Scanout>> show(const std::vector<Picture>& pictures, nanoseconds at) override;
 
-  // The monitor stands so from now on. All stand at their own places at first.
+  // The monitor has this pose from now on. All are at their normal places at first.
   void place(size_t monitor, const PanelPose& pose);
 
-  // Everything emitted since `cursor` (0: the pictures on screen now, and where monitors stand), and a time
+  // Everything emitted since `cursor` (0: the pictures on screen now, and the monitors' poses), and a time
   // before which nothing else starts. Moves `cursor` on. Waits up to `timeout` for something new. False: the
   // reader has fallen too far behind.
   bool read(std::uint64_t& cursor, std::vector<Emission>& emissions, nanoseconds& horizon,

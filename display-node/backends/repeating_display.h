@@ -1,5 +1,5 @@
-// A display that lies (--fault-repeat): at random an old picture stays on screen a refresh longer than is
-// reported. The LightTap behind it logs the truth.
+// A lying display (--fault-repeat): at random an old picture stays on screen a refresh longer than reported.
+// The LightTap behind it logs the truth.
 #pragma once
 
 #include <cstdint>

@@ -22,7 +22,7 @@ void add_sim_options(CLI::App& app, SimOptions& options) {
                  "sim: probability that a flip is a refresh late")
       ->check(CLI::Range(0.0, 1.0));
   app.add_option("--fault-jitter-ms", options.jitter_ms,
-                 "sim: each scan-out begins up to this late, and is reported so; less than a refresh")
+                 "sim: each scan-out begins up to this late, and is reported as such; less than a refresh")
       ->check(CLI::Range(0.0, 1000.0));
 }
 
@@ -72,7 +72,7 @@ absl::StatusOr<std::unique_ptr<Display>> open_simulated(const SimOptions& option
 DisplayBackend sim_display_backend() {
   const auto own = std::make_shared<SimOptions>();
   return {.name = "sim",
-          .monitor_form = "NAME=WIDTHxHEIGHT@HZ, back=128x96@60 if left out",
+          .monitor_form = "NAME=WIDTHxHEIGHT@HZ, default back=128x96@60",
           .bits = {8, 9, 10, 11, 12, 13, 14, 15, 16},
           .add_options = [own](CLI::App& app) { add_sim_options(app, *own); },
           .open = [own](const DisplaySettings& settings) { return open_simulated(*own, settings); }};

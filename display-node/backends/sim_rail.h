@@ -1,4 +1,4 @@
-// A simulated rail: the light that a simulated camera sees then comes from elsewhere.
+// A simulated rail: the light that a simulated camera sees then comes from a different place.
 #pragma once
 
 #include "display-node/backends/light_tap.h"
@@ -8,7 +8,7 @@ namespace glasswing {
 
 class SimRail final : public Rail {
  public:
-  // At `own_place_mm` the monitor, screens()[monitor], stands at its own place. `pose`: of the monitor on the
+  // At `own_place_mm` the monitor, screens()[monitor], is at its normal place. `pose`: of the monitor on the
   // rail. The tap must outlive it.
   SimRail(LightTap& tap, size_t monitor, double own_place_mm, PanelPose pose)
       : tap_(tap), monitor_(monitor), own_place_mm_(own_place_mm), pose_(pose) {}

@@ -35,7 +35,7 @@ DisplayBackend x11_display_backend() {
           .bits = {8, 10},
           .add_options =
               [server](CLI::App& app) {
-                app.add_option("--x11-server", *server, "x11: which, such as :0; $DISPLAY if left out");
+                app.add_option("--x11-server", *server, "x11: the server, such as :0; default: $DISPLAY");
               },
           .open = [server](const DisplaySettings& settings) { return open_x11(*server, settings); }};
 }

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::chrono::seconds kPresentTimeout(2);
 constexpr std::uint64_t kMeasured = 30;  // refreshes
-// The server copies soon after the refresh begins, and some drivers take the refresh's time anywhere in the
+// The server copies soon after the refresh begins, and some drivers record the refresh's time anywhere in the
 // blanking before it.
 constexpr nanoseconds kUncertainty = std::chrono::milliseconds(1);
 // A picture requested later than this before a refresh may miss it.
@@ -71,7 +71,7 @@ absl::Status X11Display::connect(const Options& options) {
   screen_ = screens.data;
   if (!has_extension(connection_, &xcb_present_id) || !has_extension(connection_, &xcb_randr_id)) {
     return absl::FailedPreconditionError(
-        fmt::format("the X server {} has no Present or no RANDR extension; both are needed", named));
+        fmt::format("the X server {} lacks the Present or the RANDR extension; both are needed", named));
   }
   const std::uint32_t blue = (1u << options.bits) - 1, green = blue << options.bits,
                       red = green << options.bits;
@@ -84,7 +84,7 @@ absl::Status X11Display::connect(const Options& options) {
         context_ = xcb_generate_id(connection_);
         const std::uint32_t no_exposures = 0;
         xcb_create_gc(connection_, context_, screen_->root, XCB_GC_GRAPHICS_EXPOSURES, &no_exposures);
-        // Negotiates versions; a server takes a client that does not ask for one of the oldest.
+        // Negotiates versions; a server assumes the oldest for a client that does not.
         owned(
             xcb_randr_query_version_reply(connection_, xcb_randr_query_version(connection_, 1, 5), nullptr));
         owned(xcb_present_query_version_reply(connection_, xcb_present_query_version(connection_, 1, 0),
@@ -95,7 +95,7 @@ absl::Status X11Display::connect(const Options& options) {
     }
   }
   return absl::FailedPreconditionError(
-      fmt::format("the X server {} shows colour of {} bits; codes of {} bits need one of {}", named,
+      fmt::format("the X server {} has a colour depth of {} bits; codes of {} bits need {}", named,
                   screen_->root_depth, options.bits, 3 * options.bits));
 }
 
@@ -278,7 +278,7 @@ absl::StatusOr<std::vector<X11Display::Completion>> X11Display::wait_for_all(nan
     pollfd readable{.fd = xcb_get_file_descriptor(connection_), .events = POLLIN, .revents = 0};
     (void)::poll(&readable, 1, 20);
     if (xcb_connection_has_error(connection_) != 0)
-      return absl::UnavailableError("the X server has gone away");
+      return absl::UnavailableError("the X server has disappeared");
   }
   std::vector<Completion> completions;
   for (const auto& answer : answers) completions.push_back(*answer);

@@ -1,8 +1,8 @@
-// Monitors of an X server, by its Present extension (version 1.0): each picture is a pixmap that the server
-// copies or flips to a full-screen window at a given refresh (MSC). The server reports the refresh and its
-// time on CLOCK_MONOTONIC (UST).
+// Monitors of an X server, through its Present extension (version 1.0): each picture is a pixmap that the
+// server copies or flips to a full-screen window at a given refresh (MSC). The server reports the refresh and
+// its time on CLOCK_MONOTONIC (UST).
 //
-// Monitors are those that RANDR (1.5) lists. Codes have 8 bits on a server of depth 24, 10 on one of
+// Monitors are those listed by RANDR (1.5). Codes have 8 bits on a server of depth 24, 10 on one of
 // depth 30.
 #pragma once
 
@@ -29,8 +29,8 @@ class X11Display final : public Display {
     int bits = 8;  // of a code: 8 or 10
     nanoseconds lag{}, settle{};
   };
-  // UNAVAILABLE: no such server. FAILED_PRECONDITION: it lacks Present, RANDR or colour of so many bits, or a
-  // monitor does not refresh. NOT_FOUND: no such monitor; lists the available ones.
+  // UNAVAILABLE: no such server. FAILED_PRECONDITION: it lacks Present, RANDR or colour with this many bits,
+  // or a monitor does not refresh. NOT_FOUND: no such monitor; lists the available ones.
   static absl::StatusOr<std::unique_ptr<X11Display>> open(const Options& options);
   ~X11Display() override;
   X11Display(const X11Display&) = delete;

@@ -13,8 +13,8 @@ namespace glasswing {
 
 class PictureQueue {
  public:
-  // `program` must outlive it. Two steps a thread are drawn before they are taken, as far as they fit in
-  // kAheadBytes, and two at least.
+  // `program` must outlive it. Two steps per thread are drawn before they are taken, as far as they fit in
+  // kAheadBytes, but at least two.
   explicit PictureQueue(const Program& program, unsigned threads = std::thread::hardware_concurrency());
   ~PictureQueue();
 

@@ -61,7 +61,7 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, n
   const nanoseconds now = monotonic_now();
   if (now > start) {
     return absl::DeadlineExceededError(
-        fmt::format("the program was to start {} ms ago; it was not played",
+        fmt::format("the program should have started {} ms ago; it was not played",
                     std::chrono::duration<double, std::milli>(now - start).count()));
   }
   const std::vector<ScreenInfo>& screens = display.screens();

@@ -148,7 +148,7 @@ absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
       shown.photo = images.find(stimulus.image());
       if (shown.photo == nullptr) {
         return absl::FailedPreconditionError(fmt::format(
-            "step {}: image \"{}\" is not here; send it first (only the last ones that fit are held)",
+            "step {}: image \"{}\" is not here; send it first (only the most recent ones that fit are kept)",
             wanted.step(), stimulus.image()));
       }
       if (shown.photo->width_px != size.width_px || shown.photo->height_px != size.height_px) {

@@ -21,15 +21,15 @@
 
 namespace glasswing {
 
-// The photos that were sent last, by content hash. Thread-safe.
+// The most recently sent photos, by content hash. Thread-safe.
 class ImageStore {
  public:
   // Capacity for decoded photos, 2 bytes a sample.
   explicit ImageStore(size_t capacity_bytes = size_t{512} << 20) : capacity_bytes_(capacity_bytes) {}
-  // Returns the name. Those that were sent longest ago make room. INVALID_ARGUMENT: not a PNG.
+  // Returns the name. The oldest ones are dropped to make room. INVALID_ARGUMENT: not a PNG.
   // RESOURCE_EXHAUSTED: larger than the capacity.
   absl::StatusOr<std::string> add(const std::string& png);
-  // Null: there is no photo of that name.
+  // Null: there is no photo with that name.
   std::shared_ptr<const Image16> find(const std::string& name) const;
 
  private:

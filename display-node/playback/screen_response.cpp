@@ -69,7 +69,7 @@ absl::StatusOr<std::vector<std::optional<Dither>>> dithers_of(
     std::optional<Dither>& dither = dithers[screen - screens.begin()];
     if (dither) {
       return absl::InvalidArgumentError(fmt::format(
-          "monitor \"{}\" has two calibrations; it must have one at most", calibration.monitor()));
+          "monitor \"{}\" has two calibrations; it must have at most one", calibration.monitor()));
     }
     GW_ASSIGN_OR_RETURN(dither, dither_of(calibration, *screen));
   }

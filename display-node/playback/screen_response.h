@@ -17,9 +17,10 @@
 
 namespace glasswing {
 
-// For each screen the dither by its calibration; empty: there is no calibration of it. INVALID_ARGUMENT: a
-// calibration of no screen, or a second one of the same screen; of other bits or another size than the
-// screen's pattern; of a screen of more than 12 bits; of another format version; or with invalid tables.
+// For each screen the dither from its calibration; empty: it has no calibration. INVALID_ARGUMENT: a
+// calibration of no screen, or a second one of the same screen; with different bits or a different size from
+// the screen's pattern; for a screen with more than 12 bits; with a different format version; or with invalid
+// tables.
 absl::StatusOr<std::vector<std::optional<Dither>>> dithers_of(
     const google::protobuf::RepeatedPtrField<v1::DisplayCalibration>& calibrations,
     const std::vector<ScreenInfo>& screens);

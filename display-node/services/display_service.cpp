@@ -216,18 +216,18 @@ absl::StatusOr<v1::MoveMonitorResponse> DisplayServiceImpl::move(const v1::MoveM
   }
   const auto on = std::ranges::find(rails_, monitor, &MonitorRail::monitor);
   if (on == rails_.end()) {
-    return absl::FailedPreconditionError(fmt::format(
-        "monitor \"{}\" has no rail that could move it; glasswing-display --rail names one", monitor));
+    return absl::FailedPreconditionError(
+        fmt::format("monitor \"{}\" has no rail to move it; glasswing-display --rail names one", monitor));
   }
   if (!(position_mm >= on->min_mm && position_mm <= on->max_mm)) {
     return absl::InvalidArgumentError(
-        fmt::format("position_mm is {}; the rail of monitor \"{}\" takes {} to {}", position_mm, monitor,
+        fmt::format("position_mm is {}; the rail of monitor \"{}\" goes from {} to {}", position_mm, monitor,
                     on->min_mm, on->max_mm));
   }
   const std::unique_lock screens(playing_, std::try_to_lock);
   if (!screens.owns_lock()) {
     return absl::FailedPreconditionError(
-        "the display plays a program or moves a monitor; wait until that has ended");
+        "the display is playing a program or moving a monitor; wait until that has ended");
   }
   std::stop_source stop;
   {

@@ -17,8 +17,8 @@ namespace glasswing {
 
 class DisplayServiceImpl final : public v1::DisplayService::Service {
  public:
-  // INVALID_ARGUMENT: the rows of an id patch leave too few for patterns, or are too few to be read, or are
-  // those of a monitor that the display does not have.
+  // INVALID_ARGUMENT: the rows of an id patch leave too few for patterns, or are too few to be read, or
+  // belong to a monitor that the display does not have.
   static absl::Status check_patch(const Display& display, const PatchRows& patch_rows);
   // `rails`: of monitors of the display, at most one each.
   DisplayServiceImpl(std::string name, Display& display, const PatchRows& patch_rows = 0,
@@ -39,7 +39,7 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
   grpc::Status StopMove(grpc::ServerContext*, const v1::StopMoveRequest*, v1::StopMoveResponse*) override;
 
  private:
-  // INVALID_ARGUMENT: not a photo of the size of one of the monitors.
+  // INVALID_ARGUMENT: not a photo with the size of one of the monitors.
   absl::Status check_fits(const std::string& png) const;
   absl::StatusOr<v1::LoadProgramResponse> load(const v1::LoadProgramRequest& request);
   absl::StatusOr<v1::MoveMonitorResponse> move(const v1::MoveMonitorRequest& request);

@@ -15,7 +15,7 @@ namespace glasswing {
 // The true behaviour of the light, where it differs from what the screens declare.
 struct TrueOptics {
   std::optional<nanoseconds> lag = {}, settle = {};
-  // Of every monitor, switched on with the service; bits are those of the screen.
+  // For every monitor, switched on with the service; bits are those of the screen.
   PanelModel panel = {};
   Flicker flicker = {};   // of every backlight
   double pitch_mm = 1.0;  // of every monitor's pixels

@@ -16,7 +16,7 @@
 namespace glasswing {
 namespace {
 
-// Frames may be put into an import until it is finished. A capture that is created has a plan.
+// Frames may be put into an import until it is finished. A newly created capture has a plan.
 bool is_being_imported(const v1::Session& session) {
   return session.state() == v1::SESSION_STATE_CREATED && !session.has_plan();
 }
@@ -60,7 +60,7 @@ absl::StatusOr<v1::BeginImportResponse> Importer::begin(const v1::BeginImportReq
   const absl::Status begun = from_grpc(
       v1::ArchiveService::NewStub(link.channel())->CreateArchive(&context, create, &created), link.title());
   if (begun.ok()) return response;
-  // A refused import leaves nothing. Of one that was not answered the archive may be there: it can be
+  // A rejected import leaves nothing behind. If there was no answer the archive may exist: the import can be
   // repeated, or deleted.
   if (!again && absl::IsInvalidArgument(begun)) {
     SessionStore::Edit edit = sessions_.edit();

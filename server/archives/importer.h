@@ -12,12 +12,12 @@
 
 namespace glasswing {
 
-// Thread-safe. Errors are those that session_service.proto lists.
+// Thread-safe. Errors are those listed in session_service.proto.
 class Importer {
  public:
   Importer(SessionStore& sessions, const NodeRegistry& nodes) : sessions_(sessions), nodes_(nodes) {}
 
-  // Creates the session, and its archive at the camera node, which takes the frames. An import that broke off
+  // Creates the session, and its archive at the camera node, which receives the frames. An interrupted import
   // may begin again, with a new token.
   absl::StatusOr<v1::BeginImportResponse> begin(const v1::BeginImportRequest& request, const Caller& caller);
   absl::StatusOr<v1::Session> finish(const std::string& name);

@@ -30,10 +30,12 @@ absl::StatusOr<std::string> keeper_address(const std::string& name, const NodeRe
   if (node.name().empty()) {
     return absl::NotFoundError(fmt::format("there is no node \"{}\"; `glasswing nodes` lists them", name));
   }
-  if (!node.up()) return absl::UnavailableError(fmt::format("node \"{}\" is away; start it again", name));
+  if (!node.up())
+    return absl::UnavailableError(fmt::format("node \"{}\" does not answer; start it again", name));
   if (node.kind() == v1::NODE_KIND_DISPLAY || node.address().empty()) {
     return absl::FailedPreconditionError(fmt::format(
-        "node \"{}\" keeps no archives; camera nodes do, and solvers with --listen and --archives", name));
+        "node \"{}\" does not store archives; camera nodes do, and solvers with --listen and --archives",
+        name));
   }
   return node.address();
 }

@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kPoll(100);
 
-// Makes the node copy the archive, until it has or `is_wanted` says no.
+// Makes the node copy the archive, until done or `is_wanted` returns false.
 absl::Status copy(const std::string& node, const std::string& address, const v1::CopyArchiveRequest& request,
                   const Replicator::Report& report, const std::function<bool()>& is_wanted) {
   const auto stub = v1::ArchiveService::NewStub(dial(address, kArchiveKeepers));
@@ -40,9 +40,9 @@ absl::Status copy(const std::string& node, const std::string& address, const v1:
   const grpc::Status status = reader->Finish();
   if (status.error_code() == grpc::StatusCode::UNIMPLEMENTED) {
     return absl::FailedPreconditionError(
-        fmt::format("node \"{}\" keeps no archives; start it with --archives DIR", node));
+        fmt::format("node \"{}\" does not store archives; start it with --archives DIR", node));
   }
-  // An error of the node that it copies from names that node already.
+  // An error from the source node already names that node.
   if (status.error_message().find("node at ") != std::string::npos) return from_grpc(status);
   return from_grpc(status, fmt::format("node \"{}\" at {}", node, address));
 }
@@ -70,14 +70,14 @@ absl::Status Replicator::replicate_to(const v1::Session& session, const std::str
   GW_ASSIGN_OR_RETURN(const std::string address, keeper_address(node, nodes_));
   if (address == session.archive_address()) {
     return absl::FailedPreconditionError(
-        fmt::format("node \"{}\" captured session \"{}\" and has its frames already; name another node", node,
+        fmt::format("node \"{}\" captured session \"{}\" and already has its frames; name another node", node,
                     session.name()));
   }
   v1::ArchiveCopy replica;
   replica.set_node(node);
   const auto known = std::ranges::find(session.copies(), node, &v1::ArchiveCopy::node);
   const bool listed = known != session.copies().end();
-  // From now on the node may have a part of the archive, which must be deleted with the session.
+  // From now on the node may have part of the archive, which must be deleted with the session.
   if (!listed) GW_RETURN_IF_ERROR(sessions_.set_replica(session.name(), replica));
   v1::CopyArchiveRequest request;
   request.set_session(session.name());

@@ -1,4 +1,5 @@
-// Replicas of a session's archive on other nodes. Pixels go from node to node; the server knows who has them.
+// Replicas of a session's archive on other nodes. Pixels go from node to node; the server only knows which
+// nodes have them.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,7 +13,7 @@
 
 namespace glasswing {
 
-// Thread-safe. Errors are those that session_service.proto lists.
+// Thread-safe. Errors are those listed in session_service.proto.
 class Replicator {
  public:
   // Reports progress; false: the caller is gone, so copying ends.
@@ -20,7 +21,7 @@ class Replicator {
 
   Replicator(SessionStore& sessions, const NodeRegistry& nodes) : sessions_(sessions), nodes_(nodes) {}
 
-  // Polls `is_wanted`, and ends when it says no. What was copied until then stays.
+  // Polls `is_wanted`, and ends when it returns false. What was copied until then is kept.
   absl::Status replicate(const v1::ReplicateSessionRequest& request, const Report& report,
                          const std::function<bool()>& is_wanted);
 

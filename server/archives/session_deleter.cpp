@@ -25,7 +25,7 @@ absl::StatusOr<std::int64_t> SessionDeleter::remove(const std::string& name) {
   return freed_bytes;
 }
 
-// Asks every node, before any archive is removed.
+// Asks every node before any archive is removed.
 absl::Status SessionDeleter::check_archives_answer(const v1::Session& session) {
   for (const v1::ArchiveCopy& replica : session.copies()) {
     absl::StatusOr<std::string> address = keeper_address(replica.node(), nodes_);
@@ -61,7 +61,7 @@ absl::StatusOr<std::int64_t> SessionDeleter::remove_all_of(v1::Session session) 
     GW_ASSIGN_OR_RETURN(const std::int64_t replica_bytes, remove_replicas(session));
     GW_ASSIGN_OR_RETURN(freed_bytes, SessionArchive(session).remove());
     freed_bytes += replica_bytes;
-    // If the rest fails, the session must not look as if it had frames.
+    // If the rest fails, the session must not appear to have frames.
     session.set_state(v1::SESSION_STATE_CANCELLED);
     session.set_reason("its frames were deleted; finish with: glasswing delete " + name);
     session.set_archive_bytes(0);

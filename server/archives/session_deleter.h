@@ -1,5 +1,5 @@
-// Deletes sessions. The largest part goes first and the catalogue's row last: if it breaks off in between,
-// asking again finishes it.
+// Deletes sessions. The largest part goes first and the catalogue's row last: if it is interrupted, repeating
+// the call finishes it.
 #pragma once
 
 #include <absl/status/status.h>
@@ -15,10 +15,10 @@
 
 namespace glasswing {
 
-// Thread-safe. Errors are those that session_service.proto lists.
+// Thread-safe. Errors are those listed in session_service.proto.
 class SessionDeleter {
  public:
-  // The session's data elsewhere: `remove_job` removes its tiles, durably; `forget` drops what is in memory,
+  // The session's data elsewhere: `remove_job` removes its tiles, durably; `forget` drops its data in memory,
   // and its photos, once the session is gone. Both are called under an Edit.
   struct Others {
     std::function<absl::Status(const v1::Session&)> remove_job;

@@ -91,7 +91,7 @@ absl::StatusOr<bool> Capture::add_round(std::stop_token stop) {
   const int rounds = progress_.session().plan().rounds_size();
   const absl::StatusOr<v1::Session> grown = next_round_(progress_.session(), stop);
   if (absl::IsFailedPrecondition(grown.status())) {
-    // What was captured can be solved all the same.
+    // What was captured can still be solved.
     progress_.warn("no further images were chosen: " + std::string(grown.status().message()));
     return false;
   }
@@ -106,7 +106,7 @@ absl::StatusOr<bool> Capture::add_round(std::stop_token stop) {
 CaptureOutcome Capture::outcome_of(const absl::Status& status, bool stopped) const {
   using Kind = CaptureOutcome::Kind;
   if (stopped)
-    return {Kind::kStopped, video_.has_run() ? "the video is over, what was recorded of it stays" : ""};
+    return {Kind::kStopped, video_.has_run() ? "the video is over; what was recorded of it is kept" : ""};
   if (object_wanted_) {
     const v1::Session& session = progress_.session();
     const char* what = !*object_wanted_           ? "take the object off the stage, then"
@@ -117,7 +117,7 @@ CaptureOutcome Capture::outcome_of(const absl::Status& status, bool stopped) con
   if (status.ok()) return {Kind::kCaptured, ""};
   const std::string reason(status.message());
   if (archive_ && archive_->no_room()) return {Kind::kNoRoom, reason};
-  // ABORTED: another program took the screens, for example after a display node was restarted.
+  // ABORTED: another program took over the screens, for example after a display node was restarted.
   const bool lost =
       absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status) || absl::IsAborted(status);
   return {lost ? Kind::kNodeLost : Kind::kFailed, reason};
@@ -155,7 +155,7 @@ absl::Status Capture::open_archive(std::stop_token stop) {
     progress_.note_dropped();
     GW_ASSIGN_OR_RETURN(manifest, archive_->open(header, stop));
   }
-  // A resumed session keeps the calibrations that its archive was created with.
+  // A resumed session keeps the calibrations with which its archive was created.
   setup_.header = manifest;
   setup_.header.clear_frames();
   progress_.resume(manifest, static_cast<int>(setup_.steps.size()));
@@ -201,7 +201,7 @@ bool Capture::is_pending(const Step& step, bool video_has_run) const {
 
 std::vector<Capture::Group> Capture::pending_groups() const {
   const bool video_has_run = video_.has_run();
-  // So that drafts come early.
+  // So that drafts are available early.
   const bool drafted = progress_.session().solve_follows();
   std::vector<Group> groups;
   for (const Step& step : drafted ? in_order_of_showing(setup_.steps) : setup_.steps) {

@@ -2,8 +2,8 @@
 // archive, captures the groups of steps in order (GroupCapture), and seals.
 //
 // The rest is split by duty: StepPlayer shows steps, Recording pairs frames with them, PatchLearning decides
-// what can be judged by pixels, CaptureArchive has the camera node store what is proven, VideoCapture knows
-// the steps that run once. No RPC is made between one step and the next.
+// what can be judged from pixels, CaptureArchive makes the camera node store proven frames, VideoCapture
+// handles the steps that run only once. No RPC is made between one step and the next.
 #pragma once
 
 #include <absl/status/status.h>
@@ -41,8 +41,8 @@ struct CaptureOutcome {
   std::string reason;
 };
 
-// Of a session that adapts, whose steps are all stored: the session with one more round in its plan, stored
-// durably, or with the same plan if there shall be none.
+// For an adaptive session whose steps are all stored: the session with one more round in its plan, stored
+// durably, or with the same plan if there is to be no further round.
 using NextRound = std::function<absl::StatusOr<v1::Session>(const v1::Session&, std::stop_token)>;
 
 class Capture {
@@ -64,14 +64,14 @@ class Capture {
   };
 
   absl::Status capture(std::stop_token stop);
-  // Captures all that is pending. False: a person has to move the object.
+  // Captures all pending steps. False: a person has to move the object.
   absl::StatusOr<bool> capture_pending(std::optional<bool>& object_at, std::stop_token stop);
   // False: there are to be no further images.
   absl::StatusOr<bool> add_round(std::stop_token stop);
   CaptureOutcome outcome_of(const absl::Status& status, bool stopped) const;
   absl::Status find_rig(std::stop_token stop);
   absl::Status open_archive(std::stop_token stop);
-  // Checks for all steps to come, so that a session that waits for space does not resume for a few frames
+  // Checks for all remaining steps, so that a session that waits for space does not resume for a few frames
   // each time.
   absl::Status check_room(std::stop_token stop);
   absl::Status send_images(std::stop_token stop);

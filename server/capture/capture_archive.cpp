@@ -47,8 +47,9 @@ absl::Status CaptureArchive::check_room(std::int64_t frame_count, std::stop_toke
   if (needed_bytes <= space.free_bytes()) return absl::OkStatus();
   no_room_ = true;
   return absl::ResourceExhaustedError(fmt::format(
-      "{:.1f} MB of disk are missing at the {}: {} frames are still to come, {:.1f} MB, and {:.1f} "
-      "MB are free for frames; delete sessions there",
+      "{:.1f} MB of disk space are missing at the {}: {} frames remain, {:.1f} MB, and {:.1f} MB are free "
+      "for "
+      "frames; delete sessions there",
       1e-6 * static_cast<double>(needed_bytes - space.free_bytes()), links_.camera->title(), frame_count,
       1e-6 * static_cast<double>(needed_bytes), 1e-6 * static_cast<double>(space.free_bytes())));
 }

@@ -28,30 +28,29 @@ absl::Status check_exposures(const std::vector<Step>& steps, const v1::GetCamera
   return absl::OkStatus();
 }
 
-// A camera that takes pictures on demand gives no times that could prove a step.
+// A camera that takes pictures on demand provides no times that could prove a step.
 absl::Status check_patches(const v1::GetCameraResponse& camera, const v1::Plan& plan,
                            const std::vector<v1::Monitor>& monitors, const std::vector<Step>& steps) {
   if (!camera.on_demand()) return absl::OkStatus();
   const std::string& name = camera.camera().name();
   if (plan.has_calibration() || is_video(plan)) {
     return absl::FailedPreconditionError(
-        fmt::format("pictures of camera \"{}\" are proven by the id patch alone, which {} show; use a camera "
-                    "that stamps its "
-                    "frames",
+        fmt::format("pictures of camera \"{}\" are proven only by the id patch, which {} show; use a camera "
+                    "that timestamps its frames",
                     name, plan.has_calibration() ? "calibrations do not" : "videos cannot wait to"));
   }
   for (const Step& step : steps) {
     const auto lit = std::ranges::find(monitors, step.stimulus.panel(), &v1::Monitor::name);
     if (lit == monitors.end() || lit->patch_rows() > 0) continue;
     return absl::FailedPreconditionError(fmt::format(
-        "monitor \"{}\" shows no id patch, which alone proves pictures of camera \"{}\": start its "
+        "monitor \"{}\" shows no id patch, which is the only proof for pictures of camera \"{}\": start its "
         "display with --patch-rows, where the camera sees them",
         lit->name(), name));
   }
   return absl::OkStatus();
 }
 
-// Warns if the disk takes frames more slowly than the capture makes them, and the camera's memory does not
+// Warns if the disk stores frames more slowly than the capture makes them, and the camera's memory cannot
 // hold the rest. Compressed frames need less; by how much is not known in advance.
 void check_disk_speed(const RigLinks& links, const v1::Plan& plan, double disk_bytes_per_second,
                       v1::EstimateSessionResponse& estimate) {
@@ -93,8 +92,8 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
   if (const std::string warning = uncalibrated_warning(header); !warning.empty())
     estimate.add_warnings(warning);
   for (const std::string& display : links.silent_displays) {
-    estimate.add_warnings(
-        fmt::format("{} does not answer; the plan does without it, but its monitors may shine", display));
+    estimate.add_warnings(fmt::format(
+        "{} does not answer; the plan does not need it, but its monitors may emit light", display));
   }
   const RigLimits rig{.monitors = {header.monitors().begin(), header.monitors().end()},
                       .camera = links.camera_info,
@@ -155,9 +154,8 @@ absl::StatusOr<google::protobuf::Map<std::string, double>> positions_of(
     }
     const auto [at, is_new] = positions.insert({name, position_mm});
     if (is_new || at->second == position_mm) continue;
-    return absl::InvalidArgumentError(
-        fmt::format("rail_mm of monitor \"{}\" is {}; its rail says that it stands at {}", name, position_mm,
-                    at->second));
+    return absl::InvalidArgumentError(fmt::format(
+        "rail_mm of monitor \"{}\" is {}; its rail reports that it is at {}", name, position_mm, at->second));
   }
   return positions;
 }
@@ -168,8 +166,8 @@ absl::Status enter_positions(const v1::Session& session, std::vector<v1::Monitor
     if (at == session.rail_mm().end()) continue;
     if (monitor.has_rail_mm() && monitor.rail_mm() != at->second) {
       return absl::FailedPreconditionError(fmt::format(
-          "monitor \"{0}\" stands at {1} mm of its rail, and the session was begun at {2} mm; move it "
-          "there: glasswing rail {0}:{2}; then: glasswing retry {3}",
+          "monitor \"{0}\" is at {1} mm on its rail, but the session was begun at {2} mm; move it there: "
+          "glasswing rail {0}:{2}; then: glasswing retry {3}",
           monitor.name(), monitor.rail_mm(), at->second, session.name()));
     }
     monitor.set_rail_mm(at->second);

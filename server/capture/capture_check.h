@@ -17,17 +17,17 @@ struct CheckedCapture {
 };
 
 // INVALID_ARGUMENT: the plan, or an exposure that the camera cannot make. FAILED_PRECONDITION: the rig lacks
-// something that the plan needs, or room for the frames. UNAVAILABLE: a node is away.
+// something that the plan needs, or space for the frames. UNAVAILABLE: a node does not answer.
 absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                              const v1::Plan& plan);
 
-// Where monitors stand, by name: those of rails, and those that an operator placed. INVALID_ARGUMENT: an
-// operator's monitor is none of them, or stands on a rail elsewhere.
+// The positions of monitors, by name: on rails, and placed by an operator. INVALID_ARGUMENT: the operator's
+// monitor is not among them, or is on a rail at another position.
 absl::StatusOr<google::protobuf::Map<std::string, double>> positions_of(
     const google::protobuf::RepeatedPtrField<v1::Monitor>& monitors,
     const google::protobuf::Map<std::string, double>& placed);
 
-// Enters the positions at which the session began. FAILED_PRECONDITION: a rail has moved its monitor since.
+// Records the positions at which the session began. FAILED_PRECONDITION: a rail has moved its monitor since.
 absl::Status enter_positions(const v1::Session& session, std::vector<v1::Monitor>& monitors);
 
 }  // namespace glasswing

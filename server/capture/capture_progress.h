@@ -25,17 +25,17 @@ class CaptureProgress {
   const std::set<int>& proven() const { return proven_; }
   void report() { report_(session_); }
 
-  // The capture waits for something, which `why` says in the session's reason; empty: it goes on.
+  // The capture waits for something, given by `why` in the session's reason; empty: it continues.
   void note_waiting(const std::string& why);
 
   void set_archive_address(const std::string& address) { session_.set_archive_address(address); }
   // Restores the counts from the archive's manifest.
   void resume(const v1::CaptureManifest& manifest, int step_count);
 
-  // Takes plan and findings of a session that adapts.
+  // Takes the plan and findings of an adaptive session.
   void grow(const v1::Session& session, int step_count);
 
-  // Time of showing and recording counts only between these two calls.
+  // Showing and recording time counts only between these two calls.
   void begin_group();
   void end_group() { group_began_.reset(); }
   void update_seconds() { session_.set_capture_seconds(seconds()); }
@@ -43,18 +43,18 @@ class CaptureProgress {
   void note_frames_taken(int count) { session_.set_frames_taken(session_.frames_taken() + count); }
   // All monitors have shown the step.
   void note_shown(int step, bool again);
-  // The camera node has stored `frames`, and refused others because of their pixels.
+  // The camera node has stored `frames`, and rejected others because of their pixels.
   void note_kept(const google::protobuf::RepeatedPtrField<v1::Frame>& frames, int refused);
   void note_retaken(int step, v1::RetakeCause cause);
   void note_unproven(const std::vector<Step>& steps);
   // Replaces the lost frames of the video by these indices into `video_steps`.
   void note_lost(std::span<const int> indices, const std::vector<int>& video_steps);
   void warn(const std::string& warning);
-  // Replaces what was noted by this capture; what earlier ones of the session noted stays.
+  // Replaces the notes of this capture; those of the session's earlier captures are kept.
   void note_rig_changes(const std::vector<v1::RigChange>& changes);
   // The frames of Session.retaking have been dropped.
   void note_dropped();
-  // Of showing and recording, in total, s.
+  // Total showing and recording time, s.
   double seconds() const;
 
  private:

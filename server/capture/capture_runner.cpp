@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::chrono::seconds kNodeGrace(30);  // how long a capture waits for a lost node before it pauses
-constexpr std::chrono::seconds kProgressSaved(2);  // how far a power cut may set the catalogue back
+constexpr std::chrono::seconds kProgressSaved(2);  // how much of the catalogue a power cut may lose
 
 std::string go_on(const v1::Session& session) {
   return fmt::format("; resume with: glasswing resume {}", session.name());
@@ -51,8 +51,7 @@ void CaptureRunner::take_up(SessionStore::Edit& edit, std::span<const v1::Sessio
 absl::Status CaptureRunner::check_new_name(const std::string& name) {
   GW_RETURN_IF_ERROR(check_name("session", name));
   if (absl::IsNotFound(sessions_.stored(name).status())) return absl::OkStatus();
-  return absl::AlreadyExistsError(
-      fmt::format("there is a session \"{}\" already; choose another name", name));
+  return absl::AlreadyExistsError(fmt::format("session \"{}\" already exists; choose another name", name));
 }
 
 absl::StatusOr<v1::EstimateSessionResponse> CaptureRunner::estimate(
@@ -74,7 +73,7 @@ absl::Status CaptureRunner::check_images(const std::vector<Step>& steps) const {
   return absl::OkStatus();
 }
 
-// "20261101-120000", with a number behind if there is such a session.
+// "20261101-120000", with a number appended if that session exists.
 std::string CaptureRunner::chosen_name(const std::string& created) {
   std::string stamp = created;
   std::erase_if(stamp, [](char c) { return c == '-' || c == ':' || c == 'Z'; });
@@ -132,7 +131,7 @@ v1::Session CaptureRunner::start(SessionStore::Edit& edit, v1::Session session, 
     confirmed = asked->second;
     operator_asked_.erase(asked);
   }
-  // An error is met again, and reported, when the capture's outcome is written.
+  // An error recurs, and is reported, when the capture's outcome is written.
   (void)edit.save_progress(session);
   capturing_ = session.name();
   drive_ = std::move(drive);
@@ -166,7 +165,7 @@ void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> 
   const auto next_round = [this](const v1::Session& captured,
                                  std::stop_token until) -> absl::StatusOr<v1::Session> {
     GW_ASSIGN_OR_RETURN(v1::Session grown, next_round_(captured, std::move(until)));
-    // Before its first step is shown: a later choice must not give another picture the same number.
+    // Before its first step is shown: a later choice must not give a different picture the same number.
     GW_RETURN_IF_ERROR(sessions_.edit().save_progress(grown));
     return grown;
   };
@@ -233,7 +232,7 @@ void CaptureRunner::note_outcome(v1::Session session, const CaptureOutcome& outc
   }
   const absl::Status written = edit.change(session);
   if (!written.ok()) {
-    // The catalogue still says "capturing"; the live view says what is true until it can be written.
+    // The catalogue still says "capturing"; the live view is correct until it can be written.
     session.set_state(v1::SESSION_STATE_PAUSED);
     session.set_reason(std::string(written.message()) + go_on(session));
     edit.show(session);

@@ -1,4 +1,4 @@
-// The server's captures: which session drives the rig, and what becomes of it.
+// The server's captures: which session drives the rig, and its outcome.
 #pragma once
 
 #include <absl/status/status.h>
@@ -26,14 +26,15 @@
 
 namespace glasswing {
 
-// Thread-safe. Errors are those that session_service.proto lists.
+// Thread-safe. Errors are those listed in session_service.proto.
 class CaptureRunner {
  public:
   enum class Wish { kNone, kPause, kCancel };
 
-  // `next_round` is asked after each round of a session that adapts (AdaptiveRounds::grow).
+  // `next_round` is called after each round of an adaptive session (AdaptiveRounds::grow).
   // `progressed` is called under an Edit with each new record of a session that is being captured, and when
-  // its capture has ended; `captured` with the name of each whose last step is proven, also under mutex_.
+  // its capture has ended; `captured` with the name of each session whose last step is proven, also under
+  // mutex_.
   CaptureRunner(SessionStore& sessions, const NodeRegistry& nodes, RigLock& rig_lock,
                 const CalibrationStore& calibrations, ImageFiles& images, NextRound next_round,
                 std::function<void(const v1::Session&)> progressed,
@@ -48,21 +49,21 @@ class CaptureRunner {
         captured_(std::move(captured)) {}
   ~CaptureRunner();  // pauses a running capture
 
-  // Sessions that an earlier server left capturing are paused.
+  // Sessions left capturing by an earlier server are paused.
   void take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions);
 
   absl::StatusOr<v1::EstimateSessionResponse> estimate(const v1::EstimateSessionRequest& request);
   absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request, const Caller& caller);
-  // Continues a capture that is paused or failed (session_state.h).
+  // Continues a paused or failed capture (session_state.h).
   absl::StatusOr<v1::Session> resume(SessionStore::Edit& edit, v1::Session session,
                                      const v1::ResumeSessionRequest& request, const Caller& caller);
-  // Cancels a capture that is paused, or was not started.
+  // Cancels a capture that is paused or was not started.
   absl::StatusOr<v1::Session> cancel(SessionStore::Edit& edit, v1::Session session);
-  // Stops the running capture of the session and waits until it rests. Call without an Edit.
+  // Stops the running capture of the session and waits until it comes to rest. Call without an Edit.
   // FAILED_PRECONDITION: another client holds the rig.
   absl::StatusOr<v1::Session> stop(const std::string& session, Wish wish, const Caller& caller);
 
-  // The events of the session's steps from the `first` on.
+  // The events of the session's steps from `first` on.
   absl::StatusOr<std::vector<v1::StepEvent>> steps(const std::string& session, size_t first);
 
   void forget(const v1::Session& session);
@@ -74,7 +75,7 @@ class CaptureRunner {
   absl::StatusOr<RigLock::Drive> drive_for(const std::string& session, const Caller& caller);
   v1::Session start(SessionStore::Edit& edit, v1::Session session, RigLock::Drive drive);
   void capture_until_done(v1::Session session, std::optional<bool> object_confirmed, std::stop_token stop);
-  // The session as all see it: while it is being stopped its reason says so.
+  // The session as clients see it: while it is being stopped its reason says so.
   v1::Session as_it_ends(v1::Session session);
   void note_outcome(v1::Session session, const CaptureOutcome& outcome);
 

@@ -49,10 +49,10 @@ GroupCapture::GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPla
       player_(player),
       progress_(progress),
       watch_(watch),
-      // The same after a restart of the server, and of no other server's session.
+      // The same after a restart of the server, but different from other servers' sessions.
       recording_(setup.links, exposure_ms,
                  fmt::format("{} {}", progress.session().name(), progress.session().created())),
-      // A step that is held waits for its own proof.
+      // A held step waits for its own proof.
       learning_(patches_given_up, on_demand() ? 1 : PatchLearning::kOthers),
       stall_(stall_watch_of(setup, progress.session().plan())) {}
 
@@ -69,7 +69,7 @@ absl::Status GroupCapture::play(const std::vector<Step>& steps, std::stop_token 
   judged_now_.clear();
   refused_now_.clear();
   unreadable_now_.clear();
-  // Each patch learning step is shown twice.
+  // Each patch-learning step is shown twice.
   stall_.begin_program(2 * static_cast<int>(std::ranges::count_if(steps, is_patch_learning_step)));
   const auto judging = [&](std::vector<v1::Frame> frames) -> absl::StatusOr<bool> {
     absl::StatusOr<bool> go_on = true;
@@ -92,7 +92,7 @@ absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) 
           steps, stop);
     }
     std::vector<Step> showing = learning_.begin_showing(steps);
-    // A repeat's frame is not judged by its pixels, which alone prove one without stamps.
+    // A repeat's frame is not judged by its pixels, which are the only proof without timestamps.
     if (!on_demand()) {
       showing = watch_.with_repeats(std::move(showing), hold_refreshes_of(progress_.session().plan()),
                                     progress_.proven());
@@ -174,7 +174,7 @@ void GroupCapture::look_for_stall(const std::vector<Step>& showing) {
 }
 
 void GroupCapture::say_stalled(std::vector<Step> unproven) {
-  // The others come later, or would have, had the showing not ended early.
+  // The others come later, or would have if the showing had not ended early.
   std::erase_if(unproven, [this](const Step& step) {
     return RigWatch::is_repeat(step.number) || !recording_.was_shown_now(step.number) ||
            learning_.is_held(step.number) || progress_.is_proven(step.number);
@@ -212,7 +212,7 @@ absl::Status GroupCapture::unproven(const std::string& what, const std::vector<S
     advice +=
         fmt::format(" ({} ms at {} fps)", recording_.exposure_ms(), setup_.links.camera_info.frame_rate_hz());
   } else if (on_demand()) {
-    advice = "are the files that come into the folder those of the pictures that were asked for?";
+    advice = "do the files that arrive in the folder belong to the requested pictures?";
   } else if (cause == v1::RETAKE_CAUSE_WRONG_ID || cause == v1::RETAKE_CAUSE_ID_UNREADABLE) {
     GW_ASSIGN_OR_RETURN(const std::string lag, lags(steps.front(), stop));
     if (!lag.empty()) advice = lag;
@@ -224,15 +224,15 @@ absl::Status GroupCapture::contradicted(const v1::UnseenPatch& patch, const std:
                                         std::stop_token stop) {
   if (on_demand()) {
     return absl::FailedPreconditionError(
-        fmt::format("monitor \"{}\": {}; pictures from a folder are proven by the id patch alone: the camera "
-                    "must see it sharp, "
-                    "and not over-exposed, and files must come one for each picture that is asked for",
+        fmt::format("monitor \"{}\": {}; pictures from a folder are proven only by the id patch: the camera "
+                    "must see it in focus and not over-exposed, and exactly one file must arrive for each "
+                    "requested picture",
                     patch.monitor(), patch.reason()));
   }
   if (patch.frozen()) {
     return absl::FailedPreconditionError(fmt::format(
         "monitor \"{}\": nothing that the camera sees changes while its pictures are shown; is it switched "
-        "on, and does the camera look at it? If the camera need not see it, start its display with "
+        "on, and does the camera see it? If the camera need not see it, start its display with "
         "--patch-rows {}=0, and its steps are proven by time alone",
         patch.monitor(), patch.monitor()));
   }

@@ -1,5 +1,5 @@
-// Captures one group of steps: those of one stage and one exposure, for which the camera runs without a
-// break.
+// Captures one group of steps: those of one stage and one exposure, during which the camera runs without
+// interruption.
 #pragma once
 
 #include <absl/status/status.h>
@@ -29,43 +29,44 @@ class GroupCapture {
   GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPlayer& player, CaptureProgress& progress,
                RigWatch& watch, std::set<std::string>& patches_given_up, double exposure_ms);
 
-  // Returns when the camera runs and the clocks are measured.
+  // Returns when the camera is running and the clocks are measured.
   absl::Status start(std::stop_token stop);
-  // Shows steps again until each is proven. FAILED_PRECONDITION: some are not after the plan's retries, or
-  // what the camera sees contradicts the reported times. CANCELLED: stopped.
+  // Repeats steps until each is proven. FAILED_PRECONDITION: some are not after the plan's retries, or the
+  // camera's pictures contradict the reported times. CANCELLED: stopped.
   absl::Status prove(std::vector<Step> steps, std::stop_token stop);
-  // Shows steps once and has the proven frames stored. CANCELLED: stopped.
+  // Shows steps once and lets the proven frames be stored. CANCELLED: stopped.
   absl::Status show(const std::vector<Step>& steps, std::stop_token stop);
   bool was_shown(const Step& step) const { return recording_.was_shown(step.number); }
-  // The error for `what`: these steps have no proof. Advises by the commonest cause in the last showing. If
-  // that is what pixels show, measures the lag that would explain it, and stops the camera.
+  // The error for `what`: these steps have no proof. Gives advice for the most common cause in the last
+  // showing. If that is what the pixels show, measures the lag that would explain it, and stops the camera.
   absl::Status unproven(const std::string& what, const std::vector<Step>& steps, std::stop_token stop);
 
  private:
-  // Plays a program once, and has the proven frames stored.
+  // Plays a program once, and lets the proven frames be stored.
   absl::Status play(const std::vector<Step>& steps, std::stop_token stop);
-  // Has the camera node store the frames of one batch whose pixels agree. Returns false if a patch learning
-  // step was missed, or taught nothing: frames of later steps cannot be judged, and the showing ends.
+  // Makes the camera node store the frames of one batch whose pixels agree. Returns false if a patch-learning
+  // step was missed, or nothing was learned from it: frames of later steps cannot be judged, and the showing
+  // ends.
   absl::StatusOr<bool> judge(std::vector<v1::Frame> frames, bool is_over, std::stop_token stop);
   absl::Status keep(const std::vector<v1::Frame>& frames, std::stop_token stop);
-  // Finds what happened to the rig from frames of repeated pictures.
+  // Detects disturbances of the rig from frames of repeated pictures.
   absl::Status compare(const std::vector<v1::Frame>& repeats, std::stop_token stop);
   absl::Status learn(const std::vector<v1::Frame>& frames, std::stop_token stop);
   // The error for a patch that contradicts the reported times, or for a frozen one, while `steps` are shown.
   absl::Status contradicted(const v1::UnseenPatch& patch, const std::vector<Step>& steps,
                             std::stop_token stop);
-  // For people, what the monitors' patches say against the reported times; empty: no lag explains it. Shows
-  // the patch learning steps of the group that has this step again, and stops the camera.
+  // A readable text on how the monitors' patches contradict the reported times; empty: no lag explains it.
+  // Repeats the patch-learning steps of the group that contains this step, and stops the camera.
   absl::StatusOr<std::string> lags(const Step& of_group, std::stop_token stop);
-  // By how much the monitor of these patch learning steps, which were just shown, lags behind what is
-  // reported; none: unknown, or less than frames can tell.
+  // How far the monitor of these just shown patch-learning steps lags behind its reports; none: unknown, or
+  // too little to measure with frames.
   absl::StatusOr<std::optional<nanoseconds>> lag_of(const std::vector<Step>& learning, std::stop_token stop);
-  // The camera takes a picture only when it is asked for one, and pixels alone prove it.
+  // The camera takes pictures only on request, and only pixels prove them.
   bool on_demand() const { return setup_.links.camera_info.on_demand(); }
   void note_retaken(const std::vector<Step>& steps);
-  // To be called again and again while the showing plays.
+  // To be called repeatedly while the showing plays.
   void look_for_stall(const std::vector<Step>& showing);
-  // Says in the session that nothing is proven any more, by the commonest cause of these steps.
+  // Reports in the session that nothing is being proven any more, with the most common cause of these steps.
   void say_stalled(std::vector<Step> unproven);
   // Why the last showing did not prove the step.
   v1::RetakeCause cause_of(const Step& step) const;

@@ -18,7 +18,7 @@ class LagSearch {
   absl::StatusOr<std::optional<nanoseconds>> run() {
     nanoseconds shortest = nanoseconds::max();
     for (const TimeOnScreen& id : ids_) shortest = std::min(shortest, id.until - id.from);
-    // Lags that show the ids span about the time for which an id is shown.
+    // Lags that show the ids span about the time for which one id is shown.
     const nanoseconds pace = std::max(shortest / 4, kFine);
     for (nanoseconds lag = kEarliestLag - pace; lag <= kLatestLag + pace; lag += pace) {
       GW_ASSIGN_OR_RETURN(const bool seen, shows(lag));

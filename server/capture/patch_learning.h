@@ -1,8 +1,8 @@
 // Decides how one group of steps (one stage, one exposure) learns where the camera sees each monitor's id
 // patch.
 //
-// A patch learning step shows a known id. Its frame goes to the camera node (CameraService.LearnPatches) with
-// the last one that must show the id too. The node holds both until the set of a monitor is complete. Frames
+// A patch-learning step shows a known id. Its frame goes to the camera node (CameraService.LearnPatches) with
+// the last one that must also show the id. The node holds both until the set of a monitor is complete. Frames
 // of other steps are queued here until every learning step is proven, because their pixels cannot be judged
 // earlier. A monitor whose patch stays unseen is given up: its steps are then proven by time alone. Pixels
 // that contradict the reported times, or a camera in whose frames nothing changes at all, fail the capture.
@@ -28,7 +28,7 @@ inline bool is_patch_learning_step(const Step& step) {
   return kind_of(step.stimulus) == StimulusKind::kPatch;
 }
 
-// Patch learning steps show their own ids, and a calibration's exposures suit no patch.
+// Patch-learning steps show their own ids, and a calibration's exposures are unsuitable for patches.
 inline bool shows_id(const Step& step) {
   return !is_patch_learning_step(step) && !step.stimulus.codes();
 }
@@ -40,20 +40,20 @@ class PatchLearning {
   // Frames of other steps that a showing collects after a dark patch, to see whether anything changes.
   static constexpr size_t kOthers = 8;
 
-  // `given_up`: monitors whose steps do without a patch. It is borrowed, because it outlives the group.
-  // `others`: in place of kOthers.
+  // `given_up`: monitors whose steps do not use a patch. It is borrowed, because it outlives the group.
+  // `others`: instead of kOthers.
   explicit PatchLearning(std::set<std::string>& given_up, size_t others = kOthers)
       : given_up_(given_up), others_(others) {}
 
-  // Starts a showing and drops the queue of the one before. Returns the steps to show: all of `pending`
+  // Starts a showing and drops the queue of the previous one. Returns the steps to show: all of `pending`
   // except those whose frames the camera node holds.
   std::vector<Step> begin_showing(const std::vector<Step>& pending);
 
-  // Queues the frames. Removes and returns those of patch learning steps whose patch has left the screen.
+  // Queues the frames. Removes and returns those of patch-learning steps whose patch has left the screen.
   std::vector<v1::Frame> take_learning_frames(std::vector<v1::Frame> frames,
                                               const std::function<bool(int step)>& has_left);
-  // Monitors to name in LearnPatchesRequest.accept_unseen_patches: those given up, and those that will be if
-  // the next set does not show their patch either.
+  // Monitors to name in LearnPatchesRequest.accept_unseen_patches: those already given up, and those that
+  // will be if the next set does not show their patch either.
   std::vector<std::string> accepted_unseen() const;
   // Takes the camera node's answer, and returns a warning for each monitor that has just been given up.
   std::vector<std::string> note_learned(const v1::LearnPatchesResponse& response);
@@ -64,10 +64,10 @@ class PatchLearning {
 
   // The camera node holds the step's frame until the rest of its set arrives.
   bool is_held(int step) const { return held_.contains(step); }
-  // Showings with a patch that was not seen. They do not count as retries.
+  // Showings with a patch that was not seen. These do not count as retries.
   int unseen_showings() const { return unseen_showings_; }
   // A patch that contradicted the reported times, stayed dark while nothing else changed, or was not seen by
-  // a camera that needs it, at so many attempts that the capture fails; null: none.
+  // a camera that needs it, in so many attempts that the capture fails; null: none.
   const v1::UnseenPatch* hopeless() const;
 
  private:

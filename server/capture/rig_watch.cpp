@@ -15,17 +15,17 @@ namespace glasswing {
 namespace {
 
 constexpr double kBetween_s = 2.0;   // repeated pictures
-constexpr size_t kMinBetween = 48;   // steps: they cost 2 % at most
-constexpr size_t kMinSteps = 10;     // of a showing at whose end pictures are repeated
+constexpr size_t kMinBetween = 48;   // steps: they cost at most 2 %
+constexpr size_t kMinSteps = 10;     // of a showing, at the end of which pictures are repeated
 constexpr size_t kMaxShown = 20000;  // pictures of a program
-constexpr double kBarParts = 16.0;   // of the monitor's side, is a good width of bars
+constexpr double kBarParts = 16.0;   // of the monitor's side: a good bar width
 constexpr double kMoved_px = 0.2, kLight = 0.02, kErrors = 8.0;
 constexpr double kMaxSd_px = 0.1, kMaxLightSd = 0.005;  // of what counts as measured
-constexpr double kSlow = 0.5;                           // of a change between two repeats in a row
+constexpr double kSlow = 0.5;                           // of a change between two consecutive repeats
 constexpr int kMaxLightChanges = 3, kMaxRanges = 500;
 
-// How far the side of its bars or half waves is from a good one, as a ratio's logarithm; none: its edges are
-// not upright, or level.
+// How far the width of its bars or half waves is from a good one, as the logarithm of the ratio; none: its
+// edges are neither vertical nor horizontal.
 std::optional<double> distance(const v1::Stimulus& stimulus, const v1::Monitor& monitor, bool upright) {
   const double side_px = (upright ? monitor.width_px() : monitor.height_px()) / kBarParts;
   const auto from = [side_px](double width_px) { return std::abs(std::log(width_px / side_px)); };
@@ -58,7 +58,7 @@ std::optional<int> RigWatch::picture(const Step& of_group, bool upright) const {
   double nearest = std::numeric_limits<double>::max();
   for (const Step& step : setup_.steps) {
     if (step.object != of_group.object || step.exposure_ms != of_group.exposure_ms) continue;
-    // Of one monitor, whichever the plan lights first.
+    // For one monitor, the one that the plan lights first.
     if (step.stimulus.panel() != of_group.stimulus.panel()) continue;
     const auto monitor = std::ranges::find(setup_.monitors, step.stimulus.panel(), &v1::Monitor::name);
     if (monitor == setup_.monitors.end()) continue;
@@ -152,14 +152,14 @@ bool RigWatch::add(int number, const v1::FrameChange& change, double seconds) {
     }
     if (moved) changed = note(std::move(found), back) || changed;
   }
-  // While light stays, it spoils more steps.
+  // While the light persists, it spoils more steps.
   const bool lasts =
       std::ranges::any_of(changes_, [](const Change& each) { return !each.of_place && !each.over; });
   return changed || lasts;
 }
 
 bool RigWatch::note(Change change, bool back) {
-  // Solvers divide out light that rises and falls slowly.
+  // Solvers divide out slow changes of light.
   if (change.slow && !change.of_place) return false;
   for (Change& open : changes_) {
     if (open.of_place != change.of_place || open.over || open.slow != change.slow) continue;
@@ -210,12 +210,12 @@ void RigWatch::lose(size_t first, size_t last, bool patches, v1::RigChange& told
 void RigWatch::tell_place(const Change& change, const std::string& session, v1::RigChange& told) const {
   const std::string shift = shift_text(change.by[kRight], change.by[kDown]);
   if (change.slow) {
-    told.set_what(fmt::format("the picture creeps, by {} so far: the camera or its stand sinks", shift));
-    told.set_advice("make the camera's stand firm, then capture again");
+    told.set_what(fmt::format("the picture creeps, by {} so far: the camera or its stand is sinking", shift));
+    told.set_advice("secure the camera's stand, then capture again");
     return;
   }
   if (change.over) {
-    told.set_what(fmt::format("between steps {} everything lay {}: {}, and came back",
+    told.set_what(fmt::format("between steps {} everything was shifted {}: {}, and came back",
                               steps_text(change.good, *change.over), shift, kTouched));
     lose(change.good, *change.over, false, told);
     told.set_advice("capture these steps again: glasswing retake " + session);
@@ -250,12 +250,12 @@ void RigWatch::tell_light(const Change& change, const std::string& session, v1::
   } else if (added) {
     told.set_what(fmt::format("since between steps {} {}", steps_text(change.good, change.bad), what));
     lose(change.good, newest_, false, told);
-    told.set_advice("put it back as it was, then capture the steps since again: glasswing retake " + session);
+    told.set_advice("restore it, then recapture the steps since then: glasswing retake " + session);
   } else {
     told.set_what(fmt::format("since between steps {} {}", steps_text(change.good, change.bad), what));
     lose(0, change.bad, false, told);
-    told.set_advice(
-        "switch off what adapts by itself, then capture the steps before again: glasswing retake " + session);
+    told.set_advice("switch off automatic controls, then recapture the earlier steps: glasswing retake " +
+                    session);
   }
 }
 

@@ -1,6 +1,6 @@
-// Finds what happens to the rig in the middle of a capture. Every two seconds or so a picture is shown again
-// whose frame is stored already, with upright and with level edges in turn. Any difference between the two
-// frames is the rig's, whatever the plan shows and whatever stands on the stage.
+// Detects disturbances of the rig during a capture. Every two seconds or so a picture whose frame is already
+// stored is shown again, alternately with vertical and horizontal edges. Any difference between the two
+// frames is due to the rig, whatever the plan shows and whatever is on the stage.
 #pragma once
 
 #include <array>
@@ -20,13 +20,13 @@ namespace glasswing {
 // Used by the capture's thread only.
 class RigWatch {
  public:
-  // `setup` is borrowed; it need be complete when steps are shown. `by_hand`: a person moves the object, and
-  // never to the same place twice.
+  // `setup` is borrowed; it must be complete when steps are shown. `by_hand`: a person moves the object,
+  // never exactly to the same place twice.
   RigWatch(const CaptureSetup& setup, bool by_hand) : setup_(setup), by_hand_(by_hand) {}
 
-  // Repeated pictures have numbers of their own, beyond those of steps.
+  // Repeated pictures have their own numbers, beyond those of steps.
   static bool is_repeat(int number) { return number >= kFirstRepeat; }
-  // The steps of one stage and exposure as they shall be shown: with repeated pictures between them and at
+  // The steps of one stage and exposure as they are to be shown: with repeated pictures between them and at
   // their end. `proven`: the steps that have a frame.
   std::vector<Step> with_repeats(const std::vector<Step>& steps, int hold_refreshes,
                                  const std::set<int>& proven);
@@ -40,7 +40,7 @@ class RigWatch {
                                       const std::set<int>& proven) const;
   // Takes a comparison's result, at this time of the capture, s. True: changes() has changed.
   bool add(int repeat, const v1::FrameChange& change, double seconds);
-  // What has happened since this watch began, the first first.
+  // What has happened since this watch began, oldest first.
   std::vector<v1::RigChange> changes(const std::string& session) const;
 
  private:
@@ -55,7 +55,7 @@ class RigWatch {
     bool object = false;
     double exposure_ms = 0.0;
   };
-  // How a stage at one exposure was seen last. Places are in order_.
+  // How a stage at one exposure was last seen. Places are indices into order_.
   struct Seen {
     Quantities level = kAtFirst, last = kAtFirst;
     std::array<size_t, kQuantities> place{};
@@ -76,8 +76,8 @@ class RigWatch {
   v1::RigChange told(const Change& change, const std::string& session) const;
   void tell_place(const Change& change, const std::string& session, v1::RigChange& told) const;
   void tell_light(const Change& change, const std::string& session, v1::RigChange& told) const;
-  // Sets the steps of these places as lost; those that teach the id patch if the camera sees it elsewhere
-  // now.
+  // Marks the steps at these places as lost; also the patch-learning steps, if the camera now sees the patch
+  // elsewhere.
   void lose(size_t first, size_t last, bool patches, v1::RigChange& told) const;
   std::string steps_text(size_t first, size_t last) const;
 

@@ -1,4 +1,4 @@
-// Notices that pictures are shown and nothing is proven any more. Makes no calls and reads no clock.
+// Detects that pictures are shown but nothing is being proven any more. Makes no calls and reads no clock.
 #pragma once
 
 #include <optional>
@@ -9,7 +9,7 @@ namespace glasswing {
 
 class StallWatch {
  public:
-  // Steps in a row without a proof that are no chance: where every second one is proven, such a row comes
+  // Consecutive steps without a proof that cannot be chance: if every second one is proven, such a run occurs
   // once in a million.
   static constexpr int kSteps = 20;
 
@@ -22,7 +22,7 @@ class StallWatch {
     held_back_ = held_back;
     looked_ = std::nullopt;
   }
-  // To be asked again and again while the program plays. `proven`: steps with a proof.
+  // To be called repeatedly while the program plays. `proven`: steps with a proof.
   bool is_stalled(nanoseconds now, int proven) {
     if (proven != proven_) unproven_ = nanoseconds(0);
     unproven_ += now - looked_.value_or(now);

@@ -28,10 +28,11 @@ constexpr milliseconds kLastFrameWait(1500);  // for frames, after the last step
 constexpr std::chrono::seconds kClockInterval(1);
 
 constexpr milliseconds kAskDelay(20);  // from a step's light to its picture
-constexpr int kAsked = 3;              // how often one picture is asked for in a showing
+constexpr int kAsked = 3;              // how often one picture is requested in a showing
 constexpr std::chrono::seconds kSaidEvery(5);
 
-// Returns the time once the newest frame has surely ended, which may be a moment ahead by its camera's clock.
+// Returns the time at which the newest frame has certainly ended, which may be slightly ahead by its camera's
+// clock.
 nanoseconds wait_past(const Recording& recording, const std::stop_token& stop) {
   const std::vector<FrameTime> frames = recording.recent_frames();
   nanoseconds end{};
@@ -50,7 +51,7 @@ double seconds_of(nanoseconds time) {
 // One program as it plays on all displays.
 class ProgramFeeds {
  public:
-  // `pictures`: of the program. The camera exposes for `exposure_ms` where it is triggered.
+  // `pictures`: of the program. A triggered camera exposes for `exposure_ms`.
   ProgramFeeds(const RigLinks& links, const std::string& program, int pictures, int monitor_count,
                nanoseconds start_at, int hold_refreshes, double exposure_ms, bool hold_last = false)
       : monitor_count_(monitor_count) {
@@ -70,12 +71,12 @@ class ProgramFeeds {
   }
 
   // Calls `shown` for each step that the last monitor has reported since the previous call. Returns false
-  // when all displays have finished. DEADLINE_EXCEEDED: a display got the command after `start_at` and
-  // refused it.
+  // when all displays have finished. DEADLINE_EXCEEDED: a display received the command after `start_at` and
+  // rejected it.
   absl::StatusOr<bool> poll(const std::function<void(const StableWindow&)>& shown) {
     bool playing = false;
     for (size_t i = 0; i < feeds_.size(); ++i) {
-      // Read the end first: everything pushed before it is then sure to be taken.
+      // Read the end first: everything pushed before it is then certain to be taken.
       const std::optional<absl::Status> end = feeds_[i]->inbox.end();
       for (const v1::Presentation& presentation : feeds_[i]->inbox.take())
         add(rig_time_of(presentation, *displays_[i]), shown);
@@ -109,7 +110,7 @@ class ProgramFeeds {
 
 namespace {
 
-// The picture of a step that is held, as a camera is asked for it.
+// The picture of a held step, as requested from a camera.
 class PictureDemand {
  public:
   PictureDemand(const RigLinks& links, CaptureProgress& progress, const std::string& what)
@@ -132,8 +133,8 @@ class PictureDemand {
     return absl::OkStatus();
   }
 
-  // To be called again and again: says how long it takes, and asks anew. False: pictures came, but not of
-  // this step. FAILED_PRECONDITION: none came, however often it was asked for.
+  // To be called repeatedly: reports how long it takes, and requests it again. False: pictures arrived, but
+  // not of this step. FAILED_PRECONDITION: none arrived, despite repeated requests.
   absl::StatusOr<bool> look(int came, std::stop_token stop) {
     const nanoseconds now = monotonic_now();
     if (now - said_at_ >= kSaidEvery || (came > 0 && came != came_)) {
@@ -174,7 +175,7 @@ class PictureDemand {
     std::string text = due_.by_hand() && waited_s < 1.0
                            ? fmt::format("press the camera's button: {} is due", what_)
                            : fmt::format("the folder has waited {:.0f} s for {}", waited_s, what_);
-    if (came_ > 0) text += fmt::format("; {} came that do not show it", came_ == 1 ? "a file" : "files");
+    if (came_ > 0) text += fmt::format("; {} arrived that do not show it", came_ == 1 ? "a file" : "files");
     if (!due_.problem().empty()) text += " (" + due_.problem() + ")";
     return text;
   }
@@ -224,15 +225,16 @@ absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
   for (const v1::DisplayCalibration& calibration : setup_.header.display_calibrations()) {
     if (display.monitor(calibration.monitor()) != nullptr) *load.add_calibrations() = calibration;
   }
-  // The report of a picture tells when the next one can be exposed, so a triggered camera needs one before.
+  // The report of a picture determines when the next one can be exposed, so a triggered camera needs a
+  // picture before the first.
   if (!setup_.links.camera_info.trigger().empty()) load.add_steps()->set_step(kNoStep);
   for (const Step& step : steps) {
     v1::ProgramStep shown;
     shown.set_step(step.number);
     if (shows_id(step)) shown.set_patch_id(patch_ids_.at(step.number));
     if (display.monitor(step.stimulus.panel()) != nullptr) *shown.add_stimuli() = step.stimulus;
-    // A patch learning step is shown twice and recorded the second time. By then it is visible even if a
-    // display or camera is slower than it reports. A patch learned from the wrong frame could not refuse
+    // A patch-learning step is shown twice and recorded the second time. By then it is visible even if a
+    // display or camera is slower than it reports. A patch learned from the wrong frame could not reject
     // anything.
     if (is_patch_learning_step(step)) {
       *load.add_steps() = shown;
@@ -257,7 +259,7 @@ absl::StatusOr<std::vector<v1::Frame>> StepPlayer::records_of(const std::vector<
     const v1::FrameTaken& taken = *found;
     if (calibrated_gain != 0.0 && std::abs(taken.gain() - calibrated_gain) > 0.01 * calibrated_gain) {
       return absl::FailedPreconditionError(fmt::format(
-          "the camera runs at gain {}, its calibration is of gain {}: set it back, or measure it again with "
+          "the camera runs at gain {}, its calibration is for gain {}: set it back, or measure it again with "
           "glasswing calibrate camera",
           taken.gain(), calibrated_gain));
     }
@@ -333,7 +335,7 @@ absl::StatusOr<std::optional<StableWindow>> StepPlayer::wait_shown(ProgramFeeds&
   std::optional<StableWindow> shown;
   while (!shown) {
     GW_ASSIGN_OR_RETURN(const bool playing, feeds.poll([&](const StableWindow& window) { shown = window; }));
-    if (!playing) return absl::AbortedError("a display has ended a step that it was to hold");
+    if (!playing) return absl::AbortedError("a display has ended a step that it should hold");
     if (!pause(stop, kPoll)) return std::nullopt;
   }
   const nanoseconds lit = shown->from + setup_.links.camera->node_from_rig(monotonic_now()).error + kAskDelay;
@@ -364,13 +366,13 @@ absl::StatusOr<bool> StepPlayer::play_held(const Step& step, Recording& recordin
   int came = 0;
   while (!stop.stop_requested()) {
     GW_ASSIGN_OR_RETURN(const bool playing, feeds.poll([](const StableWindow&) {}));
-    if (!playing) return absl::AbortedError("a display has ended a step that it was to hold");
+    if (!playing) return absl::AbortedError("a display has ended a step that it should hold");
     if (const auto end = recording.end()) return *end;
     std::vector<v1::Frame> frames;
     if (const int count = recording.take_frames(); count > 0) {
       progress_.note_frames_taken(count);
       came += count;
-      // The step stands until now, and surely stood when the frame came.
+      // The step is shown until now, and was certainly shown when the frame arrived.
       StableWindow window = **shown;
       window.until = window.patch_until = wait_past(recording, stop);
       const bool first = recording.add_window(window);

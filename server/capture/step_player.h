@@ -20,7 +20,7 @@ class ProgramFeeds;
 
 class StepPlayer {
  public:
-  // Takes the records of frames that time proves, in the order of their steps; called every few milliseconds
+  // Takes the records of frames proven by time, in the order of their steps; called every few milliseconds
   // while the program plays, often with none. Returns false to end the showing.
   using Judge = std::function<absl::StatusOr<bool>(std::vector<v1::Frame>)>;
 
@@ -31,9 +31,9 @@ class StepPlayer {
   absl::Status measure_clocks(int count, const std::stop_token& stop);
   // Shows `steps` once. Returns when the last frame that may belong to them has arrived, or earlier, if
   // `judge` or `stop` ends the showing. A start that a display refused, because the command arrived too late,
-  // is repeated with more time for the command. ABORTED: another program took the screens. Where the camera
+  // is repeated with more time for the command. ABORTED: another program took over the screens. If the camera
   // takes pictures on demand, each step is held until its frame is proven; FAILED_PRECONDITION: no picture
-  // comes.
+  // arrives.
   absl::Status play(const std::vector<Step>& steps, Recording& recording, const Judge& judge,
                     std::stop_token stop);
 
@@ -45,8 +45,8 @@ class StepPlayer {
   // Plays the loaded program. False: the command arrived too late at a display.
   absl::StatusOr<bool> play_loaded(const std::string& program, int monitor_count, Recording& recording,
                                    const Judge& judge, std::stop_token stop);
-  // Holds one step until it is proven or, of those that teach the id patch, has a frame, or until pictures
-  // came that do not prove it. False: `judge` or `stop` ends the showing.
+  // Holds one step until it is proven (a patch-learning step until it has a frame), or until pictures arrive
+  // that do not prove it. False: `judge` or `stop` ends the showing.
   absl::StatusOr<bool> play_held(const Step& step, Recording& recording, const Judge& judge,
                                  std::stop_token stop);
   // When all monitors show it: a window without end. None: stopped.

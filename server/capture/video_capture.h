@@ -1,5 +1,5 @@
-// The frames of a video (core/pattern/plan). They are shown once, in order: those without a proof are lost. A
-// video that broke off is not continued: what was recorded stays, and the rest is lost too.
+// The frames of a video (core/pattern/plan). They are shown once, in order: those without a proof are lost.
+// An interrupted video is not continued: what was recorded is kept, and the rest is lost too.
 #pragma once
 
 #include <absl/status/status.h>

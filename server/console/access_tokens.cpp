@@ -51,8 +51,9 @@ absl::StatusOr<std::unique_ptr<AccessTokens>> AccessTokens::open(const fs::path&
   const fs::path file = data / kTokensFile;
   absl::StatusOr<Database> database = open_database(file);
   if (absl::IsDataLoss(database.status())) {
-    GW_RETURN_IF_ERROR(
-        problems.set_aside_database(data, file, database.status(), "browsers log in again, with new tokens"));
+    GW_RETURN_IF_ERROR(problems.set_aside_database(data, file, database.status(),
+                                                   "browsers must log in again, with new "
+                                                   "tokens"));
     database = open_database(file);
   }
   GW_RETURN_IF_ERROR(database.status());
@@ -84,8 +85,8 @@ absl::StatusOr<AccessToken> AccessTokens::find(Database& database, const std::st
   GW_RETURN_IF_ERROR(query.status());
   if (!found) {
     return absl::UnauthenticatedError(
-        "that is no token of this server, or it has expired or was revoked; `glasswing console token` makes "
-        "one");
+        "this is not a token of this server, or it has expired or was revoked; `glasswing console token` "
+        "makes one");
   }
   return AccessToken{.id = query.text(0),
                      .name = query.text(1),

@@ -1,5 +1,5 @@
-// Tokens by which browsers log in to the console, and the logins made with them. Both are random secrets, of
-// which only SHA-256 hashes are stored; a token's id is the beginning of its hash.
+// Tokens with which browsers log in to the console, and the logins made with them. Both are random secrets,
+// of which only SHA-256 hashes are stored; a token's id is the beginning of its hash.
 //
 //   token   in the link that `glasswing console token` prints; logs browsers in until it expires
 //   login   in a browser's cookie; ends at logout, or with its token
@@ -25,7 +25,7 @@ struct AccessToken {
   std::string id = {};
   std::string name;     // its owner's
   std::string role;     // "operator" or "viewer"
-  std::string made_by;  // for people: who asked for it
+  std::string made_by;  // human-readable: who asked for it
   std::chrono::sys_seconds expires = {};
   int login_count = 0;
 };
@@ -44,7 +44,7 @@ class AccessTokens {
   static absl::StatusOr<std::unique_ptr<AccessTokens>> open(const std::filesystem::path& data,
                                                             Problems& problems);
 
-  // Who asks for a token. The token ends when `expires` comes, and when the maker's own `token` is revoked.
+  // The requester of a token. The token ends at `expires`, and when the maker's own `token` is revoked.
   struct Maker {
     std::string name;
     Seconds expires = Seconds::max();  // of its certificate or token
@@ -59,22 +59,22 @@ class AccessTokens {
   // kMaxTokens are valid.
   absl::StatusOr<Made> make(const Maker& maker, const std::string& name, const std::string& role,
                             Seconds expires, Seconds now);
-  // Those that are valid, the first to expire first.
+  // The valid ones, sorted by expiry.
   absl::StatusOr<std::vector<AccessToken>> list(Seconds now);
   // Ends a token, the tokens made with it, and all their logins. NOT_FOUND: there is no such token.
   absl::Status revoke(const std::string& id);
 
-  // UNAUTHENTICATED: not a token of this server, or one that has expired or was revoked.
+  // UNAUTHENTICATED: not a token of this server, or it has expired or was revoked.
   absl::StatusOr<Login> log_in(const std::string& token_secret, Seconds now);
-  // The principal of a login. UNAUTHENTICATED: it has ended.
+  // The principal of a login. UNAUTHENTICATED: the login has ended.
   absl::StatusOr<Principal> principal_of(const std::string& login_secret, Seconds now);
-  // Of a login that has ended too.
+  // Also for a login that has ended.
   absl::Status log_out(const std::string& login_secret);
 
  private:
   AccessTokens(Database database, Database reader)
       : database_(std::move(database)), reader_(std::move(reader)) {}
-  // The rest need the mutex of their database.
+  // The remaining ones need the mutex of their database.
   absl::Status forget_ended(Seconds now);
   absl::StatusOr<int> count(const std::string& rows, const std::string& value = "");
   // The valid token that meets `condition`, which has one "?" for `value`.
@@ -85,7 +85,7 @@ class AccessTokens {
 
   std::mutex mutex_;
   Database database_;
-  // For principal_of(), which each of the console's calls needs: it never waits for a write to the disk.
+  // For principal_of(), which every console call needs: it never waits for a disk write.
   std::mutex reader_mutex_;
   Database reader_;
 };

@@ -1,4 +1,4 @@
-// ConsoleService: the tokens by which browsers log in, and their logins.
+// ConsoleService: the tokens with which browsers log in, and their logins.
 #pragma once
 
 #include <chrono>
@@ -13,8 +13,8 @@ namespace glasswing {
 
 class ConsoleServiceImpl final : public v1::ConsoleService::Service {
  public:
-  // How long an announcement holds, and how long CreateToken waits for one: a console announces itself every
-  // second, but it or this server may have been started just now.
+  // How long an announcement is valid, and how long CreateToken waits for one: a console announces itself
+  // every second, but it or this server may have been started just now.
   static constexpr std::chrono::seconds kAnnounced{10}, kWait{2};
 
   explicit ConsoleServiceImpl(AccessTokens& tokens) : tokens_(tokens) {}
@@ -34,9 +34,10 @@ class ConsoleServiceImpl final : public v1::ConsoleService::Service {
  private:
   using Time = std::chrono::steady_clock::time_point;
 
-  // The console's, once it has announced itself. FAILED_PRECONDITION: it has not, or not for long.
+  // The console's address, once it has announced itself. FAILED_PRECONDITION: it has not, or its announcement
+  // has expired.
   absl::StatusOr<std::string> console_url();
-  // Of the caller's certificate, or of the login for which the console calls.
+  // From the caller's certificate, or from the login on whose behalf the console calls.
   absl::StatusOr<AccessTokens::Maker> maker_of(const grpc::ServerContext& context) const;
 
   AccessTokens& tokens_;

@@ -9,13 +9,13 @@ namespace glasswing {
 namespace {
 
 constexpr std::chrono::seconds kLookEvery(10);
-constexpr double kLow = 0.1, kEnoughAgain = 0.12;  // of the disk, that is free
+constexpr double kLow = 0.1, kEnoughAgain = 0.12;  // free fraction of the disk
 
 }  // namespace
 
 EventWatch::EventWatch(SessionStore& sessions, std::filesystem::path data, Hook& hook)
     : sessions_(sessions), data_(std::move(data)), hook_(hook) {
-  // What changes between the list and the observer is taken for news, which it is.
+  // Changes between the list and the observer are reported as news, which they are.
   if (const auto known = sessions_.list({}); known.ok()) {
     for (const v1::Session& session : *known) events_.know(session);
   }
@@ -42,7 +42,7 @@ void EventWatch::watch_disk(std::stop_token stop) {
             {.what = "disk-low",
              .session = "",
              .text = fmt::format("the server's disk has {:.0f} % left ({})", 100.0 * free, data_.string()),
-             .advice = "delete sessions that are no longer needed, or add room"});
+             .advice = "delete sessions that are no longer needed, or add disk space"});
       }
       low = free < (low ? kEnoughAgain : kLow);
     }

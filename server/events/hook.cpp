@@ -16,10 +16,9 @@
 namespace glasswing {
 namespace {
 
-// Each is present, at 0, from the first call on.
+// Each is present, as 0, from the first call on.
 prometheus::Counter& happened(std::string_view event) {
-  return counter("glasswing_events_total", "Events that people are told of.",
-                 {{"event", std::string(event)}});
+  return counter("glasswing_events_total", "Notable events.", {{"event", std::string(event)}});
 }
 prometheus::Counter& ran(const char* outcome) {
   return counter("glasswing_hooks_total", "Runs of the hook command, and events dropped before theirs.",
@@ -42,7 +41,7 @@ absl::StatusOr<std::unique_ptr<Hook>> Hook::create(const HookOptions& options) {
   for (const std::string& event : events) {
     if (std::ranges::find(kEvents, event) == kEvents.end()) {
       return absl::InvalidArgumentError(
-          fmt::format("--hook-events has \"{}\"; there are {}", event, fmt::join(kEvents, ", ")));
+          fmt::format("--hook-events has \"{}\"; the events are {}", event, fmt::join(kEvents, ", ")));
     }
   }
   if (events.empty()) events.insert(kEvents.begin(), kEvents.end());

@@ -1,4 +1,4 @@
-// A command that the server runs when something happens that people want to be told of.
+// A command that the server runs on notable events.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -28,11 +28,11 @@ struct HookOptions {
 // Thread-safe.
 class Hook {
  public:
-  // INVALID_ARGUMENT: events that there are not.
+  // INVALID_ARGUMENT: unknown events.
   static absl::StatusOr<std::unique_ptr<Hook>> create(const HookOptions& options);
   ~Hook();
 
-  // Counts the event, and queues a run; beyond kMaxQueued the event is dropped, which is counted and logged.
+  // Counts the event, and queues a run; beyond kMaxQueued the event is dropped, counted and logged.
   void add(const Event& event);
 
   static constexpr size_t kMaxQueued = 100;

@@ -32,7 +32,7 @@ std::vector<Event> SessionEvents::events_of(const v1::Session& session) {
     add("needs-operator", "session " + name + " is " + session.reason(), "glasswing show " + name);
   if (now.lacks_room && !before.lacks_room)
     add("disk-low", "session " + name + " is " + session.reason(),
-        "free space there; the work then goes on by itself");
+        "free space there; the work then continues by itself");
   for (int i = before.rig_changes; i < now.rig_changes; ++i) {
     const v1::RigChange& change = session.rig_changes(i);
     const bool touched = change.what().find(kTouched) != std::string::npos;

@@ -1,4 +1,4 @@
-// What happens to sessions that people want to be told of.
+// Notable events of sessions.
 #pragma once
 
 #include <array>
@@ -18,14 +18,14 @@ inline constexpr std::array<std::string_view, 6> kEvents{"session-done", "needs-
 struct Event {
   std::string_view what;  // of kEvents
   std::string session;    // empty: of none
-  std::string text;       // for people: what happened
+  std::string text;       // human-readable: what happened
   std::string advice;     // what to do; may be empty
 };
 
 // Not thread-safe.
 class SessionEvents {
  public:
-  // A session as it is when watching begins.
+  // A session's state when watching begins.
   void know(const v1::Session& session) { seen_[session.name()] = seen(session); }
   // What happened between the last change of this session and this one. A session that is not known is new.
   std::vector<Event> events_of(const v1::Session& session);

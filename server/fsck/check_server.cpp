@@ -53,7 +53,7 @@ class ServerCheck {
     return fs::exists(path) ? set_aside(data_, path) : absl::OkStatus();
   }
 
-  // The file that the server would serve: the next one, if the server is to replace the finished one by it.
+  // The file that the server would serve: the next one, if it is about to replace the finished one.
   fs::path finished_file(const v1::Session& session) const {
     const fs::path next = files_.next(session.name());
     const bool pending = session.state() == v1::SESSION_STATE_DONE && fs::exists(next);
@@ -90,8 +90,8 @@ class ServerCheck {
     check_.found(
         {.file = file.string(),
          .what = std::string(status.message()),
-         .meaning = fmt::format("the matte of session \"{}\" cannot be fetched; its frames make it "
-                                "again",
+         .meaning = fmt::format("the matte of session \"{}\" cannot be fetched; solve it again from its "
+                                "frames",
                                 name),
          .repair = fmt::format("it is set aside, and the session can be solved again: glasswing solve "
                                "{}",
@@ -117,10 +117,10 @@ class ServerCheck {
          .what = std::string(status.message()),
          .meaning = fmt::format("the matte of frame {} of session \"{}\" cannot be fetched; the others can",
                                 frame, name),
-         .repair = "it is set aside and counts as not solved; a solve under way solves it again, otherwise: "
-                   "glasswing "
-                   "solve " +
-                   name},
+         .repair =
+             "it is set aside and counts as not solved; a solve in progress solves it again, otherwise: "
+             "glasswing solve " +
+             name},
         [&]() -> absl::Status {
           lost_.insert({name, frame});
           SessionRecord record = current(name);
@@ -145,7 +145,7 @@ class ServerCheck {
     const absl::StatusOr<std::string> bytes = check_.read(file);
     absl::Status status = bytes.status();
     if (status.ok() && !is_named_after(file, *bytes))
-      status = absl::DataLossError("the checksum in its name is not that of its bytes");
+      status = absl::DataLossError("the checksum in its name does not match its bytes");
     if (status.ok()) return;
     check_.found(
         {.file = file.string(),
@@ -158,7 +158,7 @@ class ServerCheck {
         });
   }
 
-  // Mattes and tiles of sessions that the catalogue does not have.
+  // Mattes and tiles of sessions missing in the catalogue.
   void check_strangers(const fs::path& directory) {
     check_each(directory, [&](const fs::path& path) {
       if (path.extension() == ".tmp") return;
@@ -180,7 +180,7 @@ class ServerCheck {
     const absl::StatusOr<std::string> bytes = check_.read(file);
     if (bytes.ok() && image_name(*bytes) == file.filename()) return;
     check_.found({.file = file.string(),
-                  .what = bytes.ok() ? "the checksum in its name is not that of its bytes"
+                  .what = bytes.ok() ? "the checksum in its name does not match its bytes"
                                      : std::string(bytes.status().message()),
                   .meaning = "a session whose plan shows this photo cannot be captured",
                   .repair = "it is set aside; the next glasswing capture with the photo uploads it again"},
@@ -207,7 +207,7 @@ class ServerCheck {
     if (status.ok()) return;
     check_.found({.file = file.string(),
                   .what = std::string(status.message()),
-                  .meaning = "the server sets it aside when it starts, and does without",
+                  .meaning = "the server sets it aside when it starts, and works without it",
                   .repair = fmt::format("it is set aside; measure again: glasswing calibrate {}",
                                         of_camera    ? "camera"
                                         : of_display ? "display"
@@ -223,10 +223,10 @@ class ServerCheck {
         id.ok() && id->size() == 32 && id->find_first_not_of("0123456789abcdef") == std::string::npos;
     if (good) return;
     check_.found({.file = file.string(),
-                  .what = "it does not hold 32 hexadecimal digits",
-                  .meaning = "a job store that several servers share does not recognise this server; solves "
-                             "under way there must be requested again",
-                  .repair = "it is set aside, and the server creates another"},
+                  .what = "it does not contain 32 hexadecimal digits",
+                  .meaning = "a job store that several servers share does not recognise this server; its "
+                             "solves in progress there must be requested again",
+                  .repair = "it is set aside, and the server creates a new one"},
                  [&] { return set_aside(data_, file); });
   }
 

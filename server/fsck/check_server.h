@@ -1,5 +1,5 @@
 // Checks a server's data directory: its catalogue and job store, the mattes of its sessions, the tiles of
-// solves under way, pictures and calibrations.
+// solves in progress, pictures and calibrations.
 #pragma once
 
 #include <filesystem>

@@ -51,7 +51,7 @@ void ServerRecords::open(Check& check) {
       {.file = "",
        .what = "",
        .meaning = "the server does not know its sessions: restore the file from a backup; frames and mattes "
-                  "are stored apart from it and are checked alone",
+                  "are stored separately and checked by themselves",
        .repair = ""},
       check);
   open_jobs(check);
@@ -60,7 +60,7 @@ void ServerRecords::open(Check& check) {
                       {.file = "",
                        .what = "",
                        .meaning = "the console's tokens and logins are lost",
-                       .repair = "it is set aside; browsers log in again, with new tokens"},
+                       .repair = "it is set aside; browsers must log in again, with new tokens"},
                       check);
 }
 
@@ -68,7 +68,7 @@ void ServerRecords::open_jobs(Check& check) {
   const bool is_sound = open_database(kJobs,
                                       {.file = "",
                                        .what = "",
-                                       .meaning = "solves under way are lost, and must be requested again",
+                                       .meaning = "solves in progress are lost, and must be requested again",
                                        .repair = "it is set aside, and the server creates a new one"},
                                       check)
                             .has_value();
@@ -101,21 +101,20 @@ void ServerRecords::read_sessions(Check& check) {
                  .repair = ""});
   }
   if (const absl::Status count = check_row_count(*catalogue_, "sessions"); !count.ok()) {
-    check.found(
-        {.file = (data_ / kCatalogue).string(),
-         .what = std::string(count.message()),
-         .meaning =
-             "the server does not start. A session's record may be lost: a backup has it; its frames are "
-             "not touched, and glasswing import of their archive makes a session of them again",
-         .repair = "the records that are there are accepted as complete"},
-        [&] { return accept_rows(*catalogue_, "sessions", kCatalogueColumns); });
+    check.found({.file = (data_ / kCatalogue).string(),
+                 .what = std::string(count.message()),
+                 .meaning = "the server does not start. A session's record may be lost: restore it from a "
+                            "backup; its frames "
+                            "are not touched, and glasswing import of their archive makes a session again",
+                 .repair = "the existing records are accepted as complete"},
+                [&] { return accept_rows(*catalogue_, "sessions", kCatalogueColumns); });
   }
   for (const std::string& name : bad) {
     check.found(
         {.file = (data_ / kCatalogue).string(),
          .what = fmt::format("the record of session \"{}\" cannot be read", name),
-         .meaning = "the session cannot be used; a backup has its record. Its frames are not touched: "
-                    "glasswing import of their archive makes a session of them again",
+         .meaning = "the session cannot be used; restore its record from a backup. Its frames are not "
+                    "touched: glasswing import of their archive makes a session again",
          .repair = "its bytes are set aside, and the record is removed"},
         [&]() -> absl::Status {
           Database::Query row = catalogue_->query(

@@ -1,4 +1,4 @@
-// Reads and repairs the records of a server's databases for a check, while no server runs.
+// Reads and repairs the records of a server's databases for a check, while no server is running.
 #pragma once
 
 #include <absl/status/status.h>
@@ -19,7 +19,7 @@
 
 namespace glasswing {
 
-// A session as the catalogue has it.
+// A session as recorded in the catalogue.
 struct SessionRecord {
   v1::Session session;
   std::optional<v1::Session> finished;  // while it is solved again: its state when the last solve finished
@@ -39,9 +39,9 @@ class ServerRecords {
   // Reads both databases; reports what cannot be read.
   void open(Check& check);
   const std::vector<SessionRecord>& sessions() const { return sessions_; }
-  // True if the catalogue has, or had, a session of that name, or cannot be read.
+  // True if the catalogue has, or had, a session with that name, or cannot be read.
   bool knows(const std::string& session) const;
-  // The finished tiles of solves under way.
+  // The finished tiles of solves in progress.
   std::vector<TileRecord> tiles_of_solves();
 
   absl::Status update(const SessionRecord& record);

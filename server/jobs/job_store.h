@@ -1,6 +1,6 @@
 // The tiles that solvers work on. A job is one solve of a session, cut into tiles. A claim is a lease: it
 // expires unless it is renewed, and its attempt number is a fencing token, so that a late result of a
-// replaced attempt is refused. Times are of the store's own clock. Job numbers are the store's own too, and
+// replaced attempt is rejected. Times are in the store's own clock. Job numbers are also the store's own, and
 // are never reused.
 //
 // There are two kinds: SQLite inside one server (the default), and PostgreSQL, which several servers may
@@ -27,7 +27,7 @@ namespace glasswing {
 inline constexpr int kMaxAttempts = 3;  // failed attempts until a tile is quarantined
 inline constexpr int kMaxLost = 10;     // expired leases until a tile is quarantined
 
-// Rows of the camera's picture, or frames of a video. Tiles of a job overlap where frames are solved again.
+// Rows of the camera's picture, or frames of a video. Tiles of a job overlap if frames are solved again.
 struct TileRange {
   int first = 0;
   int count = 0;
@@ -39,8 +39,7 @@ struct JobSpec {
   std::string work;      // a serialised v1::TileWork; opaque to the store
 };
 
-// Names an attempt. A tile's attempts count from 1. Numbers are never reused, not even by a tile that
-// replaces the tile.
+// Names an attempt. A tile's attempts count from 1. Numbers are never reused, not even by a replacement tile.
 struct TileAttempt {
   std::int64_t job = 0;
   int tile = 0;
@@ -109,16 +108,17 @@ struct JobStoreOptions {
 class JobStore {
  public:
   virtual ~JobStore() = default;
-  virtual std::string title() const = 0;  // for people: "SQLite", "PostgreSQL at db.lab"
+  virtual std::string title() const = 0;  // human-readable: "SQLite", "PostgreSQL at db.lab"
 
   // Creates a job, its tiles numbered from 0 in this order. Returns the job's number.
   virtual absl::StatusOr<std::int64_t> create(const JobSpec& spec, std::span<const TileRange> tiles) = 0;
-  // The attempt, a survey, is done: replaces the job's work, and its tiles by these, numbered from 0. ABORTED
-  // as complete(). A repeated call by the same attempt (the answer was lost) changes nothing and is OK.
+  // The attempt, a survey, is done: replaces the job's work, and its tiles with these, numbered from 0.
+  // ABORTED as complete(). A repeated call by the same attempt (the answer was lost) changes nothing and is
+  // OK.
   virtual absl::Status recut(const TileAttempt& survey, const std::string& work,
                              std::span<const TileRange> tiles) = 0;
 
-  // NOT_FOUND of these four: there is no such job.
+  // These four return NOT_FOUND if there is no such job.
   virtual absl::Status add(std::int64_t job, std::span<const TileRange> tiles) = 0;  // adds tiles
   // Frees quarantined tiles; failures count from 0 again.
   virtual absl::Status retry(std::int64_t job) = 0;
@@ -129,30 +129,29 @@ class JobStore {
 
   // The tile's result is lost: it is free again, as if never solved. Of none: OK.
   virtual absl::Status requeue(std::int64_t job, int tile) = 0;
-  // Removes the job and its tiles; attempts at them become void. OK too where there is no such job.
+  // Removes the job and its tiles; attempts at them become void. Also OK if there is no such job.
   virtual absl::Status remove(std::int64_t job) = 0;
   virtual absl::StatusOr<std::vector<std::int64_t>> own_jobs() = 0;  // of this server; rising
-  // 128 random bits in hex, the same for all servers that share the store, with which they seal leases.
+  // 128 random bits in hex, the same for all servers that share the store, used to seal leases.
   virtual absl::StatusOr<std::string> lease_key() = 0;
 
-  // Leases a free tile of the oldest job that computes one of these and is not suspended; tiles that failed
-  // come last. If no tile is free: one that only one other solver has leased, for longer than
-  // least_before_twice and than the job's last hundred tiles took on average; the first result counts.
-  // `ahead`: only if at least as many tiles are free as solvers have leases, and never a tile that is leased.
-  // Empty: nothing to do.
-  // After kMaxLost expired leases a tile is quarantined.
+  // Leases a free tile of the oldest job that computes one of these and is not suspended; failed tiles come
+  // last. If no tile is free: one leased by only one other solver, for longer than least_before_twice and
+  // than the average of the job's last hundred tiles; the first result counts. `ahead`: only if at least as
+  // many tiles are free as solvers have leases, and never a tile that is leased. Empty: nothing to do. After
+  // kMaxLost expired leases a tile is quarantined.
   virtual absl::StatusOr<std::optional<Lease>> claim(const std::string& solver,
                                                      std::span<const std::string> computes, bool ahead) = 0;
-  // Extends the lease. ABORTED: the tile is done or gone, or the lease expired and the tile was handed out
-  // again. (An expired lease of a tile that was not handed out again goes on.)
+  // Extends the lease. ABORTED: the tile is done or removed, or the lease expired and the tile was handed out
+  // again. (An expired lease of a tile that was not handed out again is renewed.)
   virtual absl::Status renew(const TileAttempt& lease) = 0;
-  // Makes the tile done, and ends other leases on it. ABORTED as renew(); the attempt that completed the tile
-  // may repeat the call.
+  // Makes the tile done, and ends other leases on it. ABORTED as in renew(); the attempt that completed the
+  // tile may repeat the call.
   virtual absl::Status complete(const TileAttempt& lease, const TileResult& result) = 0;
   // Ends the lease. If `permanent`, or after kMaxAttempts failures, quarantines the tile unless another
-  // solver still works on it, and returns true. A void attempt: false.
+  // solver is still working on it, and returns true. A void attempt: false.
   virtual absl::StatusOr<bool> fail(const TileAttempt& lease, const std::string& error, bool permanent) = 0;
-  // Ends the lease without counting a failure. OK too for a void attempt.
+  // Ends the lease without counting a failure. Also OK for a void attempt.
   virtual absl::Status hand_back(const TileAttempt& lease) = 0;
 
   virtual absl::StatusOr<std::vector<TileState>> tiles(std::int64_t job) = 0;  // by number; none: no such job
@@ -161,15 +160,15 @@ class JobStore {
   virtual absl::StatusOr<std::vector<JobState>> jobs() = 0;      // unfinished ones, in the order of work
   virtual absl::StatusOr<std::vector<LeaseState>> leases() = 0;  // that have not expired
 
-  // Waits for a hint, of any server, that tiles may have become free: at most `timeout`, and not at all if
+  // Waits for a hint, from any server, that tiles may have become free: at most `timeout`, and not at all if
   // one came since the last call. Hints may be lost.
   virtual void wait_for_tiles(std::chrono::milliseconds timeout) = 0;
 };
 
 // `connection` empty: SQLite at DATA/jobs.sqlite; a damaged file is set aside, and a new one created.
 // "postgresql://..." or "host=... dbname=...": PostgreSQL. If that does not answer yet, calls fail with
-// UNAVAILABLE until it does. `problems` gets what is wrong. INVALID_ARGUMENT: `connection` is none of these.
-// FAILED_PRECONDITION: the tables are of a newer version.
+// UNAVAILABLE until it does. `problems` receives what is wrong. INVALID_ARGUMENT: `connection` is none of
+// these. FAILED_PRECONDITION: the tables are from a newer version.
 absl::StatusOr<std::unique_ptr<JobStore>> open_job_store(const std::string& connection,
                                                          const std::filesystem::path& data,
                                                          JobStoreOptions options, Problems& problems);

@@ -12,7 +12,7 @@ absl::StatusOr<std::unique_ptr<JobStore>> open_job_store(const std::string& conn
   absl::StatusOr<std::unique_ptr<SqliteJobStore>> store = SqliteJobStore::open(file, options);
   if (absl::IsDataLoss(store.status())) {
     GW_RETURN_IF_ERROR(problems.set_aside_database(data, file, store.status(),
-                                                   "solves that were under way must be requested again"));
+                                                   "solves that were in progress must be requested again"));
     store = SqliteJobStore::open(file, std::move(options));
   }
   return store;

@@ -26,8 +26,8 @@ constexpr std::pair<const char*, const char*> kDefaults[] = {
     {"client_encoding", "UTF8"},
 };
 
-// Overrides the database's defaults. Every statement has a suitable index, also one that was prepared while
-// the tables were small. JIT compilation, which a full scan's estimated cost would trigger, does not pay.
+// Overrides the database's defaults. Every statement has a suitable index, even if it was prepared while the
+// tables were small. JIT compilation, which a full scan's estimated cost would trigger, does not pay.
 constexpr char kSession[] =
     "SET search_path = glasswing; SET default_transaction_isolation = 'read committed'; "
     "SET synchronous_commit = on; SET enable_seqscan = off; SET enable_bitmapscan = off; SET "
@@ -78,7 +78,7 @@ absl::StatusOr<PostgresAddress> PostgresAddress::parse(const std::string& connec
   PQfreemem(error);
   if (options == nullptr) {
     return absl::InvalidArgumentError(
-        "the connection string of the job store cannot be read; it must be like "
+        "the connection string of the job store cannot be read; it must be of the form "
         "postgresql://USER@HOST/DATABASE or \"host=HOST dbname=DATABASE user=USER\"");
   }
   PostgresAddress address;

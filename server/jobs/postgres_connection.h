@@ -10,7 +10,7 @@ struct pg_result;
 
 namespace glasswing {
 
-// The address of a database, "postgresql://..." or "host=... dbname=...". Texts for people never contain the
+// The address of a database, "postgresql://..." or "host=... dbname=...". Displayed texts never contain the
 // password.
 class PostgresAddress {
  public:
@@ -28,8 +28,9 @@ class PostgresConnection : public SqlConnection {
   // UNAVAILABLE: nothing answers there, or it rejects the login.
   static absl::StatusOr<std::unique_ptr<PostgresConnection>> open(const PostgresAddress& address);
 
-  // With `values` empty, `sql` may be several statements; else it is one, and stays prepared. UNAVAILABLE:
-  // the connection is lost, or there was no answer for ten seconds; it must not be used any more.
+  // With `values` empty, `sql` may be several statements; otherwise it is one, and stays prepared.
+  // UNAVAILABLE: the connection is lost, or there was no answer for ten seconds; it must not be used any
+  // more.
   absl::StatusOr<SqlRows> run(const std::string& sql, const SqlValues& values) override;
   // Asks the socket whether the server has closed the connection.
   bool is_lost();

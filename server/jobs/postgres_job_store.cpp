@@ -14,7 +14,7 @@ namespace {
 constexpr int kMaxConnections = 8;
 constexpr int kTries = 5;
 constexpr std::int64_t kPostgresSchemaVersion = 2;
-// An arbitrary number, the same for all servers: of several that start at once, one creates the tables.
+// An arbitrary number, the same for all servers: if several start at once, one creates the tables.
 constexpr std::int64_t kSchemaLock = 0x676c617373;
 
 absl::Status in_transaction(PostgresConnection& connection,
@@ -94,8 +94,8 @@ absl::Status PostgresJobStore::prepare(PostgresConnection& to) {
     GW_ASSIGN_OR_RETURN(const SqlRows version, connection.run("SELECT max(number) FROM version", {}));
     if (version.integer(0, 0) != kPostgresSchemaVersion) {
       return absl::FailedPreconditionError(
-          fmt::format("{} has tables of version {}; this server knows version {}: update it, or give it a "
-                      "database of its own",
+          fmt::format("{} has tables of version {}; this server knows version {}: update it, or give it its "
+                      "own database",
                       title(), version.integer(0, 0), kPostgresSchemaVersion));
     }
     GW_RETURN_IF_ERROR(connection

@@ -1,5 +1,5 @@
-// The job store in a PostgreSQL that several servers may share. The first server creates the tables, in the
-// schema "glasswing".
+// The job store in a PostgreSQL database that several servers may share. The first server creates the tables,
+// in the schema "glasswing".
 #pragma once
 
 #include <thread>
@@ -27,7 +27,7 @@ class PostgresJobStore : public SqlJobStore {
  private:
   PostgresJobStore(PostgresAddress address, JobStoreOptions options)
       : SqlJobStore(std::move(options)), address_(std::move(address)) {}
-  // Creates the tables, if they are not there, and takes up this server's jobs.
+  // Creates the tables if they do not exist, and resumes this server's jobs.
   absl::Status prepare(PostgresConnection& connection);
   absl::Status try_to_prepare();
   absl::Status ready();  // UNAVAILABLE: not prepared yet

@@ -47,8 +47,8 @@ absl::Status find_job(SqlConnection& connection, std::int64_t job) {
 
 absl::Status is_void(const TileAttempt& attempt) {
   return absl::AbortedError(
-      fmt::format("attempt {} at tile {} of job {} is void: the tile is done or gone, or "
-                  "its lease ended and it was handed out again",
+      fmt::format("attempt {} at tile {} of job {} is void: the tile is done or removed, or its lease ended "
+                  "and it was handed out again",
                   attempt.attempt, attempt.tile, attempt.job));
 }
 
@@ -92,7 +92,7 @@ absl::Status SqlJobStore::recut(const TileAttempt& survey, const std::string& wo
             .run("UPDATE jobs SET survey_tile = ?2, survey_attempt = ?3, work = ?4 WHERE id = ?1",
                  {survey.job, std::int64_t{survey.tile}, std::int64_t{survey.attempt}, SqlBytes{work}})
             .status());
-    // New attempts are numbered after the old ones, so that an old attempt never names a new tile's.
+    // New attempts are numbered after the old ones, so that an old attempt never refers to a new tile.
     std::int64_t attempts = held.integer(0, 0);
     for (size_t i = 0; i < others.size(); ++i) attempts = std::max(attempts, others.integer(i, 0));
     return insert(connection, survey.job, 0, attempts, tiles);
@@ -234,7 +234,7 @@ absl::Status SqlJobStore::renew(const TileAttempt& lease) {
 
 absl::Status SqlJobStore::complete(const TileAttempt& lease, const TileResult& result) {
   if (result.result.empty())
-    return absl::InvalidArgumentError("the result of a tile is empty; it must say something");
+    return absl::InvalidArgumentError("the result of a tile is empty; it must not be");
   return statements([&](SqlConnection& connection) -> absl::Status {
     GW_ASSIGN_OR_RETURN(
         const SqlRows done,

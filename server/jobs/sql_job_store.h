@@ -50,12 +50,12 @@ class SqlJobStore : public JobStore, protected SqlReader {
 
   explicit SqlJobStore(JobStoreOptions options) : options_(std::move(options)) {}
 
-  // Runs `change` atomically: durable on OK, else without effect. May call it more than once.
+  // Runs `change` atomically: durable on OK, otherwise without effect. May call it more than once.
   virtual absl::Status transaction(Change change) = 0;
   // Each statement of `change` is durable by itself.
   virtual absl::Status statements(Change change) = 0;
-  // The statement that selects job and number of the first `free` tile of the oldest `open` job. It goes from
-  // job to job, so that dead index entries of tiles that are done or gone do not slow it.
+  // The statement that selects the job and number of the first `free` tile of the oldest `open` job. It goes
+  // from job to job, so that dead index entries of finished or removed tiles do not slow it.
   virtual std::string oldest_tile(const std::string& open, const std::string& free) const = 0;
   // Hints to the other servers, if any, that tiles may have become free.
   virtual void tell_others() {}

@@ -14,7 +14,7 @@ constexpr char kLeaseOfClaim[] =
     "(SELECT work FROM jobs WHERE id = job), (SELECT server FROM jobs WHERE id = job), "
     "(SELECT address FROM servers WHERE id = (SELECT server FROM jobs WHERE id = job)), lost";
 
-// Assignments that keep the first lease where `condition` holds, else replace it by the second.
+// Assignments that keep the first lease where `condition` holds, otherwise replace it with the second.
 std::string first_lease_if(const std::string& condition) {
   std::vector<std::string> columns;
   for (const char* column : {"attempt", "solver", "since", "until"}) {
@@ -72,7 +72,7 @@ absl::StatusOr<bool> may_claim_ahead(SqlConnection& connection, std::span<const 
   return free.integer(0, 0) >= solvers.integer(0, 0);
 }
 
-// `oldest` selects the tile. Expired leases that the claim replaces count as lost.
+// `oldest` selects the tile. Expired leases replaced by the claim count as lost.
 absl::StatusOr<SqlRows> claim_free(SqlConnection& connection, const std::string& solver,
                                    std::int64_t lease_us, const std::string& oldest,
                                    std::span<const std::string> computes) {
@@ -87,7 +87,7 @@ absl::StatusOr<SqlRows> claim_free(SqlConnection& connection, const std::string&
       with({solver, lease_us}, computes));
 }
 
-// Quarantines a tile just claimed, all of whose solvers fell silent: it may crash them.
+// Quarantines a just claimed tile if all of its solvers fell silent: it may crash them.
 absl::Status quarantine_lost(SqlConnection& connection, const SqlRows& claimed) {
   return connection
       .run(fmt::format("UPDATE tiles SET quarantined = 1, error = ?3, {} WHERE job = ?1 AND number = ?2",
@@ -179,7 +179,7 @@ absl::StatusOr<FailedAttempt> fail_attempt(SqlConnection& connection, const Tile
            std::int64_t{permanent}}));
   if (failed.empty()) return FailedAttempt{};
   const bool quarantined = failed.integer(0, 0) != 0;
-  // An expired lease may be renewed all the same.
+  // An expired lease may still be renewed.
   if (quarantined) {
     const std::string end_all = fmt::format("UPDATE tiles SET {} WHERE job = ?1 AND number = ?2", kNoLease);
     GW_RETURN_IF_ERROR(connection.run(end_all, {lease.job, std::int64_t{lease.tile}}).status());

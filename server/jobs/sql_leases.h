@@ -1,4 +1,4 @@
-// The statements that hand out tiles and take leases back.
+// The statements that hand out tiles and end leases.
 #pragma once
 
 #include <absl/functional/function_ref.h>
@@ -11,10 +11,10 @@
 
 namespace glasswing {
 
-// As SqlJobStore::oldest_tile.
+// Like SqlJobStore::oldest_tile.
 using OldestTile = absl::FunctionRef<std::string(const std::string& open, const std::string& free)>;
 
-// As JobStore::claim; each statement may be durable by itself. `computes` is not empty.
+// Like JobStore::claim; each statement may be durable by itself. `computes` is not empty.
 absl::StatusOr<std::optional<Lease>> claim_tile(SqlConnection& connection, const std::string& solver,
                                                 std::span<const std::string> computes, bool ahead,
                                                 const JobStoreOptions& options, OldestTile oldest_tile);
@@ -23,11 +23,11 @@ struct FailedAttempt {
   bool had_lease = false;  // otherwise nothing has changed
   bool quarantined = false;
 };
-// As JobStore::fail; atomic only within a transaction.
+// Like JobStore::fail; atomic only within a transaction.
 absl::StatusOr<FailedAttempt> fail_attempt(SqlConnection& connection, const TileAttempt& lease,
                                            const std::string& error, bool permanent);
 
-// As JobStore::hand_back. False: the attempt had no lease any more.
+// Like JobStore::hand_back. False: the attempt no longer had a lease.
 absl::StatusOr<bool> end_attempt(SqlConnection& connection, const TileAttempt& lease);
 
 }  // namespace glasswing

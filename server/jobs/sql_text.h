@@ -3,7 +3,7 @@
 
 namespace glasswing {
 
-// Clauses that indices match: each must be written in one way only.
+// Clauses that match indices: each must always be written in the same way.
 inline constexpr char kOpen[] = "done_attempt = 0 AND quarantined = 0";
 inline constexpr char kDone[] = "done_attempt > 0";
 inline constexpr char kLeased[] = "lease_attempt > 0";

@@ -77,7 +77,7 @@ absl::StatusOr<SqlRows> run_in(Database& database, const std::string& sql, const
   return rows;
 }
 
-// Gives tables of an earlier version what they lack.
+// Adds what tables of an earlier version lack.
 absl::Status upgrade(Database& writer) {
   GW_ASSIGN_OR_RETURN(const SqlRows version, run_in(writer, "PRAGMA user_version", {}));
   if (version.integer(0, 0) != 1) return absl::OkStatus();

@@ -11,11 +11,11 @@ namespace glasswing {
 // have expired.
 class SqliteJobStore : public SqlJobStore {
  public:
-  // A file of an earlier version was never released, and is created anew. DATA_LOSS: the file is damaged.
+  // A file of an earlier version was never released, and is recreated. DATA_LOSS: the file is damaged.
   static absl::StatusOr<std::unique_ptr<SqliteJobStore>> open(const std::filesystem::path& path,
                                                               JobStoreOptions options);
-  // For a check of the file while no server runs: takes it as it is, whichever server's it is. Its version
-  // must be this one's.
+  // For checking the file while no server is running: opens it as it is, whichever server it belongs to. Its
+  // version must be the current one.
   static absl::StatusOr<std::unique_ptr<SqliteJobStore>> open_unclaimed(const std::filesystem::path& path);
   std::string title() const override { return "SQLite"; }
 

@@ -46,7 +46,8 @@ class TimedJobStore final : public JobStore {
     if (absl::IsUnavailable(status)) {
       failures_[operation]->Increment();
       problems_.set(kJobStore,
-                    fmt::format("the job store does not answer: {}; solves go on by themselves once it does",
+                    fmt::format("the job store does not answer: {}; solves continue by themselves once it "
+                                "does",
                                 std::string(status.message())));
     } else {
       problems_.clear(kJobStore);

@@ -1,4 +1,4 @@
-// Measures the duration of a job store's calls, and counts those that it does not answer.
+// Measures the duration of a job store's calls, and counts those without an answer.
 #pragma once
 
 #include <memory>
@@ -7,9 +7,9 @@
 
 namespace glasswing {
 
-// Passes every call to `store`. glasswing_job_store_seconds has the durations by operation, without
+// Passes every call to `store`. glasswing_job_store_seconds contains the durations by operation, without
 // wait_for_tiles; glasswing_job_store_failures_total counts calls that failed with UNAVAILABLE, and
-// `problems` says so until one is answered.
+// `problems` reports this until one is answered.
 std::unique_ptr<JobStore> timed(std::unique_ptr<JobStore> store, Problems& problems);
 
 }  // namespace glasswing

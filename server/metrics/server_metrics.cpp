@@ -42,10 +42,10 @@ void add_fleet(const v1::GetFleetResponse& fleet, std::vector<prometheus::Metric
     return values;
   };
   families.push_back(gauges("glasswing_solvers", "Solvers that this server knows.", by_state(solvers)));
-  families.push_back(
-      gauges("glasswing_tiles", "Tiles of unfinished solves that are not done.", by_state(tiles)));
+  families.push_back(gauges("glasswing_tiles", "Unfinished tiles of unfinished solves.", by_state(tiles)));
   families.push_back(gauges("glasswing_leases_twice",
-                            "Leases of tiles that two solvers have, to see who is first.", {{{}, twice}}));
+                            "Leases of tiles held by two solvers, of which the first result counts.",
+                            {{{}, twice}}));
   families.push_back(
       gauges("glasswing_solves_running", "Solves whose tiles are handed out.", {{{}, solving}}));
 }
@@ -59,8 +59,8 @@ prometheus::Counter& retakes_counter(std::string_view cause) {
 
 const ServerMetrics& server_metrics() {
   static const ServerMetrics metrics{
-      .steps_proven = counter("glasswing_steps_proven_total", "Steps of captures that have a proven frame."),
-      .steps_retaken = counter("glasswing_steps_retaken_total", "Showings of steps that were shown before."),
+      .steps_proven = counter("glasswing_steps_proven_total", "Steps of captures with a proven frame."),
+      .steps_retaken = counter("glasswing_steps_retaken_total", "Repeated showings of steps."),
       .tiles_claimed = claims("first"),
       .tiles_claimed_again = claims("again"),
       .tiles_done = counter("glasswing_tiles_done_total", "Tiles whose result is durable."),
@@ -92,17 +92,16 @@ std::vector<prometheus::MetricFamily> server_gauges(const absl::StatusOr<v1::Get
   LabelledValues by_state;
   for (const auto& [state, count] : counts) by_state.push_back({{{"state", state}}, count});
   families.push_back(gauges("glasswing_sessions", "Sessions in the catalogue.", by_state));
-  families.push_back(
-      gauges("glasswing_server_problems",
-             "What is wrong with the server's own data or job store; glasswing doctor says what.",
-             {{{}, static_cast<double>(problem_count)}}));
+  families.push_back(gauges("glasswing_server_problems",
+                            "Problems with the server's own data or job store; glasswing doctor lists them.",
+                            {{{}, static_cast<double>(problem_count)}}));
   LabelledValues up;
   for (const v1::Node& node : nodes) {
     if (node.kind() == v1::NODE_KIND_SOLVER) continue;  // solvers come and go; glasswing_solvers counts them
     const char* kind = node.kind() == v1::NODE_KIND_CAMERA ? "camera" : "display";
     up.push_back({{{"kind", kind}, {"name", node.name()}}, node.up() ? 1.0 : 0.0});
   }
-  families.push_back(gauges("glasswing_node_up", "1: the display or camera node is up; 0: away.", up));
+  families.push_back(gauges("glasswing_node_up", "1: the display or camera node is up; 0: unavailable.", up));
   return families;
 }
 

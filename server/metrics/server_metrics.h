@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-// Counters, each present, at 0, from the first call on.
+// Counters, each present, as 0, from the first call on.
 struct ServerMetrics {
   prometheus::Counter& steps_proven;
   prometheus::Counter& steps_retaken;
@@ -29,7 +29,7 @@ const ServerMetrics& server_metrics();
 prometheus::Counter& retakes_counter(std::string_view cause);
 
 // Gauges, computed when monitoring asks. Tiles and solves are this server's own, also in a shared store. If
-// the store does not answer, glasswing_job_store_up says so and the others of it are missing.
+// the store does not answer, glasswing_job_store_up says so and its other metrics are missing.
 std::vector<prometheus::MetricFamily> server_gauges(const absl::StatusOr<v1::GetFleetResponse>& fleet,
                                                     const std::vector<v1::Session>& sessions,
                                                     const std::vector<v1::Node>& nodes, size_t problem_count);

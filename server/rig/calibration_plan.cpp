@@ -54,10 +54,10 @@ absl::StatusOr<v1::Plan> camera_plan(const v1::GetCameraResponse& camera, const 
                                      const std::vector<std::string>& names, double longest_ms) {
   const std::vector<double> exposures_ms = exposure_ladder_ms(camera, longest_ms);
   if (exposures_ms.size() < kMinExposures) {
-    return absl::FailedPreconditionError(
-        fmt::format("the camera takes exposures of {:.3g} to {:.3g} ms; too few to measure its curve from: a "
-                    "lower frame rate allows longer ones",
-                    camera.min_exposure_ms(), camera.max_exposure_ms()));
+    return absl::FailedPreconditionError(fmt::format(
+        "the camera takes exposures of {:.3g} to {:.3g} ms; too few to measure its curve: a lower "
+        "frame rate allows longer ones",
+        camera.min_exposure_ms(), camera.max_exposure_ms()));
   }
   return plan_for(camera, rig, names, "camera", exposures_ms);
 }

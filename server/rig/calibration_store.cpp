@@ -31,7 +31,7 @@ absl::Status read(const fs::path& file, google::protobuf::Message& message) {
 }
 
 absl::Status of_another(const std::string& device) {
-  return absl::DataLossError(fmt::format("it says that it is of \"{}\"", absl::CHexEscape(device)));
+  return absl::DataLossError(fmt::format("it claims to be for \"{}\"", absl::CHexEscape(device)));
 }
 
 absl::Status write(const fs::path& file, const google::protobuf::Message& message) {
@@ -169,7 +169,7 @@ absl::Status CalibrationStore::forget(const std::string& device) {
   if (displays_.contains(device)) files.push_back(directory_ / monitor_file(device));
   if (files.empty()) {
     return absl::NotFoundError(fmt::format(
-        "there is no calibration of \"{}\"; glasswing calibrate list shows what there is", device));
+        "there is no calibration of \"{}\"; glasswing calibrate list shows the existing ones", device));
   }
   for (const fs::path& file : files) {
     std::error_code error;

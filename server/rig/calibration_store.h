@@ -1,8 +1,8 @@
-// The measured calibrations of the rig's devices, a file each below DATA/calibration:
+// The measured calibrations of the rig's devices, one file each below DATA/calibration:
 //
 //   sync.json           when the monitors' light follows their scan-out  (glasswing calibrate sync)
-//   camera-NAME.json    the light that a camera's codes stand for        (glasswing calibrate camera)
-//   monitor-NAME.json   the light that a monitor makes of its codes      (glasswing calibrate display)
+//   camera-NAME.json    the light of a camera's codes                    (glasswing calibrate camera)
+//   monitor-NAME.json   the light of a monitor's codes                   (glasswing calibrate display)
 #pragma once
 
 #include <absl/status/status.h>
@@ -24,8 +24,8 @@ namespace glasswing {
 // Thread-safe. Keeps the newest calibration of each device; it is durable when put() returns OK.
 class CalibrationStore {
  public:
-  // Without files the store is empty. A damaged file is set aside, one that cannot be read is left;
-  // `problems` gets both.
+  // Without files the store is empty. A damaged file is set aside, an unreadable one is left; `problems`
+  // receives both.
   static absl::StatusOr<std::unique_ptr<CalibrationStore>> open(const std::filesystem::path& data,
                                                                 Problems& problems);
 
@@ -40,8 +40,8 @@ class CalibrationStore {
   // INVALID_ARGUMENT: the device's name is not a valid name.
   absl::Status put(const v1::CameraCalibration& camera);
   absl::Status put(const v1::DisplayCalibration& display);
-  // Removes the light calibration of this camera or monitor; a monitor's sync stays. NOT_FOUND: there is
-  // none.
+  // Removes the light calibration of this camera or monitor; a monitor's sync is kept. NOT_FOUND: it does not
+  // exist.
   absl::Status forget(const std::string& device);
 
  private:

@@ -1,5 +1,5 @@
-// Measures the offsets of the display and camera nodes' clocks from rig time, all the time, so that people
-// see a clock go astray before a capture meets it. Captures make their own measurements.
+// Measures the offsets of the display and camera nodes' clocks from rig time, continuously, so that people
+// see a clock problem before it affects a capture. Captures make their own measurements.
 #pragma once
 
 #include <condition_variable>

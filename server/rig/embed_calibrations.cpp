@@ -18,8 +18,7 @@ absl::Status check_same(const Calibration& calibration, const Device& device, co
   if (shape_of(calibration) == shape_of(device)) return absl::OkStatus();
   return absl::FailedPreconditionError(
       fmt::format("the calibration of {} \"{}\" was measured at {}; the device now has {}: measure it again "
-                  "with glasswing "
-                  "calibrate {}, or do without: glasswing calibrate forget {}",
+                  "with glasswing calibrate {}, or drop the calibration: glasswing calibrate forget {}",
                   kind, device.name(), shape_of(calibration), shape_of(device), verb, device.name()));
 }
 

@@ -1,5 +1,5 @@
 // Embeds the rig's calibrations into a session's archive, so that it can be solved anywhere and resumes with
-// the calibrations that it began with.
+// the calibrations with which it began.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,7 +14,7 @@ namespace glasswing {
 // since it was measured.
 absl::Status embed_calibrations(const CalibrationStore& calibrations, v1::CaptureManifest& header);
 
-// A warning for people if the header lacks a calibration that its frames need; else empty.
+// A readable warning if the header lacks a calibration that its frames need; otherwise empty.
 std::string uncalibrated_warning(const v1::CaptureManifest& header);
 
 }  // namespace glasswing

@@ -12,7 +12,7 @@ namespace glasswing {
 namespace {
 
 constexpr std::chrono::seconds kTriggered(1);
-// After the last picture: the frame shows that none is to come.
+// After the last picture: the frame shows that no more will come.
 constexpr nanoseconds kTail = std::chrono::milliseconds(60);
 
 }  // namespace

@@ -1,6 +1,6 @@
 // Triggers the camera once in each picture of a program, in the middle of the time in which all monitors show
 // it. A monitor reports when a picture is replaced, which is when the next one begins: its scan-out, lag and
-// settling leave the time to trigger. A trigger that comes too late costs a step its proof, no more.
+// settling leave enough time to trigger. A late trigger only costs a step its proof.
 #pragma once
 
 #include <map>
@@ -14,10 +14,10 @@ namespace glasswing {
 
 class ExposureTriggers {
  public:
-  // Whether the camera waits for them in captures.
+  // Whether the camera waits for triggers in captures.
   static bool are_wanted(const RigLinks& links) { return links.camera_info.trigger() == "software"; }
-  // `links` are borrowed. `pictures`: of the program; the first one is not exposed. `monitor_count`: that
-  // report each.
+  // `links` are borrowed. `pictures`: of the program; the first one is not exposed. `monitor_count`: monitors
+  // that report each picture.
   ExposureTriggers(const RigLinks& links, int pictures, int monitor_count, nanoseconds hold,
                    double exposure_ms);
   // A display's report of the picture that it has just replaced. Returns once the camera is triggered, if

@@ -25,7 +25,8 @@ absl::StatusOr<NodeNames> NodeNames::open(const std::filesystem::path& data, Pro
   if (good) return names;
   GW_RETURN_IF_ERROR(problems.set_aside(data, names.file_,
                                         absl::DataLossError("it is not a JSON object of strings"),
-                                        "names of displays and cameras belong to who registers them next"));
+                                        "names of displays and cameras belong to whoever registers them "
+                                        "next"));
   names.owners_.clear();
   return names;
 }
@@ -38,7 +39,7 @@ std::string NodeNames::owner(const std::string& name) const {
 absl::Status NodeNames::give(const std::string& name, const std::string& owner) {
   if (owners_.size() >= kMaxNames && !owners_.contains(name)) {
     return absl::ResourceExhaustedError(fmt::format(
-        "{} names of nodes are owned, the maximum; free those without use: glasswing nodes release NAME",
+        "{} names of nodes are owned, the maximum; free unused ones: glasswing nodes release NAME",
         kMaxNames));
   }
   std::map<std::string, std::string> owners = owners_;

@@ -1,5 +1,5 @@
 // The certificates that own the names of displays and cameras: a name belongs to the certificate that
-// registered it first, until it is released. Certificates are told apart by their common name, which renewal
+// registered it first, until it is released. Certificates are identified by their common name, which renewal
 // keeps. Stored in node-names.json below the server's data.
 #pragma once
 
@@ -21,7 +21,7 @@ class NodeNames {
 
   // Keeps nothing.
   NodeNames() = default;
-  // A damaged file is set aside, and `problems` says so: names then belong to who registers them next.
+  // A damaged file is set aside, and `problems` says so: names then belong to whoever registers them next.
   static absl::StatusOr<NodeNames> open(const std::filesystem::path& data, Problems& problems);
 
   // The common name of the owner's certificate; empty: nobody owns the name.

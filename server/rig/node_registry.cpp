@@ -59,7 +59,7 @@ absl::Status NodeRegistry::add(const v1::RegisterRequest& request,
   if (request.kind() == v1::NODE_KIND_UNSPECIFIED || !v1::NodeKind_IsValid(request.kind())) {
     return absl::InvalidArgumentError("kind is not given; it must be display, camera or solver");
   }
-  // A solver may have none. gRPC would call others too, such as "unix:/…".
+  // A solver may have none. gRPC would also accept others, such as "unix:/…".
   if (!request.address().empty()) GW_RETURN_IF_ERROR(parse_address(request.address()).status());
   if (const double done = request.preparation().done(); !(done >= 0.0 && done <= 1.0))
     return absl::InvalidArgumentError(fmt::format("preparation.done is {}; it must be 0 to 1", done));
@@ -85,15 +85,15 @@ absl::Status NodeRegistry::take(const v1::RegisterRequest& request,
   if (owner.empty() && known != entries_.end()) owner = known->second.node.certificate();
   if (caller && !owner.empty() && owner != caller->name) {
     return absl::PermissionDeniedError(fmt::format(
-        "the name \"{0}\" belongs to the certificate \"{1}\", not to \"{2}\"; give this node another "
-        "--name, or hand the name over: glasswing nodes release {0}",
+        "the name \"{0}\" belongs to the certificate \"{1}\", not to \"{2}\"; give this node another --name, "
+        "or release the name: glasswing nodes release {0}",
         request.name(), owner, caller->name));
   }
   GW_RETURN_IF_ERROR(check_free(request, lock));
   if (!entries_.contains(request.name()) && entries_.size() >= kMaxNodes) {
     return absl::ResourceExhaustedError(
         fmt::format("{} nodes are registered, the maximum; solvers are forgotten ten minutes after they end, "
-                    "others by: glasswing nodes release NAME",
+                    "others with: glasswing nodes release NAME",
                     kMaxNodes));
   }
   if (caller && owner.empty() && request.kind() != v1::NODE_KIND_SOLVER)
@@ -158,9 +158,8 @@ absl::Status NodeRegistry::release(const std::string& name) {
   const std::lock_guard lock(mutex_);
   const auto found = entries_.find(name);
   if (found != entries_.end() && now_() - found->second.heard < kSilence) {
-    return absl::FailedPreconditionError(
-        fmt::format("node \"{}\" is up, at {}; stop it before its name is handed over", name,
-                    found->second.node.address()));
+    return absl::FailedPreconditionError(fmt::format(
+        "node \"{}\" is up, at {}; stop it before releasing its name", name, found->second.node.address()));
   }
   const absl::Status released = names_.release(name);
   if (absl::IsNotFound(released) && found == entries_.end())
@@ -274,7 +273,7 @@ absl::StatusOr<v1::Node> NodeRegistry::camera(const std::string& name) const {
   for (const v1::Node& each : cameras)
     all.push_back(fmt::format("\"{}\" at {}", each.name(), each.address()));
   return absl::FailedPreconditionError(fmt::format(
-      "the rig has {} cameras: {}; name the one to use, in a plan by camera: \"{}\", or stop the others",
+      "the rig has {} cameras: {}; name the one to use, in a plan with camera: \"{}\", or stop the others",
       cameras.size(), fmt::join(all, " and "), cameras.front().name()));
 }
 

@@ -1,4 +1,4 @@
-// The nodes that have registered, and when each was last heard.
+// The nodes that have registered, and when each was last heard from.
 #pragma once
 
 #include <absl/status/status.h>
@@ -22,8 +22,8 @@ namespace glasswing {
 // Nodes answer most calls at once; see NodeLink::call() for others.
 inline constexpr std::chrono::seconds kNodeCall(10);
 
-// A solver that is silent for so long is forgotten. Displays and cameras belong to the rig: they stay listed,
-// as away.
+// A solver that is silent for this long is forgotten. Displays and cameras belong to the rig: they stay
+// listed, as unavailable.
 inline constexpr nanoseconds kForgotten = std::chrono::minutes(10);
 
 // The role that a node of this kind must have.
@@ -47,21 +47,21 @@ class NodeRegistry {
   explicit NodeRegistry(NodeNames names = {}, Now now = monotonic_now, IsAlive is_alive = takes_connections)
       : now_(std::move(now)), is_alive_(std::move(is_alive)), names_(std::move(names)) {}
 
-  // How long a node may take over a call until it is made again (NodeLink). Set before the first call.
+  // How long a node may take to answer before a call is repeated (NodeLink). Set before the first call.
   void set_call_time(std::chrono::milliseconds time) { call_time_ = time; }
   std::chrono::milliseconds call_time() const { return call_time_; }
 
-  // Registers a node, or hears from it again. `caller`: whose certificate registers it; none without TLS.
+  // Registers a node, or renews its registration. `caller`: whose certificate registers it; none without TLS.
   // INVALID_ARGUMENT: name, kind or preparation. PERMISSION_DENIED: the certificate lacks the kind's role, or
   // another one owns the name. ALREADY_EXISTS: a node that is alive at another address has the name.
   // RESOURCE_EXHAUSTED: kMaxNodes are known. Refusals and changes are audited.
   absl::Status add(const v1::RegisterRequest& node, const std::optional<CertifiedPeer>& caller);
-  // Forgets a node and who owns its name, so that another certificate may take it. NOT_FOUND: there is no
-  // such node. FAILED_PRECONDITION: it is up.
+  // Forgets a node and who owns its name, so that another certificate may use it. NOT_FOUND: no such node.
+  // FAILED_PRECONDITION: it is up.
   absl::Status release(const std::string& name);
   // PERMISSION_DENIED: a node of this name is registered under another certificate.
   absl::Status check_owner(const std::string& name, const std::optional<CertifiedPeer>& caller) const;
-  // Heard from a solver by its claims; `doing` is its activity as `glasswing nodes` shows it.
+  // Called when a solver claims a tile; `doing` is its activity as `glasswing nodes` shows it.
   void note(const std::string& name, const std::string& doing);
 
   // Measured now: the node's clock is ahead by `offset`, within `bound`.
@@ -92,7 +92,7 @@ class NodeRegistry {
     std::deque<Measured> clock_history;  // at this address
   };
   absl::Status take(const v1::RegisterRequest& request, const std::optional<CertifiedPeer>& caller);
-  // ALREADY_EXISTS: the node that has the name is alive elsewhere. Lets go of `lock` while it asks that node.
+  // ALREADY_EXISTS: the node with this name is alive elsewhere. Releases `lock` while it asks that node.
   absl::Status check_free(const v1::RegisterRequest& request, std::unique_lock<std::mutex>& lock) const;
   void audit_refusal(const v1::RegisterRequest& request, const std::string& caller,
                      const absl::Status& refused);

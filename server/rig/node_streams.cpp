@@ -76,7 +76,7 @@ PresentationStream::PresentationStream(const DisplayLink& display, const std::st
                                        nanoseconds start_at, nanoseconds step,
                                        std::function<void(const v1::Presentation&)> seen, bool hold_last)
     : display_(display) {
-  // The clocks' rates matter over such a time.
+  // Over this time the clocks' rates matter.
   constexpr int kManySteps = 10000;
   const nanoseconds start = display.link.node_from_rig(start_at).time,
                     end = display.link.node_from_rig(start_at + kManySteps * step).time;

@@ -54,9 +54,9 @@ class CaptureStream {
                 const std::string& request_id, bool triggered = false);
   ~CaptureStream();
 
-  // Returns when the camera runs at the exposure asked for, after it has prepared, which may take minutes.
-  // DEADLINE_EXCEEDED: it does neither `within` this time, or the node does not even answer its clock.
-  // CANCELLED: stopped.
+  // Returns when the camera is running at the requested exposure, after it has prepared, which may take
+  // minutes. DEADLINE_EXCEEDED: it does neither `within` this time, or the node does not even answer its
+  // clock. CANCELLED: stopped.
   absl::Status wait_running(std::stop_token stop, nanoseconds within = nanoseconds::max());
   double exposure_ms() const { return exposure_ms_; }
   void cancel() { context_.TryCancel(); }
@@ -76,13 +76,13 @@ class CaptureStream {
   std::thread thread_;
 };
 
-// The frame's exposure in rig time, by the link's clock model.
+// The frame's exposure in rig time, using the link's clock model.
 FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera);
 
 // A display's running PlayProgram call, ended by the destructor.
 class PresentationStream {
  public:
-  // `start_at` and `step` are rig time; see PlayProgramRequest. `seen` gets each report at once, on the
+  // `start_at` and `step` are rig time; see PlayProgramRequest. `seen` receives each report at once, on the
   // stream's own thread.
   PresentationStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
                      nanoseconds step = {}, std::function<void(const v1::Presentation&)> seen = {},
@@ -98,14 +98,14 @@ class PresentationStream {
   std::thread thread_;
 };
 
-// How long a step that is held for `hold_refreshes` is on the slowest of the displays' monitors.
+// The duration of a step held for `hold_refreshes` on the slowest of the displays' monitors.
 nanoseconds step_time(std::span<const DisplayLink* const> displays, int hold_refreshes);
 
 // The duration of a step that keeps displays of several nodes together, each showing a step for at least
 // `hold_refreshes`. 0 for one node, whose monitors wait for each other.
 nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_refreshes);
 
-// The time in which a monitor showed a step, in rig time by the link's clock model.
+// The time in which a monitor showed a step, in rig time using the link's clock model.
 MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& display);
 
 }  // namespace glasswing

@@ -14,7 +14,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kLongestMs = 16.0;      // of a camera's ladder, unless captures expose for longer
+constexpr double kLongestMs = 16.0;      // of a camera's ladder, unless captures use longer exposures
 constexpr double kUnknownWhiteMs = 5.0;  // white_ms of an uncalibrated camera
 constexpr double kMaxBlur_px = 200.0;
 constexpr int kMaxImages = 20000;
@@ -49,16 +49,15 @@ absl::StatusOr<v1::MakePlanResponse> capture_plan(const v1::MakePlanRequest& req
   return response;
 }
 
-// Those whose codes are light by a curve. Notes the others.
+// Those whose codes map to light through a curve. Notes the others.
 MonitorNames with_curves(const Monitors& monitors, v1::MakePlanResponse& response) {
   MonitorNames names;
   for (const v1::Monitor& monitor : monitors) {
     if (monitor.bits() <= kMaxCurveBits) {
       names.push_back(monitor.name());
     } else {
-      response.add_notes(
-          fmt::format("monitor {} has codes of {} bits, which are light as they are: nothing to measure",
-                      monitor.name(), monitor.bits()));
+      response.add_notes(fmt::format("monitor {} uses linear {}-bit codes: nothing to measure",
+                                     monitor.name(), monitor.bits()));
     }
   }
   return names;

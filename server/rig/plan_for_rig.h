@@ -1,4 +1,4 @@
-// Plans that fit the rig, for captures and to calibrate by.
+// Plans that fit the rig, for captures and for calibration.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -18,13 +18,14 @@ class RampShow {
  public:
   // Returns when the ramp is on screen and a motorised stage has taken the object away. INVALID_ARGUMENT: no
   // such monitor. FAILED_PRECONDITION: no solver offers live mattes, several cameras are up and the request
-  // names none, or a calibration is of other settings. UNAVAILABLE: a node is away. CANCELLED: stopped.
+  // names none, or a calibration is for other settings. UNAVAILABLE: a node does not answer. CANCELLED:
+  // stopped.
   static absl::StatusOr<std::unique_ptr<RampShow>> start(const NodeRegistry& rig,
                                                          const CalibrationStore& calibrations,
                                                          const v1::ShowRampRequest& request,
                                                          std::stop_token stop);
 
-  // The nodes that take part, and whether a person has to place or remove the object, as last asked for.
+  // The nodes that take part, and whether a person has to place or remove the object, as last requested.
   const v1::ShowRampResponse& description() const { return description_; }
   absl::Status move_object(bool present);
   // OK while the ramp is on screen.

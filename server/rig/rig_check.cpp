@@ -70,15 +70,15 @@ class RigCheck {
     if (!camera.has_preparation()) return;
     tell(v1::FINDING_LEVEL_WARNING, "camera",
          fmt::format("{} is not ready: {}", camera.camera().name(), preparation_text(camera.preparation())),
-         "the check goes on by itself when it is; so would a capture");
+         "the check continues by itself when it is; so would a capture");
   }
 
-  // Of a camera that takes pictures on demand, no time is measured.
+  // No times are measured for a camera that takes pictures on demand.
   void tell_due(const v1::GetCameraResponse& camera) {
     const std::string& name = camera.camera().name();
     if (!camera.has_due()) {
       return tell(v1::FINDING_LEVEL_OK, "camera",
-                  name + " takes a picture when a capture asks for one; no trial was made");
+                  name + " takes a picture when a capture requests one; not tried");
     }
     const double waited_s = 1e-9 * static_cast<double>(camera.due().waited_ns());
     tell(v1::FINDING_LEVEL_WARNING, "camera",
@@ -106,7 +106,7 @@ class RigCheck {
     if (solvers == 0) {
       tell(v1::FINDING_LEVEL_WARNING, "nodes", text, "start glasswing-solver before you want to solve");
     } else if (!away.empty()) {
-      tell(v1::FINDING_LEVEL_WARNING, "nodes", text, "start what should be there, or leave it");
+      tell(v1::FINDING_LEVEL_WARNING, "nodes", text, "start what should be running, or leave it");
     } else {
       tell(v1::FINDING_LEVEL_OK, "nodes", text);
     }
@@ -129,7 +129,7 @@ class RigCheck {
     }
     if (!wanted.empty()) {
       tell(v1::FINDING_LEVEL_PROBLEM, "monitors",
-           fmt::format("the plan's monitor \"{}\" is not there; there are: {}", *wanted.begin(), text),
+           fmt::format("the plan's monitor \"{}\" is not in the rig; there are: {}", *wanted.begin(), text),
            "start its display node, or change the plan");
       return false;
     }
@@ -151,17 +151,17 @@ class RigCheck {
       exposures_ms_.push_back(set ? std::clamp(kDefaultExposureMs, least, most) : kDefaultExposureMs);
     for (const double exposure_ms : exposures_ms_) {
       if (exposure_ms >= least && exposure_ms <= most) continue;
-      tell(
-          v1::FINDING_LEVEL_PROBLEM, "camera",
-          fmt::format("exposure_ms is {}; the camera takes {:.3g} to {:.3g} ms at its {:.1f} frames a second",
-                      exposure_ms, least, most, links.camera_info.frame_rate_hz()),
-          "change the plan's exposure_ms, or the camera's frame rate");
+      tell(v1::FINDING_LEVEL_PROBLEM, "camera",
+           fmt::format("exposure_ms is {}; the camera takes {:.3g} to {:.3g} ms at its {:.1f} frames per "
+                       "second",
+                       exposure_ms, least, most, links.camera_info.frame_rate_hz()),
+           "change the plan's exposure_ms, or the camera's frame rate");
       return false;
     }
     return true;
   }
 
-  // Of the camera, judge_window() tells what was measured.
+  // For the camera, judge_window() reports what was measured.
   absl::Status check_fit(const RigLinks& links) {
     GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, links.monitors());
     const RigLimits limits{.monitors = std::move(monitors), .camera = {}, .blur_px = 0.0};
@@ -257,9 +257,9 @@ class RigCheck {
     for (const v1::FrameTaken& frame : record->frames) {
       if (std::abs(frame.exposure_ms() - test.exposure_ms) <= 0.01 * test.exposure_ms) continue;
       tell(v1::FINDING_LEVEL_PROBLEM, "camera",
-           fmt::format("{:.3g} ms exposures were asked for; it made {:.3g} ms", test.exposure_ms,
+           fmt::format("{:.3g} ms exposures were requested; it made {:.3g} ms", test.exposure_ms,
                        frame.exposure_ms()),
-           "switch its automatic exposure off, or ask for what it can do");
+           "switch its automatic exposure off, or request a supported exposure");
       break;
     }
     report_(judge_flips(times));
@@ -271,7 +271,7 @@ class RigCheck {
     return check_patches(links, test, times, *record);
   }
 
-  // Judges the monitors' id patches by the test capture's patch learning steps.
+  // Judges the monitors' id patches from the test capture's patch-learning steps.
   absl::Status check_patches(const RigLinks& links, const TestCapture& test, const TestCaptureTimes& times,
                              const TestCaptureRecord& record) {
     v1::LookForPatchesRequest look;

@@ -77,7 +77,7 @@ v1::Finding judge_clocks(const std::vector<std::pair<std::string, nanoseconds>>&
   return make_finding(
       sum <= kClocksPoor ? v1::FINDING_LEVEL_WARNING : v1::FINDING_LEVEL_PROBLEM, "clocks",
       text + "; every proof loses twice as much",
-      "use a wired network, and take load off the nodes: half of the quickest answer is the bound");
+      "use a wired network, and reduce the load on the nodes: the bound is half of the fastest answer time");
 }
 
 v1::Finding judge_flips(const TestCaptureTimes& times) {
@@ -93,7 +93,7 @@ v1::Finding judge_flips(const TestCaptureTimes& times) {
   const bool many = static_cast<double>(missed) > kManyMissed * static_cast<double>(times.shown.size());
   return make_finding(
       many ? v1::FINDING_LEVEL_PROBLEM : v1::FINDING_LEVEL_WARNING, "flips", text,
-      "take load off the display node's machine, switch off compositing and variable refresh rates, or "
+      "reduce the load on the display node's machine, switch off compositing and variable refresh rates, or "
       "choose a larger hold_refreshes");
 }
 
@@ -109,11 +109,12 @@ v1::Finding judge_frames(const TestCaptureTimes& times) {
   const double period_ms = ms(last.start - first.start) / numbers;
   const double declared_ms = ms(times.frame_period);
   const std::string text =
-      fmt::format("{:.1f} frames a second, {:.1f} % of them dropped", 1000.0 / period_ms, 100.0 * dropped);
+      fmt::format("{:.1f} frames per second, {:.1f} % of them dropped", 1000.0 / period_ms, 100.0 * dropped);
   if (dropped > kFewDropped) {
     return make_finding(dropped > kManyDropped ? v1::FINDING_LEVEL_PROBLEM : v1::FINDING_LEVEL_WARNING,
                         "camera", text,
-                        "take load off the camera node, or choose a smaller picture or a lower frame rate");
+                        "reduce the load on the camera node, or choose a smaller picture or a lower frame "
+                        "rate");
   }
   if (!times.triggered && std::abs(period_ms - declared_ms) > kRateOff * declared_ms) {
     return make_finding(v1::FINDING_LEVEL_WARNING, "camera",
@@ -140,7 +141,7 @@ v1::Finding judge_window(const TestCaptureTimes& times, nanoseconds exposure, na
     return advice;
   };
   const std::string text = fmt::format(
-      "{:.2f} ms exposures need {:.2f} ms with readout and uncertainty; a picture stands still for {:.2f} ms",
+      "{:.2f} ms exposures need {:.2f} ms with readout and uncertainty; a picture is stable for {:.2f} ms",
       ms(exposure), ms(needed), ms(std::max(window, nanoseconds(0))));
   if (needed > window) return make_finding(v1::FINDING_LEVEL_PROBLEM, "window", text, advice_for(needed));
   const nanoseconds sure = times.triggered ? needed : needed + times.frame_period;
@@ -163,7 +164,7 @@ v1::Finding judge_proof(const TestCaptureTimes& times) {
   const double share =
       times.windows.empty() ? 0.0 : static_cast<double>(proven) / static_cast<double>(times.windows.size());
   if (share >= kWellProven) return make_finding(v1::FINDING_LEVEL_OK, "proof", text);
-  const char* advice = "mend what is said above";
+  const char* advice = "fix the problems above";
   if (share >= kHardlyProven) {
     return make_finding(v1::FINDING_LEVEL_WARNING, "proof",
                         text + fmt::format("; a capture takes about {:.1f} times as long", 1.0 / share),
@@ -178,26 +179,27 @@ v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps,
   if (monitor.patch_rows() == 0) {
     return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
                         name + " shows none: its frames are proven by time alone",
-                        "start its display node with --patch-rows, and have the camera see those rows");
+                        "start its display node with --patch-rows, and make sure that the camera sees those "
+                        "rows");
   }
   const int wanted = static_cast<int>(patch_learning_ids().size());
   if (learning_steps < wanted) {
-    return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
-                        fmt::format("{}: only {} of the {} pictures that teach it were recorded", name,
-                                    learning_steps, wanted),
-                        "see the other findings; a capture shows them again");
+    return make_finding(
+        v1::FINDING_LEVEL_WARNING, "id patch",
+        fmt::format("{}: only {} of its {} learning pictures were recorded", name, learning_steps, wanted),
+        "see the other findings; a capture repeats them");
   }
   if (unseen.contradicts()) {
     return make_finding(v1::FINDING_LEVEL_PROBLEM, "id patch",
                         fmt::format("{}: {}; a capture would fail", name, unseen.reason()),
-                        fmt::format("measure glasswing calibrate sync --monitor {}", name));
+                        fmt::format("run glasswing calibrate sync --monitor {}", name));
   }
   if (!unseen.reason().empty()) {
     return make_finding(
         v1::FINDING_LEVEL_WARNING, "id patch",
         fmt::format("{}: {}; its frames are proven by time alone", name, unseen.reason()),
-        fmt::format("have the camera see all of its last {} rows sharply, with nothing before them; if it "
-                    "cannot, start the display node with --patch-rows {}=0",
+        fmt::format("make sure that the camera sees all of its last {} rows in focus, with nothing in front "
+                    "of them; if it cannot, start the display node with --patch-rows {}=0",
                     monitor.patch_rows(), name));
   }
   return make_finding(v1::FINDING_LEVEL_OK, "id patch",
@@ -222,7 +224,7 @@ v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1:
         fmt::format(
             "{}; white reaches full scale at {:.3g} ms, exposures are up to {:.3g} ms: bright pixels clip",
             text, measured->white_ms(), ms(longest)),
-        fmt::format("expose for less than {:.3g} ms, or for that as well", measured->white_ms()));
+        fmt::format("expose for less than {:.3g} ms, or add such an exposure", measured->white_ms()));
   }
   return make_finding(v1::FINDING_LEVEL_OK, "light", text);
 }
@@ -230,14 +232,12 @@ v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1:
 v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,
                                 const std::optional<v1::DisplayCalibration>& measured) {
   if (measured) {
-    return make_finding(
-        v1::FINDING_LEVEL_OK, "light",
-        fmt::format("{} has curves of its own (measured {})", monitor.name(), measured->measured()));
+    return make_finding(v1::FINDING_LEVEL_OK, "light",
+                        fmt::format("{} has measured curves ({})", monitor.name(), measured->measured()));
   }
   if (monitor.bits() > kMaxCurveBits) {
-    return make_finding(
-        v1::FINDING_LEVEL_OK, "light",
-        fmt::format("{} has codes of {} bits, which are light as they are", monitor.name(), monitor.bits()));
+    return make_finding(v1::FINDING_LEVEL_OK, "light",
+                        fmt::format("{} uses linear {}-bit codes", monitor.name(), monitor.bits()));
   }
   return make_finding(
       v1::FINDING_LEVEL_WARNING, "light",
@@ -253,10 +253,10 @@ v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v
     return make_finding(v1::FINDING_LEVEL_WARNING, "sync", "display latency is not measured: " + said,
                         "glasswing calibrate sync --monitor " + declared.name());
   }
-  const std::string text = fmt::format(
-      "{} follows its scan-out by {:.2f} ms and settles in {:.2f} ms, give or take {:.2f} (measured {})",
-      declared.name(), ms(measured->lag_ns()), ms(measured->settle_ns()), ms(measured->error_ns()),
-      measured->measured());
+  const std::string text =
+      fmt::format("{} follows its scan-out by {:.2f} ms and settles in {:.2f} ms, +- {:.2f} (measured {})",
+                  declared.name(), ms(measured->lag_ns()), ms(measured->settle_ns()),
+                  ms(measured->error_ns()), measured->measured());
   const nanoseconds tolerance =
       kSyncAgrees + 3 * nanoseconds(measured->error_ns()) + nanoseconds(measured->clock_error_ns());
   const auto apart = [](std::int64_t a, std::int64_t b) { return std::chrono::abs(nanoseconds(a - b)); };
@@ -264,7 +264,7 @@ v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v
                       measured->settle_ns() <= declared.settle_ns() + tolerance.count();
   if (agrees) return make_finding(v1::FINDING_LEVEL_OK, "sync", text);
   return make_finding(
-      v1::FINDING_LEVEL_WARNING, "sync", text + "; " + said + "; what was measured is used",
+      v1::FINDING_LEVEL_WARNING, "sync", text + "; " + said + "; the measured values are used",
       fmt::format("if the monitor or its mode changed since, measure again; if not, start its node with "
                   "--lag-ms {:.1f} --settle-ms {:.1f}",
                   ms(measured->lag_ns()), ms(measured->settle_ns())));
@@ -273,21 +273,25 @@ v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v
 std::string retake_advice(v1::RetakeCause cause) {
   switch (cause) {
     case v1::RETAKE_CAUSE_NOT_SHOWN:
-      return "take load off the display node's machine, or choose a larger hold_refreshes";
+      return "reduce the load on the display node's machine, or choose a larger hold_refreshes";
     case v1::RETAKE_CAUSE_NO_FRAME:
-      return "take load off the camera node, or choose a smaller picture or a lower frame rate";
+      return "reduce the load on the camera node, or choose a smaller picture or a lower frame rate";
     case v1::RETAKE_CAUSE_WRONG_ID:
-      return "the times that a display or the camera reports are wrong: glasswing calibrate sync";
+      return "a display or the camera reports wrong times: glasswing calibrate sync";
     case v1::RETAKE_CAUSE_ID_UNREADABLE:
-      return "the camera sees the id patch, but cannot tell its cells apart beside a picture: the patch must "
-             "cover six rows of the camera's picture or more, and be sharp; start the display node with more "
-             "--patch-rows, or have the camera see the monitor larger. If it is so already, exposures "
-             "overlap two pictures: glasswing calibrate sync";
+      return "the camera sees the id patch, but cannot distinguish its cells beside a picture: the patch "
+             "must "
+             "cover at least six rows of the camera's picture, and be in focus; start the display node with "
+             "more --patch-rows, or make the monitor larger in the camera's picture. If it already does, "
+             "exposures overlap two pictures: glasswing calibrate sync";
     case v1::RETAKE_CAUSE_TOO_LATE:
-      return "frames arrive faster than the camera node stores them: take load off its machine and disk, or "
-             "choose a larger hold_refreshes or a smaller picture";
+      return "frames arrive faster than the camera node stores them: reduce the load on its machine and "
+             "disk, "
+             "or choose a larger hold_refreshes or a smaller picture";
     case v1::RETAKE_CAUSE_PATCH_UNSEEN:
-      return "have the camera see all of each monitor's id patch sharply, with nothing before it";
+      return "make sure that the camera sees each monitor's whole id patch in focus, with nothing in front "
+             "of "
+             "it";
     default:
       return "the camera's exposures must fit between a picture's settling and the next one: try a shorter "
              "exposure_ms or a larger hold_refreshes";
@@ -299,7 +303,7 @@ std::optional<v1::Finding> judge_retakes(const v1::Session& session) {
     return std::nullopt;
   std::vector<v1::RetakeCount> counts(session.retakes().begin(), session.retakes().end());
   std::ranges::sort(counts, std::greater(), &v1::RetakeCount::count);
-  std::string text = fmt::format("session {} showed its {} steps {} times again", session.name(),
+  std::string text = fmt::format("session {} repeated its {} steps {} times", session.name(),
                                  session.step_count(), session.retaken_count());
   for (const v1::RetakeCount& count : counts)
     text += fmt::format("{}{}: {}", &count == &counts.front() ? "; " : ", ", describe(count.cause()),

@@ -1,4 +1,4 @@
-// The judgements of the rig's self-test: each one with figures, and advice on what to change.
+// The judgements of the rig's self-test: each with figures, and advice on what to change.
 #pragma once
 
 #include <optional>
@@ -38,21 +38,21 @@ struct TestCaptureTimes {
 
 v1::Finding judge_flips(const TestCaptureTimes& times);
 v1::Finding judge_frames(const TestCaptureTimes& times);
-// Do exposures of this length fit into the windows? `shortest` is the camera's shortest exposure.
+// Whether exposures of this length fit into the windows. `shortest` is the camera's shortest exposure.
 v1::Finding judge_window(const TestCaptureTimes& times, nanoseconds exposure, nanoseconds shortest);
 v1::Finding judge_proof(const TestCaptureTimes& times);
 v1::Finding judge_clocks(const std::vector<std::pair<std::string, nanoseconds>>& errors);
-// `learning_steps`: how many ids were shown and proven by time. `unseen`: what the camera node says of the
+// `learning_steps`: the number of ids shown and proven by time. `unseen`: what the camera node says about the
 // patch if it cannot read it; without a reason: it can.
 v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps, const v1::UnseenPatch& unseen);
-// Is the light of the camera's codes known? `longest`: exposure that a capture would make.
+// Whether the light of the camera's codes is known. `longest`: exposure that a capture would make.
 v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1::CameraCalibration>& measured,
                                nanoseconds longest);
 v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,
                                 const std::optional<v1::DisplayCalibration>& measured);
-// What to do about steps that were shown again for this cause.
+// What to do about steps repeated for this cause.
 std::string retake_advice(v1::RetakeCause cause);
-// Were many of the session's steps shown again, and why? None: few were.
+// Whether many of the session's steps were repeated, and why. None: few were.
 std::optional<v1::Finding> judge_retakes(const v1::Session& session);
 v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v1::MonitorSync>& measured);
 

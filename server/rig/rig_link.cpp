@@ -210,7 +210,7 @@ absl::StatusOr<std::vector<v1::Monitor>> RigLinks::monitors() const {
     for (const v1::DisplayMonitor& shown : display->info.monitors()) {
       if (!names.insert(shown.name()).second) {
         return absl::FailedPreconditionError(
-            fmt::format("two monitors of the rig are called \"{}\"; give one another name", shown.name()));
+            fmt::format("two monitors of the rig are called \"{}\"; rename one", shown.name()));
       }
       monitors.push_back(listed_monitor(shown));
     }

@@ -23,8 +23,8 @@
 
 namespace glasswing {
 
-// A node and the relation of its clock to ours. Rig time is the server's CLOCK_MONOTONIC, which setting the
-// wall clock does not move. Times may be converted on any thread.
+// A node and the relation of its clock to ours. Rig time is the server's CLOCK_MONOTONIC, which is not
+// affected by setting the wall clock. Times may be converted on any thread.
 class NodeLink {
  public:
   explicit NodeLink(const v1::Node& node, std::chrono::milliseconds call_time = kNodeCall);
@@ -36,16 +36,16 @@ class NodeLink {
   // CANCELLED: stopped.
   absl::Status exchange_clocks(int count, std::chrono::milliseconds within = std::chrono::seconds(2),
                                std::stop_token stop = {});
-  // Makes a call until the node answers it. One that takes longer than the call time is made again, with
-  // twice the time, as long as the node answers its clock: it is slow, not away. `make` gives a call that
-  // changes something the same request_id each time. `what`: for people, "store frames". DEADLINE_EXCEEDED:
-  // the node does not answer its clock either. CANCELLED: stopped.
+  // Repeats a call until the node answers it. A call that takes longer than the call time is repeated, with
+  // twice the time, as long as the node answers its clock: it is slow, not lost. For calls that change
+  // something, `make` uses the same request_id each time. `what`: a description such as "store frames".
+  // DEADLINE_EXCEEDED: the node does not answer its clock either. CANCELLED: stopped.
   absl::Status call(const std::string& what, std::stop_token stop,
                     const std::function<grpc::Status(grpc::ClientContext&)>& make);
-  // The same of a call that is under way: waits for `answered`. DEADLINE_EXCEEDED as call().
+  // The same for a call in progress: waits for `answered`. DEADLINE_EXCEEDED as in call().
   absl::Status wait(const std::string& what, std::stop_token stop,
                     const std::function<bool(std::chrono::milliseconds)>& answered);
-  // Calls `note` with who takes long over what, once a call has taken the call time, and with "" once
+  // Calls `note` with the slow node and the operation, once a call has taken the call time, and with "" once
   // answered.
   void note_slow_calls(std::function<void(const std::string&)> note) { note_slow_ = std::move(note); }
   ClockReading rig_from_node(nanoseconds node_time) const;
@@ -54,7 +54,7 @@ class NodeLink {
  private:
   std::string title_, address_;
   std::shared_ptr<grpc::Channel> channel_;
-  // Has a connection of its own: behind the camera's stream of frames an exchange would be delayed in one
+  // Has its own connection: behind the camera's stream of frames an exchange would be delayed in one
   // direction, which biases the offset.
   std::unique_ptr<v1::ClockService::Stub> stub_;
   const std::chrono::milliseconds call_time_;
@@ -99,11 +99,11 @@ using MonitorNames = std::vector<std::string>;
 std::string names_of(const std::vector<v1::Monitor>& monitors);
 // INVALID_ARGUMENT: `name` is none of these.
 absl::Status no_monitor(const std::string& name, const std::vector<v1::Monitor>& monitors);
-// The same, of the first name that is none of these.
+// The same, for the first name that is none of these.
 absl::Status check_monitors(const MonitorNames& names, const std::vector<v1::Monitor>& monitors);
 MonitorNames monitors_of(const v1::Plan& plan);
-// `camera`: as for NodeRegistry::camera(), whose errors are returned. UNAVAILABLE: the camera is away, or a
-// display that may have one of the monitors. CANCELLED: stopped.
+// `camera`: as for NodeRegistry::camera(), whose errors are returned. UNAVAILABLE: the camera, or a display
+// that may have one of the monitors, does not answer. CANCELLED: stopped.
 absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                  const std::string& camera, const MonitorNames& monitors,
                                  std::stop_token stop = {});

@@ -35,7 +35,7 @@ absl::Status RigLock::check_locked(const Caller& caller) const {
   if (caller.hold == (is_held() ? reservation_->token : "")) return absl::OkStatus();
   if (!caller.hold.empty()) {
     return absl::FailedPreconditionError(
-        "the hold that this call belongs to has ended, and another client may have the rig: glasswing hold");
+        "the hold of this call has ended, and another client may have the rig: glasswing hold");
   }
   const v1::RigHolder& holder = reservation_->holder;
   return absl::FailedPreconditionError(fmt::format("the rig is held for \"{}\", {}; wait until it is freed",
@@ -81,7 +81,7 @@ absl::Status RigLock::release(const Caller& caller) {
   const std::lock_guard lock(mutex_);
   if (caller.hold.empty())
     return absl::FailedPreconditionError(
-        "this call belongs to no hold: only who holds the rig can release it");
+        "this call does not belong to a hold: only the holder of the rig can release it");
   GW_RETURN_IF_ERROR(check_locked(caller));
   reservation_.reset();
   return absl::OkStatus();

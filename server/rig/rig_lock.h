@@ -1,5 +1,5 @@
-// Exclusive use of the rig. One capture or measurement drives it at a time. A hold reserves it for one client
-// between these too: calls without the hold's token are refused. Several calls may share a hold.
+// Exclusive use of the rig. One capture or measurement drives it at a time. A hold also reserves it for one
+// client between these: calls without the hold's token are refused. Several calls may share a hold.
 #pragma once
 
 #include <absl/status/status.h>
@@ -34,23 +34,23 @@ class RigLock {
   using Drive = std::unique_ptr<RigLock, Stop>;
   using Hold = std::unique_ptr<RigLock, Leave>;
 
-  // Takes the rig until the drive is destroyed. `what`: "session vase", "calibrate sync". `how_to_end`: the
-  // command that frees the rig; empty: others can only wait. FAILED_PRECONDITION: names who has the rig, or
-  // says that the caller's hold has ended.
+  // Occupies the rig until the drive is destroyed. `what`: "session vase", "calibrate sync". `how_to_end`:
+  // the command that frees the rig; empty: others can only wait. FAILED_PRECONDITION: names the rig's holder,
+  // or says that the caller's hold has ended.
   absl::StatusOr<Drive> drive(const Caller& caller, const std::string& what,
                               const std::string& how_to_end = "");
   // Reserves the rig for the caller, or joins the caller's own hold; `reason` is then ignored. The hold ends
-  // by release(), or `linger` after the last of its values is destroyed unless the caller joins it again.
+  // with release(), or `linger` after the last of its values is destroyed unless the caller rejoins it.
   // Errors as drive()'s.
   absl::StatusOr<Hold> hold(const Caller& caller, const std::string& reason,
                             std::chrono::milliseconds linger = {});
-  // Ends the caller's hold. FAILED_PRECONDITION: the caller has none.
+  // Ends the caller's hold. FAILED_PRECONDITION: the caller has no hold.
   absl::Status release(const Caller& caller);
 
   // FAILED_PRECONDITION: another client holds the rig.
   absl::Status check(const Caller& caller) const;
 
-  // Empty: the rig is free. Of a hold, `what` is its reason, and what drives the rig: "series (session
+  // Empty: the rig is free. For a hold, `what` is its reason, and what drives the rig: "series (session
   // vase)".
   std::optional<v1::RigHolder> holder() const;
 

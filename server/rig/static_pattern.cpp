@@ -80,7 +80,9 @@ absl::Status StaticPattern::check() const {
     const std::optional<absl::Status> end = playing->inbox.end();
     if (!end) continue;
     if (!end->ok()) return *end;
-    return absl::DeadlineExceededError("the pattern was shown for as long as a display can; show it again");
+    return absl::DeadlineExceededError(
+        "the pattern reached the longest time that a display can show it; show "
+        "it again");
   }
   return absl::OkStatus();
 }

@@ -1,4 +1,4 @@
-// Shows still pictures on monitors until the object is destroyed.
+// Shows still pictures on monitors until destroyed.
 #pragma once
 
 #include <absl/status/status.h>
@@ -16,8 +16,8 @@ namespace glasswing {
 
 class StaticPattern {
  public:
-  // Returns when the pictures are on screen; other monitors are black. `calibrations`: of monitors that have
-  // one. `rig` must outlive the object. CANCELLED: stopped. UNAVAILABLE: a node is away.
+  // Returns when the pictures are on screen; other monitors are black. `calibrations`: for monitors that have
+  // one. `rig` must outlive the object. CANCELLED: stopped. UNAVAILABLE: a node does not answer.
   static absl::StatusOr<std::unique_ptr<StaticPattern>> start(
       const RigLinks& rig, const std::vector<v1::Stimulus>& stimuli,
       const google::protobuf::RepeatedPtrField<v1::DisplayCalibration>& calibrations, std::stop_token stop);
@@ -27,7 +27,7 @@ class StaticPattern {
 
  private:
   StaticPattern() = default;
-  // The time by which every monitor of the display shows its picture, if it is told to begin at `start`.
+  // The time by which every monitor of the display shows its picture, if told to begin at `start`.
   static nanoseconds there_at(const DisplayLink& display, nanoseconds start);
 
   std::vector<std::unique_ptr<PresentationStream>> playing_;

@@ -17,9 +17,9 @@ namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
-// Each pass restarts the camera, at another phase of the display's refreshes.
+// Each pass restarts the camera, at a different phase of the display's refreshes.
 constexpr int kPassesAtOnce = 4, kMaxPasses = 12;
-constexpr nanoseconds kGoodEnough = std::chrono::microseconds(50);  // standard error that ends the passes
+constexpr nanoseconds kGoodEnough = std::chrono::microseconds(50);  // standard error at which the passes end
 constexpr nanoseconds kSteady = milliseconds(33);                   // minimum duration of a picture
 constexpr double kFramesAPicture = 3.0;
 constexpr double kClipping =
@@ -50,7 +50,7 @@ absl::StatusOr<Target> find(const RigLinks& rig, const std::string& name) {
   return no_monitor(name, monitors);
 }
 
-// Bright lines, so narrow that their own scan-out is short against the measured times.
+// Bright lines, so narrow that their own scan-out is short compared with the measured times.
 v1::Stimulus band_stimulus(const Target& target, size_t band) {
   v1::Stimulus stimulus;
   stimulus.set_kind("gauss_stripe");
@@ -200,7 +200,7 @@ absl::StatusOr<v1::MonitorSync> measure_sync(RigLinks& rig, const std::string& m
       if (exposure_ms != 0.0 || shorter < std::max(camera.min_exposure_ms(), kShortestExposureMs)) {
         return absl::FailedPreconditionError(
             fmt::format("{}: {:.1f} % of the samples are at full scale at {:.3g} ms; choose a shorter "
-                        "--exposure-ms, or stop the lens down",
+                        "--exposure-ms, or stop down the lens",
                         monitor, 100.0 * measurement.max_clipped, exposure));
       }
       exposure = shorter;
@@ -221,9 +221,8 @@ absl::StatusOr<v1::MonitorSync> measure_sync(RigLinks& rig, const std::string& m
     if (!step.ok() || (step->lag.error > kGoodEnough && more)) continue;
     if (step->lag.value < -3 * step->lag.error - measurement.clock_error() - milliseconds(1)) {
       return absl::FailedPreconditionError(
-          fmt::format("{}: its light came {:.2f} ms before its scan-out; the times that the display node or "
-                      "the camera node "
-                      "reports are wrong",
+          fmt::format("{}: its light came {:.2f} ms before its scan-out; the display node or the camera node "
+                      "reports wrong times",
                       monitor, -1e-6 * static_cast<double>(step->lag.value.count())));
     }
     return sync_of(target, measurement, *step);

@@ -18,7 +18,7 @@ using std::chrono::milliseconds;
 constexpr std::chrono::seconds kStarted(20);  // how long a camera may take to start
 constexpr milliseconds kStartLead(300);       // from the command to the first step
 constexpr milliseconds kTail(100);
-constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
+constexpr milliseconds kLastFrame(1500);  // how late a frame may arrive after the last step was replaced
 constexpr milliseconds kPoll(10);
 constexpr int kNoStep = -1;
 
@@ -27,7 +27,7 @@ absl::Status load(DisplayLink& display, const std::string& program, const TestCa
   v1::LoadProgramRequest request;
   request.set_program(program);
   request.set_hold_refreshes(test.hold_refreshes);
-  // Its report tells when the next one can be exposed.
+  // Its report determines when the next one can be exposed.
   if (test.triggered) request.add_steps()->set_step(kNoStep);
   for (const v1::ProgramStep& step : test.steps) {
     v1::ProgramStep& own = *request.add_steps();
@@ -48,9 +48,8 @@ absl::Status load(DisplayLink& display, const std::string& program, const TestCa
 absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test,
                                                    std::stop_token stop) {
   if (rig.camera_info.on_demand()) {
-    return absl::FailedPreconditionError(
-        fmt::format("{} takes a picture only when it is asked for one, and no times can be measured with it",
-                    rig.camera->title()));
+    return absl::FailedPreconditionError(fmt::format(
+        "{} takes pictures only on request, so no times can be measured with it", rig.camera->title()));
   }
   CaptureStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms, random_token(), test.triggered);
   GW_RETURN_IF_ERROR(camera.wait_running(stop, kStarted));
@@ -80,7 +79,7 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
   while (!stop.stop_requested()) {
     bool playing = false;
     for (size_t i = 0; i < streams.size(); ++i) {
-      // Read the end first: then everything that was pushed before it is taken.
+      // Read the end first: then everything pushed before it is taken.
       const std::optional<absl::Status> end = streams[i]->inbox.end();
       for (v1::Presentation& shown : streams[i]->inbox.take()) {
         wanted_until = std::max(wanted_until, rig_time_of(shown, *test.displays[i]).replaced + kTail);

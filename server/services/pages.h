@@ -1,5 +1,5 @@
-// Pages of lists, as https://google.aip.dev/158 has them: an answer stays far below gRPC's limit of 4 MiB
-// however much there is to list.
+// Pages of lists, as in https://google.aip.dev/158: an answer stays far below gRPC's limit of 4 MiB however
+// long the list is.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,15 +11,15 @@
 
 namespace glasswing {
 
-// The part of an answer's lists that one page holds: as many items as were asked for, at most kMaxItems, and
-// no more than kMaxBytes, but at least one. Its token is the number of items on earlier pages, so that items
-// that come or go in between may be listed twice or not at all.
+// The part of an answer's lists that one page holds: as many items as requested, at most kMaxItems, and no
+// more than kMaxBytes, but at least one. Its token is the number of items on earlier pages, so items that are
+// added or removed in between may be listed twice or not at all.
 class Page {
  public:
   static constexpr int kMaxItems = 500;
   static constexpr size_t kMaxBytes = size_t{1} << 20;
 
-  // INVALID_ARGUMENT: page_size is negative, or page_token is none.
+  // INVALID_ARGUMENT: page_size is negative, or page_token is invalid.
   template <typename Request>
   static absl::StatusOr<Page> of(const Request& request) {
     if (request.page_size() < 0) {
@@ -29,7 +29,7 @@ class Page {
     int first = 0;
     const std::string& token = request.page_token();
     if (!token.empty() && (!absl::SimpleAtoi(token, &first) || first <= 0))
-      return absl::InvalidArgumentError("page_token is not one that this server gave");
+      return absl::InvalidArgumentError("page_token is not from this server");
     return Page(first, request.page_size() == 0 ? kMaxItems : std::min(request.page_size(), kMaxItems));
   }
 
@@ -45,7 +45,7 @@ class Page {
     items.DeleteSubrange(end, items.size() - end);
     items.DeleteSubrange(0, first);
   }
-  // Of the next page; empty: all items were listed.
+  // Token of the next page; empty: all items were listed.
   std::string next_token() const { return full_ ? std::to_string(next_) : ""; }
 
  private:

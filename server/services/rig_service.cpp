@@ -122,7 +122,7 @@ grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::Ch
     *response.mutable_finding() = finding;
     writer->Write(response);
   };
-  // First, and also where the rig cannot be checked.
+  // First, and also if the rig cannot be checked.
   for (const std::string& problem : server_.problems().all())
     report(make_finding(v1::FINDING_LEVEL_WARNING, "server", problem));
   if (const auto damaged = judge_sessions(server_)) report(*damaged);
@@ -275,12 +275,12 @@ absl::StatusOr<v1::FitCalibrationResponse> fit_and_store(Server& server, const s
   GW_ASSIGN_OR_RETURN(const v1::Session session, server.sessions().find(name));
   if (!session.plan().has_calibration()) {
     return absl::FailedPreconditionError(
-        fmt::format("session \"{}\" is no calibration: its method is {}; run one with glasswing calibrate",
+        fmt::format("session \"{}\" is not a calibration: its method is {}; run one with glasswing calibrate",
                     name, session.method()));
   }
   if (session.state() != v1::SESSION_STATE_CAPTURED) {
     return absl::FailedPreconditionError(fmt::format(
-        "session \"{}\" is not captured to its end; resume it with: glasswing resume {}", name, name));
+        "session \"{}\" is not completely captured; resume it with: glasswing resume {}", name, name));
   }
   GW_ASSIGN_OR_RETURN(v1::FitCalibrationResponse fitted, fit(session));
   if (fitted.has_camera()) {
@@ -302,7 +302,7 @@ absl::StatusOr<v1::FitCalibrationResponse> RigServiceImpl::fit_once(const std::s
     const auto [running, is_first] = fits_.emplace(session, utc_now_rfc3339());
     if (!is_first) {
       return absl::FailedPreconditionError(
-          fmt::format("session \"{}\" is being fitted already, since {}; wait until that is done", session,
+          fmt::format("session \"{}\" is already being fitted, since {}; wait until that is done", session,
                       running->second));
     }
   }

@@ -15,16 +15,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The job store's name of this server, which stays when its address changes.
+// The job store's name for this server, which stays the same when its address changes.
 absl::StatusOr<std::string> server_id(const fs::path& data, Problems& problems) {
   const fs::path path = data / "server-id";
   if (fs::exists(path)) {
     GW_ASSIGN_OR_RETURN(std::string id, read_file(path));
     if (id.size() == 32 && id.find_first_not_of("0123456789abcdef") == std::string::npos) return id;
     GW_RETURN_IF_ERROR(problems.set_aside(
-        data, path, absl::DataLossError("it does not hold 32 hexadecimal digits"),
-        "a job store that several servers share does not recognise this server: solves that were under way "
-        "there must be requested again"));
+        data, path, absl::DataLossError("it does not contain 32 hexadecimal digits"),
+        "a job store that several servers share does not recognise this server: its solves in progress there "
+        "must be requested again"));
   }
   std::string id = random_token();
   GW_RETURN_IF_ERROR(write_file_durably(path, id));
@@ -102,7 +102,7 @@ absl::Status Server::take_up() {
 }
 
 absl::Status Server::take_up_solves() {
-  // Asked first without an Edit, since a store that is away may answer late.
+  // Asked first without an Edit, since an unavailable store may answer late.
   const absl::Status answers = stores_.jobs->own_jobs().status();
   SessionStore::Edit edit = sessions().edit();
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> all, sessions().all_stored());

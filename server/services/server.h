@@ -46,9 +46,9 @@ struct ServerOptions {
 // Thread-safe.
 class Server {
  public:
-  // Opens the catalogue and the job store, and takes up the sessions that an earlier server left. What is
-  // damaged is set aside, and problems() says so; what must wait for the job store goes on once it answers.
-  // DATA_LOSS: the catalogue as a whole is damaged.
+  // Opens the catalogue and the job store, and resumes the sessions that an earlier server left. Damaged
+  // items are set aside, and reported by problems(); work that must wait for the job store continues once it
+  // answers. DATA_LOSS: the catalogue as a whole is damaged.
   static absl::StatusOr<std::unique_ptr<Server>> open(const ServerOptions& options);
 
   Problems& problems() { return *stores_.problems; }

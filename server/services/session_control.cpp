@@ -45,9 +45,9 @@ absl::StatusOr<v1::Session> SessionControl::retake(const v1::ResumeSessionReques
   GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_RETAKE));
   for (const v1::StepRange& range : request.retake()) {
     if (range.first() >= 0 && range.first() <= range.last() && range.last() < session.step_count()) continue;
-    return absl::InvalidArgumentError(
-        fmt::format("steps {}-{} are to be captured again; session \"{}\" has steps 0-{}", range.first(),
-                    range.last(), session.name(), session.step_count() - 1));
+    return absl::InvalidArgumentError(fmt::format("steps {}-{} were requested; session \"{}\" has steps 0-{}",
+                                                  range.first(), range.last(), session.name(),
+                                                  session.step_count() - 1));
   }
   if (is_capturing(session))
     GW_RETURN_IF_ERROR(captures_.stop(session.name(), CaptureRunner::Wish::kPause, caller).status());

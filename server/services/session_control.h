@@ -1,4 +1,4 @@
-// Pauses, resumes and cancels sessions: asks the state table, then CaptureRunner or SolveRunner.
+// Pauses, resumes and cancels sessions: consults the state table, then CaptureRunner or SolveRunner.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,7 +11,7 @@
 
 namespace glasswing {
 
-// Thread-safe. Errors are those that session_service.proto lists.
+// Thread-safe. Errors are those listed in session_service.proto.
 class SessionControl {
  public:
   SessionControl(SessionStore& sessions, CaptureRunner& captures, SolveRunner& solves)

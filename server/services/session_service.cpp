@@ -44,7 +44,7 @@ grpc::Status SessionServiceImpl::CreateSession(grpc::ServerContext* context,
                                                const v1::CreateSessionRequest* request,
                                                v1::CreateSessionResponse* response) {
   GW_CHECK_LIMITS(*request);
-  // A client repeats a call that is not answered in time, and the first may still be at work.
+  // A client repeats a call that is not answered in time, while the first may still be running.
   return answer(creations_.run(*context, request->request_id(),
                                [&] { return server_.captures().create(*request, caller_of(*context)); }),
                 response);
@@ -138,7 +138,7 @@ grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
   std::int64_t seen = 0;
   std::string last;
   while (!context->IsCancelled() && !stopping_) {
-    // Also without a change of the session: what it waits for may have changed.
+    // Also without a change of the session: what it is waiting for may have changed.
     seen = std::max<std::int64_t>(
         server_.sessions().wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500)), 1);
     v1::WatchSessionResponse response;

@@ -24,19 +24,19 @@ v1::Waiting waiting(const std::string& what, const std::string& since, const std
   return waiting;
 }
 
-// Reasons that a running capture or solve gives for its own waiting, by how they begin.
+// The beginnings of reasons that a running capture or solve gives for its own waiting.
 struct OwnReason {
   std::string_view begin, what, advice;
 };
 constexpr OwnReason kOwnReasons[] = {
     {kWaitsForServerRoom,
-     "the server's disk is full: ", "free space there; the solve then goes on by itself"},
-    {kWaitsForStore, "the job store does not answer: ", "start it; the solve then goes on by itself"},
+     "the server's disk is full: ", "free space there; the solve then continues by itself"},
+    {kWaitsForStore, "the job store does not answer: ", "start it; the solve then continues by itself"},
     {kWaitsForRoom,
-     "the camera node's disk is full: ", "free space there; the capture then goes on by itself"},
-    {kWaitsForAnswer, "", "it is at work; the capture then goes on by itself"},
-    {kWaitsForPicture, "", "the capture goes on by itself when it comes"},
-    {kWaitsForNode, "", "start it again; after half a minute the capture pauses, and loses nothing"},
+     "the camera node's disk is full: ", "free space there; the capture then continues by itself"},
+    {kWaitsForAnswer, "", "it is still working; the capture then continues by itself"},
+    {kWaitsForPicture, "", "the capture continues by itself when it arrives"},
+    {kWaitsForNode, "", "start it again; after half a minute the capture pauses, without losing anything"},
 };
 
 std::optional<v1::Waiting> stall_of(const v1::Session& session) {
@@ -72,7 +72,7 @@ std::optional<v1::Waiting> node_waiting(const v1::Node& node, const std::string&
                  node.away_since(), advice);
 }
 
-// A capture that has begun; it goes on when the camera is ready.
+// A capture that has begun; it continues when the camera is ready.
 std::optional<v1::Waiting> camera_waiting(const v1::Session& session, const std::vector<v1::Node>& nodes) {
   const auto camera = std::ranges::find_if(nodes, [&](const v1::Node& node) {
     return node.kind() == v1::NODE_KIND_CAMERA && node.address() == session.archive_address();
@@ -80,14 +80,14 @@ std::optional<v1::Waiting> camera_waiting(const v1::Session& session, const std:
   if (camera == nodes.end() || !camera->has_preparation()) return std::nullopt;
   return waiting(fmt::format("camera node \"{}\" is not ready: {}", camera->name(),
                              preparation_text(camera->preparation())),
-                 "", "the capture then goes on by itself");
+                 "", "the capture then continues by itself");
 }
 
 bool is_up(const std::vector<v1::Node>& nodes, const std::string& name) {
   return std::ranges::any_of(nodes, [&](const v1::Node& node) { return node.name() == name && node.up(); });
 }
 
-// The node that holds the frames, if it and all replicas are away.
+// The node that holds the frames, if it and all replicas are unavailable.
 const v1::Node* missing_keeper(const v1::Session& session, const std::vector<v1::Node>& nodes) {
   const auto keeper = std::ranges::find(nodes, session.archive_address(), &v1::Node::address);
   if (session.archive_address().empty() || keeper == nodes.end() || keeper->up()) return nullptr;
@@ -121,14 +121,14 @@ std::optional<v1::Waiting> solver_waiting(const v1::GetFleetResponse& fleet) {
     if (solver.up()) refused = &solver;
   }
   if (refused != nullptr) {
-    return waiting("no solver may work: " + refused->refused(), "", "see them all: glasswing fleet");
+    return waiting("no solver gets work: " + refused->refused(), "", "see them all: glasswing fleet");
   }
   return waiting("no solver is running", fleet.solver_heard(),
                  "start one: glasswing-solver --server HOST:PORT, or \"systemctl start glasswing-solver\" "
                  "where it is installed");
 }
 
-// What a draft of its images tells decides whether it goes on.
+// A draft of its images decides whether it continues.
 bool awaits_draft(const v1::Session& session) {
   return session.state() == v1::SESSION_STATE_CAPTURING && session.plan().has_adapt() &&
          session.step_count() > 0 && session.proven_count() == session.step_count();
@@ -148,7 +148,7 @@ std::optional<v1::Waiting> queue_waiting(const v1::Session& session, const v1::G
       return waiting(before == 1 ? fmt::format("the solvers work on session \"{}\" first", first->session())
                                  : fmt::format("the solvers work on {} other sessions first, now on \"{}\"",
                                                before, first->session()),
-                     "", "it begins by itself; more solvers make it sooner");
+                     "", "it begins by itself; sooner with more solvers");
     }
     if (solve.held() || solve.tiles_leased() == 0) continue;
     ++before;
@@ -161,17 +161,17 @@ std::optional<v1::Waiting> quarantine_waiting(const v1::Session& session) {
   if (session.quarantined().empty()) return std::nullopt;
   const v1::QuarantinedTile& first = session.quarantined(0);
   return waiting(fmt::format("tile {} could not be solved: {}", first.tile(), first.error()), "",
-                 "the other tiles go on; afterwards: glasswing retry " + session.name());
+                 "the other tiles continue; afterwards: glasswing retry " + session.name());
 }
 
 std::optional<v1::Waiting> solve_waiting(const v1::Session& session, const Surroundings& around) {
   if (!around.fleet.ok()) {
     return waiting("the job store does not answer: " + std::string(around.fleet.status().message()),
-                   around.store_away_since, "start it; the solve then goes on by itself");
+                   around.store_away_since, "start it; the solve then continues by itself");
   }
   if (const v1::Node* keeper = missing_keeper(session, around.nodes)) {
     std::optional<v1::Waiting> away =
-        node_waiting(*keeper, "camera node", "start it; the solve then goes on by itself");
+        node_waiting(*keeper, "camera node", "start it; the solve then continues by itself");
     away->set_what(away->what() + ", and with it the frames");
     return away;
   }

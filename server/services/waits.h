@@ -1,4 +1,4 @@
-// What keeps a session's work from going on: who, since when, and what to do. All clients show these words.
+// What blocks a session: the cause, since when, and what to do. All clients show this text.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -16,7 +16,7 @@
 
 namespace glasswing {
 
-// What a session's work depends on, beside the session itself.
+// What a session's work depends on, besides the session itself.
 struct Surroundings {
   std::vector<v1::Node> nodes;
   std::optional<v1::RigHolder> holder;         // empty: the rig is free
@@ -24,7 +24,7 @@ struct Surroundings {
   std::string store_away_since;                // meanwhile; RFC 3339
 };
 
-// Empty: nothing keeps the session's work, or it has none to do.
+// Empty: nothing blocks the session, or it has nothing to do.
 std::optional<v1::Waiting> waiting_of(const v1::Session& session, const Surroundings& around);
 
 // Thread-safe.
@@ -32,7 +32,7 @@ class Waits {
  public:
   explicit Waits(Server& server) : server_(server) {}
 
-  // The session with its `waiting` and `draft` set. What solvers do may be known as of a second ago.
+  // The session with its `waiting` and `draft` set. The solvers' activity may be a second old.
   v1::Session told(v1::Session session);
 
  private:

@@ -63,7 +63,7 @@ grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::
       joined = false;
       return claim(*context, *request);
     });
-    // Of an earlier call's answer only a tile that is still this solver's is worth having.
+    // An earlier call's answer is useful only if its tile is still this solver's.
     const bool is_stale =
         joined && claimed.ok() && !(claimed->has_lease() && server_.tiles().renew(claimed->lease()).ok());
     if (!is_stale) return answer(std::move(claimed), *response);
@@ -81,7 +81,7 @@ absl::StatusOr<v1::ClaimTileResponse> WorkServiceImpl::claim(const grpc::ServerC
       GW_RETURN_IF_ERROR(seal_.seal(name_of(*context.auth_context()), *claimed->mutable_lease()));
     if (!claimed.ok() || claimed->has_lease() || monotonic_now() >= until || context.IsCancelled())
       return claimed;
-    // An expiring lease gives no hint, so ask again every half second.
+    // An expiring lease sends no hint, so ask again every half second.
     server_.tiles().wait_for_tiles(std::chrono::milliseconds(500));
   }
 }

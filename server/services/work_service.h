@@ -20,12 +20,12 @@ class WorkServiceImpl final : public v1::WorkService::Service {
   grpc::Status FailTile(grpc::ServerContext*, const v1::FailTileRequest*, v1::FailTileResponse*) override;
 
  private:
-  // PERMISSION_DENIED: the solver of this name has another certificate.
+  // PERMISSION_DENIED: the solver with this name has a different certificate.
   absl::Status check_solver(const grpc::ServerContext& context, const std::string& name) const;
   // The same, and ABORTED: the lease is not the caller's.
   absl::Status check_lease(const grpc::ServerContext& context, const std::string& name,
                            const v1::TileLease& lease);
-  // Waits for a tile, as long as the request says.
+  // Waits for a tile, as long as the request allows.
   absl::StatusOr<v1::ClaimTileResponse> claim(const grpc::ServerContext& context,
                                               const v1::ClaimTileRequest& request);
 

@@ -1,4 +1,4 @@
-// Facts of a session that its archive knows.
+// Facts about a session from its archive.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace glasswing {
 
-// The method that solves these frames unless a client names another: the plan's, else the one that its
-// stimuli suit.
+// The method that solves these frames unless a client names another: the plan's, or else the one that suits
+// its stimuli.
 std::string usual_method(const v1::CaptureManifest& manifest);
 
 // Sets frame_count and lost_frames of a video; clears both for a still.

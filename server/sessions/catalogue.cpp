@@ -24,7 +24,7 @@ std::string rows_of(const char* session_column) {
                      row_sum_holds(kCatalogueColumns));
 }
 
-// A damaged record may hold any bytes as its name.
+// A damaged record may have any bytes as its name.
 std::string name_of(const Database::Query& row) {
   const std::string name = row.text(4);
   return check_name("session", name).ok() ? name : absl::CHexEscape(name.substr(0, 64));
@@ -105,12 +105,13 @@ absl::StatusOr<std::unique_ptr<Catalogue>> Catalogue::open(const std::filesystem
   GW_RETURN_IF_ERROR(add_columns(database));
   GW_RETURN_IF_ERROR(protect_rows(database, "sessions", kCatalogueColumns));
   absl::Status whole = database.check_structure();
-  // An index repeats what the rows say: it can be made again.
+  // An index only repeats the rows: it can be rebuilt.
   if (!whole.ok() && database.run("REINDEX").ok()) whole = database.check_structure();
   whole.Update(check_row_count(database, "sessions"));
   if (!whole.ok()) {
-    return absl::DataLossError(fmt::format("{} is damaged: {}; glasswing fsck {} says more", path.string(),
-                                           std::string(whole.message()), path.parent_path().string()));
+    return absl::DataLossError(fmt::format("{} is damaged: {}; glasswing fsck {} gives details",
+                                           path.string(), std::string(whole.message()),
+                                           path.parent_path().string()));
   }
   return std::unique_ptr<Catalogue>(new Catalogue(std::move(database), path));
 }
@@ -125,7 +126,7 @@ absl::Status Catalogue::insert(const v1::Session& session, const std::string& re
           .finish();
   if (absl::IsAlreadyExists(status)) {
     return absl::AlreadyExistsError(
-        fmt::format("there is a session \"{}\" already; choose another name", session.name()));
+        fmt::format("session \"{}\" already exists; choose another name", session.name()));
   }
   return status;
 }

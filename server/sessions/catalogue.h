@@ -1,5 +1,5 @@
-// The durable list of sessions: what was asked for and how far it came. The node with a session's archive
-// knows its frames.
+// The durable list of sessions: what was requested, and the progress. The node with a session's archive knows
+// its frames.
 #pragma once
 
 #include <absl/status/status.h>
@@ -33,16 +33,16 @@ class Catalogue {
   // Durable when it returns. Does not change note, tags and replicas, which a running capture or solve does
   // not know.
   absl::Status update(const v1::Session& session);
-  // update() without the flush: outlives this process, but the last of them may not outlive a power cut.
+  // update() without the flush: survives this process, but the last of them may be lost in a power cut.
   absl::Status note(const v1::Session& session);
   // Changes note and tags only. NOT_FOUND: no such session. INVALID_ARGUMENT: a tag that is not a valid name,
   // or a note of more than kMaxNoteBytes. RESOURCE_EXHAUSTED: more than kMaxTags.
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
-  // Change the list of replicas only; it has one entry a node.
+  // Change the list of replicas only; it has one entry per node.
   absl::Status set_replica(const std::string& name, const v1::ArchiveCopy& copy);
   absl::Status drop_replica(const std::string& name, const std::string& node);
-  // The session as its last finished solve left it, kept while it is solved again. NOT_FOUND: no earlier
-  // solve finished.
+  // The session as of its last finished solve, kept while it is solved again. NOT_FOUND: no earlier solve
+  // finished.
   absl::Status keep_finished(const v1::Session& session);
   absl::Status drop_finished(const std::string& name);
   absl::StatusOr<v1::Session> finished(const std::string& name);
@@ -52,7 +52,8 @@ class Catalogue {
   absl::StatusOr<v1::Session> find(const std::string& name);
   // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id);
-  // Newest first. A damaged record is listed with its name, SESSION_STATE_DAMAGED, and as reason what to do.
+  // Newest first. A damaged record is listed with its name, SESSION_STATE_DAMAGED, and what to do as its
+  // reason.
   absl::StatusOr<std::vector<v1::Session>> list();
 
  private:

@@ -25,22 +25,22 @@ bool is_not_being_stopped(const v1::Session& session) {
 bool is_not_being_cancelled(const v1::Session& session) {
   return session.reason() != kCancelling;
 }
-// A video runs once. A copy holds the frames as they were.
+// A video runs once. A copy contains the old frames.
 bool may_be_retaken(const v1::Session& session) {
   return captures_a_plan(session) && !is_video(session.plan()) && session.copies().empty();
 }
-// Only an import rests in this state: a capture has a plan.
+// Only an import can be at rest in this state: a capture has a plan.
 bool is_import(const v1::Session& session) {
   return !session.has_plan();
 }
 bool has_matte(const v1::Session& session) {
   return session.matte_ready() || !session.solved_frames().empty();
 }
-// The matte of an earlier solve comes back.
+// The matte of an earlier solve is restored.
 bool has_matte_to_return_to(const v1::Session& session) {
   return rests_in_solve(session) && session.matte_ready();
 }
-// A session that measured devices holds no object.
+// A session that measured devices has no object.
 bool holds_object(const v1::Session& session) {
   return !session.plan().has_calibration();
 }
@@ -99,7 +99,7 @@ constexpr Rule kRules[] = {
     {v1::SESSION_STATE_CANCELLED, v1::SESSION_ACTION_DELETE},
 };
 
-// The states that an action leads to, where asking again is no error.
+// The states that an action leads to, in which repeating the request is not an error.
 constexpr struct {
   v1::SessionAction action;
   v1::SessionState state;

@@ -6,7 +6,7 @@
 //   created, capturing, paused -> cancelled
 //
 // After a restart a session that was capturing is paused (the camera node has its proven frames); one that
-// was solving goes on.
+// was solving continues.
 #pragma once
 
 #include <absl/status/status.h>
@@ -19,15 +19,16 @@
 
 namespace glasswing {
 
-// How the reason of a running capture or solve begins while it waits: "waiting for room: " and why.
+// The beginning of a running capture's or solve's reason while it waits: "waiting for room: " and why.
 inline constexpr std::string_view kWaitsForNode = "waiting", kWaitsForRoom = "waiting for room",
                                   kWaitsForServerRoom = "waiting for room on the server's disk",
                                   kWaitsForAnswer = "waiting for an answer",
                                   kWaitsForPicture = "waiting for a picture",
                                   kWaitsForStore = "waiting for the job store";
-// How the reason of a capture begins that shows pictures and proves nothing any more; then why.
+// The beginning of the reason of a capture that shows pictures but no longer proves anything; the cause
+// follows.
 inline constexpr std::string_view kStalled = "stalled";
-// In RigChange.what of a rig that somebody knocked against.
+// In RigChange.what after a knock.
 inline constexpr std::string_view kTouched = "the camera, the monitor or the table was touched";
 // The reason of a capture that is being stopped.
 inline constexpr std::string_view kPausing = "being paused", kCancelling = "being cancelled";
@@ -38,13 +39,13 @@ std::string state_of(const v1::Session& session);
 // True if it is the session's solve that is paused or failed, not its capture.
 bool rests_in_solve(const v1::Session& session);
 
-// The actions that the session allows now, in the order of SessionAction. What goes on around it may still
-// refuse one: the rig is busy, the session is being replicated or deleted, a node is away.
+// The actions that the session allows now, in the order of SessionAction. One may still be refused because of
+// other activity: the rig is busy, the session is being replicated or deleted, a node does not answer.
 std::vector<v1::SessionAction> allowed_actions(const v1::Session& session);
 bool allows(const v1::Session& session, v1::SessionAction action);
-// True if the session already is as the action asks: a repeated call is no error.
+// True if the session is already in the requested state: a repeated call is not an error.
 bool is_already(const v1::Session& session, v1::SessionAction action);
-// FAILED_PRECONDITION: "session "vase" is paused; it cannot be ...". ResumeSession asks for RESUME, which
+// FAILED_PRECONDITION: "session "vase" is paused; it cannot be ...". ResumeSession requests RESUME, which
 // here includes RETRY.
 absl::Status check_allows(const v1::Session& session, v1::SessionAction action);
 // FAILED_PRECONDITION: "session "vase" is paused; it cannot be " and `verb`.

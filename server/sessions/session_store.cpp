@@ -19,7 +19,7 @@ absl::StatusOr<v1::Session> SessionStore::Edit::find(const std::string& name) co
   GW_ASSIGN_OR_RETURN(const v1::Session stored, store_.catalogue_->find(name));
   const auto live = store_.live_.find(name);
   if (live == store_.live_.end()) return stored;
-  // These change without the capture or solve that shows the live view.
+  // These change independently of the capture or solve that shows the live view.
   v1::Session session = live->second;
   session.set_note(stored.note());
   *session.mutable_tags() = stored.tags();
@@ -89,7 +89,7 @@ absl::Status SessionStore::Edit::begin_deleting(const std::string& name) {
   GW_RETURN_IF_ERROR(check_stays(name));
   if (store_.replicating_.contains(name)) {
     return absl::FailedPreconditionError(
-        fmt::format("session \"{}\" is being replicated; wait for it, or break that off first", name));
+        fmt::format("session \"{}\" is being replicated; wait for it, or interrupt that first", name));
   }
   store_.deleting_.insert(name);
   return absl::OkStatus();
@@ -125,7 +125,7 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
     GW_ASSIGN_OR_RETURN(const bool wanted, matches(*session, request));
     if (!wanted) continue;
     v1::Session listed = with_allowed_actions(*std::move(session));  // they depend on the plan
-    // Long, and of no use in a list, except for what tells a calibration from a session with an object.
+    // Long, and useless in a list, except for what distinguishes a calibration from a session with an object.
     v1::Plan plan;
     if (listed.plan().has_calibration()) *plan.mutable_calibration() = listed.plan().calibration();
     listed.clear_plan();

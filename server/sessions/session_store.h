@@ -1,5 +1,5 @@
-// The server's sessions: the catalogue's records, in front of them a live view of those that run, and a
-// signal for those who watch. Knows nothing of captures, solves and archives.
+// The server's sessions: the catalogue's records, with a live view of the running ones in front, and a signal
+// for watchers. Knows nothing about captures, solves and archives.
 //
 // Lock order of the server (a thread that holds a lock takes only locks of later lines):
 //   1. SessionStore::Edit. Every change of a session's state, of its matte files and of its job is made under
@@ -33,7 +33,7 @@ namespace glasswing {
 // Thread-safe. NOT_FOUND: "there is no session ...". DATA_LOSS: the session's record is damaged.
 class SessionStore {
  public:
-  // Exclusive access: no other thread changes a session while this lives. One thread must not have two.
+  // Exclusive access: no other thread changes a session while this exists. A thread must not have two.
   class Edit {
    public:
     absl::StatusOr<v1::Session> find(const std::string& name) const;
@@ -44,15 +44,14 @@ class SessionStore {
     // Announced without being durable: the live view, ahead of the catalogue. Its waiting.since is when its
     // reason was first shown.
     void show(const v1::Session& session);
-    // Durable without being announced: a copy of the live view that a restart finds.
+    // Durable without being announced: a copy of the live view for a restart.
     absl::Status save_progress(const v1::Session& session);
-    // As save_progress(), without a flush: found after a restart, but perhaps not after a power cut.
+    // Like save_progress(), without a flush: found after a restart, but perhaps not after a power cut.
     absl::Status note_progress(const v1::Session& session);
     absl::Status remove(const std::string& name);
     void announce();
 
-    // The session as its last finished solve left it, kept while it is solved again. NOT_FOUND: there was
-    // none.
+    // The session as of its last finished solve, kept while it is solved again. NOT_FOUND: there was none.
     absl::Status keep_finished(const v1::Session& session);
     absl::Status drop_finished(const std::string& name);
     absl::StatusOr<v1::Session> finished(const std::string& name);
@@ -79,9 +78,9 @@ class SessionStore {
   Edit edit() { return Edit(*this); }
 
   absl::StatusOr<v1::Session> find(const std::string& name);
-  // As the catalogue has it, which may be behind a running session. Does not wait for an Edit.
+  // As in the catalogue, which may be behind a running session. Does not wait for an Edit.
   absl::StatusOr<v1::Session> stored(const std::string& name) { return catalogue_->find(name); }
-  // Newest first, damaged records among them.
+  // Newest first, including damaged records.
   absl::StatusOr<std::vector<v1::Session>> all_stored() { return catalogue_->list(); }
   // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id) {
@@ -89,7 +88,7 @@ class SessionStore {
   }
   // The photos that any session's plan shows. Absent: unknown, since a record is damaged.
   std::optional<std::set<std::string>> photos();
-  // Newest first, without plans, with allowed actions. INVALID_ARGUMENT: a time that cannot be read.
+  // Newest first, without plans, with allowed actions. INVALID_ARGUMENT: a time that cannot be parsed.
   absl::StatusOr<std::vector<v1::Session>> list(const v1::ListSessionsRequest& request);
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
   absl::Status set_replica(const std::string& name, const v1::ArchiveCopy& replica) {
@@ -99,8 +98,8 @@ class SessionStore {
     return catalogue_->drop_replica(name, node);
   }
 
-  // Calls `observer` with every change, durable or shown, under the Edit: it must be quick, and call nothing
-  // of the store. One at a time; null: none.
+  // Calls `observer` with every change, durable or shown, under the Edit: it must be quick, and must not call
+  // the store. One at a time; null: none.
   void observe(std::function<void(const v1::Session&)> observer);
 
   // Waits until any session changes after change number `seen` (0: none yet), at most `timeout`; returns the

@@ -1,5 +1,5 @@
-// The events of each step of a capture, for those who watch. In memory only, for the sessions captured last;
-// proofs are durable in the archive.
+// The events of each step of a capture, for watchers. In memory only, for the most recently captured
+// sessions; proofs are durable in the archive.
 #pragma once
 
 #include <cstddef>
@@ -22,7 +22,7 @@ class StepLog {
 
   // Ignores events of a step that is proven.
   void add(const std::string& session, v1::StepEvent event);
-  // The session's events from the `first` on, oldest first. Empty: nothing is known of this session.
+  // The session's events from the `first` on, oldest first. Empty: nothing is known about this session.
   std::optional<std::vector<v1::StepEvent>> events(const std::string& session, size_t first) const;
 
  private:
@@ -38,7 +38,7 @@ class StepLog {
 // The event of a step whose frame is kept.
 v1::StepEvent proof_of(const v1::Frame& frame, double seconds);
 
-// The events that an archive alone can tell: proofs, in the order of exposure.
+// The events that can be derived from an archive: proofs, in the order of exposure.
 std::vector<v1::StepEvent> proven_steps(const v1::CaptureManifest& manifest);
 
 }  // namespace glasswing

@@ -18,7 +18,7 @@ namespace glasswing {
 namespace {
 
 constexpr std::chrono::milliseconds kPoll(50);
-constexpr int kLooked = 20'000;  // pixels of the draft, of which the object's are taken
+constexpr int kLooked = 20'000;  // pixels of the draft, from which the object's are taken
 
 // The object's, evenly.
 absl::StatusOr<std::vector<JudgedPixel>> read_pixels(const std::filesystem::path& path, size_t monitors) {
@@ -44,7 +44,7 @@ absl::Status AdaptiveRounds::wait_for_draft(const v1::Session& session, std::sto
     const std::optional<v1::Draft> draft = drafts_.of(session);
     if (draft && draft->image_count() == session.step_count()) return absl::OkStatus();
     GW_RETURN_IF_ERROR(drafts_.failure(session.name(), session.step_count()));
-    // A node that was away is asked again.
+    // A node that did not answer is asked again.
     if (polls % 20 == 0) drafts_.look_at(session.name());
     if (!pause(stop, kPoll)) return absl::CancelledError("stopped");
   }
@@ -58,13 +58,13 @@ absl::StatusOr<v1::Session> AdaptiveRounds::grow(v1::Session session, std::stop_
                       read_pixels(mattes_.draft(session.name()), monitors.size()));
   if (pixels.empty())
     return absl::FailedPreconditionError(
-        "the draft shows no object, so that nothing tells what to show next");
+        "the draft shows no object, so there is nothing to decide what to show next");
   GW_ASSIGN_OR_RETURN(Adaptation adaptation,
                       adapt(std::move(pixels), session.plan(), monitors, manifest.camera()));
   const v1::AdaptedRound& found = adaptation.found;
   spdlog::info("adapted session={} images={} known={:.3f} error_db={:.1f} error_px={:.3f}", session.name(),
                found.image_count(), found.known_share(), found.error_db(), found.error_px());
-  // Judged before, and interrupted then.
+  // Judged before, and then interrupted.
   const bool again =
       !session.adapted().empty() && session.adapted().rbegin()->image_count() == found.image_count();
   (again ? *session.mutable_adapted()->rbegin() : *session.add_adapted()) = found;

@@ -1,4 +1,4 @@
-// Further images for captures that adapt (Plan.adapt): after each round judges a draft of all images so far,
+// Further images for adaptive captures (Plan.adapt): after each round it judges a draft of all images so far,
 // and chooses what to show next.
 #pragma once
 
@@ -17,10 +17,10 @@ class AdaptiveRounds {
  public:
   AdaptiveRounds(Drafts& drafts, const MatteFiles& mattes) : drafts_(drafts), mattes_(mattes) {}
 
-  // Waits for the draft of all images of `session`, whose steps are all stored. Returns the session with what
-  // the draft tells (`adapted`) and with one more round in its plan, or with the same plan: the target holds,
-  // or there may be no more images. CANCELLED: stopped. UNAVAILABLE: the archive's node is away.
-  // FAILED_PRECONDITION: no draft can be made.
+  // Waits for the draft of all images of `session`, whose steps are all stored. Returns the session with the
+  // draft's results (`adapted`) and with one more round in its plan, or with the same plan: the target is
+  // reached, or no more images are allowed. CANCELLED: stopped. UNAVAILABLE: the archive's node does not
+  // answer. FAILED_PRECONDITION: no draft can be made.
   absl::StatusOr<v1::Session> grow(v1::Session session, std::stop_token stop);
 
  private:

@@ -23,13 +23,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::milliseconds kDraftPause(500);
-// Short: once the capture has ended, solvers learn within a third of it that the draft is not wanted.
+// Short: once the capture has ended, solvers learn within a third of it that the draft is no longer wanted.
 constexpr std::chrono::milliseconds kDraftLease(1500);
 constexpr int kMaxFailures = 3;
-// Nothing is known of the cost of rows, and a draft is not surveyed.
+// Nothing is known about the cost of rows, and a draft is not surveyed.
 constexpr int kDraftTiles = 48, kMinDraftRows = 2;
 constexpr std::int64_t kMaxDraftTileBytes = 256 << 20;  // of frames' samples
-constexpr std::chrono::seconds kBreak(5);  // between a capture's reports: it was paused, or a node was away
+constexpr std::chrono::seconds kBreak(
+    5);  // between a capture's reports: it was paused, or a node did not answer
 constexpr double kFewPixels = 60'000;
 constexpr double kFirstPixels = 2'500, kWaited_s = 4.0;  // of a draft that a capture waits for
 constexpr int kFirstStep = 5;
@@ -50,7 +51,7 @@ std::vector<TileRange> draft_tiles(const v1::CaptureManifest& manifest, int fram
 }
 
 absl::Status void_attempt(const v1::TileLease& lease) {
-  return absl::AbortedError(fmt::format("tile {} of the draft of session \"{}\" is not wanted any more",
+  return absl::AbortedError(fmt::format("tile {} of the draft of session \"{}\" is no longer wanted",
                                         lease.tile(), lease.session()));
 }
 
@@ -115,7 +116,7 @@ bool DraftTiles::all_done() const {
 
 int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds, double seconds_left) {
   const double pixels = static_cast<double>(camera.width_px()) * camera.height_px();
-  // Colours of a mosaic's pixel come from its neighbours.
+  // The colours of a mosaic's pixel come from its neighbours.
   if (pixels <= kFewPixels || !camera.mosaic().empty()) return 1;
   const double of_all = unit_seconds * pixels * image_count;
   for (const int step : {1, 3}) {
@@ -199,7 +200,7 @@ void Drafts::run(std::stop_token stop) {
   while (!stop.stop_requested()) {
     for (const std::string& name : to_look_at_.take(stop)) {
       const absl::Status looked = look(name);
-      // A node that is away is named by the capture itself.
+      // An unreachable node is named by the capture itself.
       if (!looked.ok() && !absl::IsUnavailable(looked))
         spdlog::warn("no draft session={} error=\"{}\"", name, std::string(looked.message()));
     }
@@ -272,11 +273,11 @@ void Drafts::begin(const v1::Session& session, const DraftStage& stage, std::vec
       waited_for ? pixel_step_while_waiting(manifest.camera(), draft.image_count(), unit_seconds_)
                  : pixel_step_of(manifest.camera(), draft.image_count(), unit_seconds_, seconds_left);
   plan.begun = stage.step_count;
-  // Between few pixels more sweeps make no better draft.
+  // With few pixels, more sweeps do not improve a draft.
   if (!waited_for && plan.pixel_step > 1 && pixel_step >= plan.pixel_step) return;
   if (!waited_for && plan.pixel_step == 1 && pixel_step > 1) return;
   plan.pixel_step = pixel_step;
-  // Solvers know jobs by their number, across restarts of the server.
+  // Solvers identify jobs by number, across restarts of the server.
   last_job_ = std::min(
       last_job_ - 1, -std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
   DraftTiles tiles(draft_tiles(manifest, draft.image_count(), pixel_step), kDraftLease);
@@ -377,7 +378,7 @@ absl::Status Drafts::finish(const Running& done) {
     GW_ASSIGN_OR_RETURN(PositionedFile file, PositionedFile::create(unfinished));
     GW_RETURN_IF_ERROR(join_tiles(done.tiles.states(), directory, file));
   }
-  // Without an Edit, which captures wait for.
+  // Without an Edit, because captures wait for it.
   GW_RETURN_IF_ERROR(place_file_durably(unfinished, mattes_.draft(name)));
   std::error_code ignored;  // all go with the session's solve
   for (const TileState& tile : done.tiles.states()) fs::remove(directory / tile.done.result, ignored);

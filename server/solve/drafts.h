@@ -1,11 +1,10 @@
-// Drafts: mattes of a session that is still being captured, of the images that are there by then. A draft is
-// made of the steps up to a stage of the plan (core/pattern/draft_stages); which of them it has is fixed when
-// it begins, so all its tiles are of the same frames.
+// Drafts: mattes of a session that is still being captured, from the images so far. A draft is made from the
+// steps up to a stage of the plan (core/pattern/draft_stages); its steps are fixed when it begins, so all its
+// tiles use the same frames.
 //
-// Drafts have nothing to do with the finished matte, which is solved of all frames once the capture has
-// ended. They are not in the job store: their tiles are only handed out while that has none, they end with
-// the capture or with the server, and what becomes of them changes no session. Their job numbers are
-// negative.
+// Drafts are independent of the finished matte, which is solved from all frames once the capture has ended.
+// They are not in the job store: their tiles are handed out only while it has none, they end with the capture
+// or with the server, and their outcome does not change a session. Their job numbers are negative.
 #pragma once
 
 #include <absl/status/status.h>
@@ -30,7 +29,7 @@
 
 namespace glasswing {
 
-// The tiles of one draft, and who has them. Time is given by the caller.
+// The tiles of one draft, and their holders. The caller provides the time.
 class DraftTiles {
  public:
   DraftTiles(std::vector<TileRange> ranges, nanoseconds lease);
@@ -41,12 +40,12 @@ class DraftTiles {
   };
   // A tile that is not done and not leased; none: there is no such tile.
   std::optional<Claimed> claim(nanoseconds now);
-  // ABORTED of these three: the tile is done, or a later attempt has it.
+  // These three return ABORTED if the tile is done or a later attempt has it.
   absl::Status renew(const v1::TileLease& lease, nanoseconds now);
   absl::StatusOr<TileRange> range(const v1::TileLease& lease) const;
   // The attempt that completed the tile may repeat the call.
   absl::Status complete(const v1::TileLease& lease, const std::string& file);
-  // Ends the lease. False: the tile has failed too often. OK too for a void attempt.
+  // Ends the lease. False: the tile has failed too often. Also OK for a void attempt.
   bool give_back(const v1::TileLease& lease, bool failed);
 
   bool was_claimed() const;
@@ -77,14 +76,14 @@ class Drafts {
   // ended.
   void note(const v1::Session& session);
   void forget(const std::string& session);
-  // Of a session without a finished matte: what its newest draft is made of.
+  // For a session without a finished matte: what its newest draft is made from.
   std::optional<v1::Draft> of(const v1::Session& session);
-  // Looks at a session that is being captured, as note() does.
+  // Examines a session that is being captured, as note() does.
   void look_at(const std::string& session) { to_look_at_.add(session); }
-  // Why the draft of so many images failed; OK: it has not.
+  // Why the draft of this many images failed; OK: it has not.
   absl::Status failure(const std::string& session, int image_count);
 
-  // As those of TileDispatcher.
+  // Like those of TileDispatcher.
   static bool is_draft(const v1::TileLease& lease) { return lease.job() < 0; }
   // Without a lease in the answer there is nothing to do.
   v1::ClaimTileResponse claim();
@@ -104,27 +103,27 @@ class Drafts {
     DraftTiles tiles;
     nanoseconds began{};  // when the first tile was claimed
   };
-  // What can be drafted of a session.
+  // The parts of a session that can be drafted.
   struct Plan {
     int rounds = 0;          // of the plan by then
     std::vector<int> steps;  // in the order of showing
     std::vector<DraftStage> stages;
     int sweep_count = 0;
-    // Of the last draft; 0: there was none.
+    // Of the last draft; 0: none.
     int begun = 0;  // step_count of its stage
     int pixel_step = 0;
-    // The capture's pace: steps proven since then. Begins anew after a break.
+    // The capture's pace: steps proven since then. Restarts after a break.
     nanoseconds since{}, looked{};
     int since_proven = 0;
   };
 
   void run(std::stop_token stop);
-  // Begins a draft if the session has reached a stage and no solver works on an earlier draft.
+  // Begins a draft if the session has reached a stage and no solver is working on an earlier draft.
   absl::Status look(const std::string& name);
   absl::StatusOr<Plan*> plan_of(const v1::Session& session);
   void begin(const v1::Session& session, const DraftStage& stage, std::vector<int> steps,
              const v1::CaptureManifest& manifest, Plan& plan);
-  // Requires mutex_. Null: this draft is not under way.
+  // Requires mutex_. Null: this draft is not in progress.
   Running* running(const v1::TileLease& lease);
   absl::Status finish(const Running& done);
 
@@ -140,24 +139,24 @@ class Drafts {
   };
   std::map<std::string, Failure> failed_;  // newest, by session; guarded by mutex_
   std::int64_t last_job_ = 0;              // guarded by mutex_
-  // That the last draft took for a solved pixel of an image; 0: there was none. Guarded by mutex_.
+  // Time that the last draft took per solved pixel and image; 0: none. Guarded by mutex_.
   double unit_seconds_ = 0.0;
   SessionQueue to_look_at_;
   std::jthread thread_;  // last: uses all of the above
 };
 
-// Of every how-manyth pixel of every how-manyth row a draft is solved: 1, 3 or 5, the smallest that takes no
-// more than a part of the `seconds_left` of the capture; of all, if there are few pixels.
-// `unit_seconds`: that the last draft took for a pixel of an image; 0: there was none, and the first draft
-// shall come soon.
+// The pixel spacing n at which a draft is solved (one in n pixels, in one of n rows): 1, 3 or 5, the smallest
+// that takes no more than a fraction of the `seconds_left` of the capture; 1 if there are few pixels.
+// `unit_seconds`: time that the last draft took per pixel and image; 0: none, and the first draft should come
+// soon.
 int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds, double seconds_left);
 
 // The same for a draft that a capture waits for: the smallest odd number with which it takes a few seconds.
 int pixel_step_while_waiting(const v1::Camera& camera, int image_count, double unit_seconds);
 
-// The steps of the first `stage.step_count` of `shown` that are stored, rising, if the stage is reached: all
-// of them, or nearly all and the showing has gone on. (A step without proof is shown again only after all
-// others.) None: not reached.
+// The steps of the first `stage.step_count` of `shown` that are stored, in increasing order, if the stage is
+// reached: all of them, or nearly all if the showing has moved on. (A step without proof is shown again only
+// after all others.) None: not reached.
 std::optional<std::vector<int>> reached(const DraftStage& stage, const std::vector<int>& shown,
                                         const v1::CaptureManifest& manifest);
 

@@ -1,4 +1,5 @@
-// The solvers: what each one does and how fast, from their calls, the registered nodes and the job store.
+// The solvers: what each one does and how fast, derived from their calls, the registered nodes and the job
+// store.
 #pragma once
 
 #include <functional>
@@ -29,8 +30,8 @@ class Fleet {
   int spoiled_by(const std::string& solver) const;
   void failed(const std::string& solver, const std::string& session, int tile, const std::string& error);
 
-  // `solvers` have registered with this server. A solver that has not, as of another server that shares the
-  // store, is up if it was heard in the last ten seconds or has a lease.
+  // `solvers` have registered with this server. A solver that has not, for example one of another server that
+  // shares the store, is up if it was heard from in the last ten seconds or has a lease.
   v1::GetFleetResponse describe(const std::vector<RegisteredSolver>& solvers,
                                 const std::vector<JobState>& jobs, const std::vector<LeaseState>& leases,
                                 const std::string& store) const;
@@ -44,7 +45,7 @@ class Fleet {
     std::int64_t done = 0, failed = 0;
     int spoiled = 0;
   };
-  // Applies `change` to the solver's entry, which was heard now.
+  // Applies `change` to the solver's entry, which has just been heard from.
   void note(const std::string& name, const std::function<void(Solver&)>& change);
 
   const std::function<nanoseconds()> now_;

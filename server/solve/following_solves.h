@@ -1,4 +1,4 @@
-// Solves sessions that shall be solved as soon as they are captured (Session.solve_follows).
+// Solves sessions that are to be solved as soon as they are captured (Session.solve_follows).
 #pragma once
 
 #include <absl/status/status.h>
@@ -21,7 +21,7 @@ class FollowingSolves {
 
   // The session may be captured: solves it if so, as soon as its archive and the job store answer.
   void look(const std::string& session) { to_look_at_.add(session); }
-  // Those that an earlier server captured and did not solve.
+  // Those that an earlier server captured but did not solve.
   void take_up(std::span<const v1::Session> sessions);
 
  private:

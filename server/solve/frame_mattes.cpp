@@ -24,7 +24,7 @@ absl::Status FrameMattes::begin(int frame, const std::string& checksum) {
 }
 
 absl::Status FrameMattes::add(std::string_view chunk) {
-  if (!written_) return absl::InvalidArgumentError("a chunk came before its frame was named");
+  if (!written_) return absl::InvalidArgumentError("a chunk arrived before its frame was named");
   return written_->add(chunk);
 }
 

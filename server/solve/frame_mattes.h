@@ -21,14 +21,15 @@ class FrameMattes {
       : directory_(std::move(directory)), first_(first), count_(count) {}
 
   // Begins the file of a frame; `checksum` is the whole file's (checksum_of()). INVALID_ARGUMENT: the frame
-  // is not of this tile, or does not follow the frame before. DATA_LOSS: the file before has another checksum
-  // than was announced. RESOURCE_EXHAUSTED: the disk is full.
+  // is not in this tile, or does not follow the previous frame. DATA_LOSS: the previous file's checksum
+  // differs from the announced one. RESOURCE_EXHAUSTED: the disk is full.
   absl::Status begin(int frame, const std::string& checksum);
   absl::Status add(std::string_view chunk);
-  // DATA_LOSS: the last file has another checksum than was announced, as when a call broke off.
+  // DATA_LOSS: the last file's checksum differs from the announced one, for example after an interrupted
+  // call.
   absl::Status finish();
 
-  // Reads the files as they will be read. DATA_LOSS: one is no matte; names the frame.
+  // Reads the files as a client will. DATA_LOSS: one is not a matte; names the frame.
   absl::Status verify() const;
 
   bool has(int frame) const { return files_.contains(frame); }

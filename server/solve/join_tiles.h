@@ -1,4 +1,4 @@
-// The matte of rows that a solve's tiles make together.
+// The matte of rows joined from a solve's tiles.
 #pragma once
 
 #include <absl/status/status.h>
@@ -11,9 +11,9 @@
 
 namespace glasswing {
 
-// Writes the matte's file from the files of those tiles in `directory` that are done, one after another. Rows
-// of the others are blank and flagged "no data". FAILED_PRECONDITION: no tile is done. DATA_LOSS: a tile's
-// file is damaged.
+// Writes the matte's file from the files in `directory` of the finished tiles, one after another. Rows of the
+// others are blank and flagged "no data". FAILED_PRECONDITION: no tile is done. DATA_LOSS: a tile's file is
+// damaged.
 absl::Status join_tiles(std::span<const TileState> tiles, const std::filesystem::path& directory,
                         PositionedFile& file);
 

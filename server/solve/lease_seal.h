@@ -1,9 +1,9 @@
-// Leases that nobody can make up: job, tile and attempt are small numbers, so a solver could name those of
+// Leases that cannot be forged: job, tile and attempt are small numbers, so a solver could name those of
 // others.
 //
 //   secret = HMAC-SHA256(key, "job tile attempt session\ncaller")
 //
-// `caller` is the certificate of the solver that the tile was handed to; the key is the job store's.
+// `caller` is the certificate of the solver to which the tile was handed out; the key is the job store's.
 #pragma once
 
 #include <absl/status/status.h>

@@ -57,7 +57,7 @@ MatteAssembly::MatteAssembly(const SolveStores& stores, SolveClock& clock)
 void MatteAssembly::run(std::stop_token stop) {
   while (!stop.stop_requested()) {
     std::set<std::string> names = to_look_at_.take(stop, kLookEvery);
-    // No call announces that the job store quarantined a last tile, or that one could not be counted.
+    // No call announces that the job store quarantined the last tile, or that a tile could not be counted.
     for (std::string& name : clock_.started()) names.insert(std::move(name));
     for (const std::string& name : names) {
       const absl::Status status = finish(name);
@@ -123,7 +123,7 @@ absl::Status MatteAssembly::assemble(const v1::Session& session, std::vector<std
       const absl::Status joined = [&]() -> absl::Status {
         GW_ASSIGN_OR_RETURN(PositionedFile file, PositionedFile::create(unfinished));
         GW_RETURN_IF_ERROR(join_tiles(tiles, directory, file));
-        // As it will be read. A matte that was fetched so far is not replaced by one that cannot be.
+        // As a client will read it. A matte that could be fetched is not replaced by one that cannot.
         GW_RETURN_IF_ERROR(VerifiedMattes().open(unfinished).status());
         GW_RETURN_IF_ERROR(note_warnings_of(file, warnings));
         return place_file_durably(unfinished, stores_.mattes.next(session.name()));
@@ -136,7 +136,7 @@ absl::Status MatteAssembly::assemble(const v1::Session& session, std::vector<std
     return made;
   }
   if (session.refused_frames().empty()) return note_warnings_of_frames(session, warnings);
-  return absl::FailedPreconditionError(fmt::format("no matte can be made of {} of its frames; {}",
+  return absl::FailedPreconditionError(fmt::format("no matte can be made from {} of its frames; {}",
                                                    session.refused_frames_size(), session.refusal()));
 }
 
@@ -147,7 +147,7 @@ absl::Status MatteAssembly::note_warnings_of_frames(v1::Session session,
   for (const int frame : session.solved_frames()) {
     const fs::path path = has_frame_files(session) ? stores_.mattes.next(session.name(), frame)
                                                    : stores_.mattes.next(session.name());
-    // A damaged one is told where it is fetched.
+    // A damaged one is reported when it is fetched.
     if (const absl::StatusOr<PositionedFile> file = PositionedFile::open(path); file.ok())
       note_warnings_of(*file, warnings).IgnoreError();
   }

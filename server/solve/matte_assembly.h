@@ -1,5 +1,5 @@
-// Finishes solves: joins the tiles to the matte that can be fetched, or says why there is none. That takes
-// seconds, so it has a thread of its own, and claims and results go on meanwhile.
+// Finishes solves: joins the tiles into a matte that can be fetched, or reports why there is none. That takes
+// seconds, so it has its own thread, and claims and results continue meanwhile.
 #pragma once
 
 #include <absl/status/status.h>
@@ -20,18 +20,18 @@ class MatteAssembly {
  public:
   MatteAssembly(const SolveStores& stores, SolveClock& clock);
 
-  // The session's tiles may all be done or quarantined: looks as soon as the job store answers.
+  // The session's tiles may all be done or quarantined: checks as soon as the job store answers.
   void look(const std::string& session) { to_look_at_.add(session); }
 
  private:
   void run(std::stop_token stop);
-  // OK too where tiles are still awaited. UNAVAILABLE: the job store does not answer; try again.
+  // Also OK if tiles are still awaited. UNAVAILABLE: the job store does not answer; try again.
   absl::Status finish(const std::string& name);
-  // Joins a session's tiles, which are all done, and notes what their mattes warn of. FAILED_PRECONDITION:
-  // some of its frames were refused.
+  // Joins a session's tiles, which are all done, and records the warnings of their mattes.
+  // FAILED_PRECONDITION: some of its frames were rejected.
   absl::Status assemble(const v1::Session& session, std::vector<std::string>& warnings);
   absl::Status note_warnings_of_frames(v1::Session session, std::vector<std::string>& warnings) const;
-  // The job store does, for which the session waited.
+  // The job store, for which the session waited, answers.
   void answers_again(const std::string& name);
   absl::Status settle(SessionStore::Edit& edit, v1::Session session, const absl::Status& made);
 

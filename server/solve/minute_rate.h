@@ -21,7 +21,7 @@ class MinuteRate {
     ++slot.count;
   }
 
-  // Events a second: over the last 59 to 60 s, or since it began if that is less, but at least 1 s.
+  // Events per second: over the last 59 to 60 s, or since it began if that is less, but at least 1 s.
   double per_second(nanoseconds now) const {
     const std::int64_t first = whole(now) - kSeconds + 1;
     std::int64_t count = 0;

@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Two calls may bring the same tile, if the first one's answer is late.
+// Two calls may deliver the same tile, if the first one's answer is late.
 std::string temporary_name() {
   static std::atomic<int> number = 0;
   return fmt::format("{}.tmp", ++number);
@@ -52,7 +52,7 @@ absl::Status ReceivedMatte::check(const std::string& announced) const {
   GW_RETURN_IF_ERROR(status_);
   if (checksum() == announced) return absl::OkStatus();
   return absl::DataLossError(
-      fmt::format("the matte's checksum is {}, announced was {}", checksum(), announced));
+      fmt::format("the matte's checksum is {}; {} was announced", checksum(), announced));
 }
 
 absl::StatusOr<MatteOutline> ReceivedMatte::verify(PixelCount* counted) const {

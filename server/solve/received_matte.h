@@ -1,4 +1,4 @@
-// A matte between solver and disk: written as it arrives, so that memory holds no more than a chunk.
+// A matte between solver and disk: written as it arrives, so that at most one chunk is in memory.
 #pragma once
 
 #include <absl/status/status.h>
@@ -29,13 +29,13 @@ class ReceivedMatte {
   // disk is full.
   absl::Status add(std::string_view chunk);
   std::string checksum() const { return written_.text(); }
-  // The first error of add(). DATA_LOSS: the checksum is not the one that was announced.
+  // The first error of add(). DATA_LOSS: the checksum differs from the announced one.
   absl::Status check(const std::string& announced) const;
-  // Reads every row as whoever reads the matte will: its checksum, and values that can be. DATA_LOSS: it is
-  // no matte, or is damaged. Other errors are the disk's.
+  // Reads every row as a client will: its checksum, and plausible values. DATA_LOSS: it is not a matte, or is
+  // damaged. Other errors are the disk's.
   absl::StatusOr<MatteOutline> verify(PixelCount* counted = nullptr) const;
   absl::Status flush();
-  // Gives it its final name, replacing a file of that name; durable after flush() before and
+  // Gives it its final name, replacing a file of that name; durable after a preceding flush() and
   // flush_directory().
   absl::Status place(const std::filesystem::path& path);
 

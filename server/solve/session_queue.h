@@ -1,4 +1,4 @@
-// Names of sessions that a thread shall look at, each once however often it was added.
+// Names of sessions that a thread is to process, each once however often it was added.
 #pragma once
 
 #include <chrono>
@@ -20,7 +20,7 @@ class SessionQueue {
     names_.insert(session);
     added_.notify_all();
   }
-  // Waits until there is a name, `at_most` has passed, or the thread is to stop; takes all.
+  // Waits until there is a name, `at_most` has passed, or the thread is to stop; takes all of them.
   std::set<std::string> take(std::stop_token stop,
                              std::optional<std::chrono::milliseconds> at_most = std::nullopt) {
     std::unique_lock lock(mutex_);

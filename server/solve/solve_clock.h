@@ -16,7 +16,7 @@ namespace glasswing {
 // Thread-safe.
 class SolveClock {
  public:
-  // Time that the solve has taken so far counts.
+  // Time that the solve has already taken counts.
   void start(const v1::Session& session) {
     const std::chrono::duration<double> so_far(session.solve_seconds());
     const std::lock_guard lock(mutex_);

@@ -1,5 +1,5 @@
 // Counts the tiles of a solve as results come in. A large job takes some time to count, so results that
-// arrive at once share one count.
+// arrive together share one count.
 #pragma once
 
 #include <absl/status/status.h>
@@ -22,9 +22,9 @@ class SolveProgress {
   SolveProgress(const SolveStores& stores, SolveClock& clock, MatteAssembly& assembly)
       : stores_(stores), clock_(clock), assembly_(assembly) {}
 
-  // Shows how far the lease's solve has come, and finishes it once no tile is left. Call without an Edit.
+  // Shows the progress of the lease's solve, and finishes it once no tile is left. Call without an Edit.
   void update(const v1::TileLease& lease);
-  // The session's last tile may be done although this cannot be counted now.
+  // The session's last tile may be done although it cannot be counted now.
   void look_later(const std::string& session) { assembly_.look(session); }
   void forget(const std::string& session);
 

@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 // Limits of a tile: bytes of frames' samples in a solver's memory, and pixels of the tile itself.
 constexpr std::int64_t kMaxTileBytes = 256 << 20, kMaxTilePixels = 400'000;
 
-// From the node that captured the session, else from any node with a replica.
+// From the node that captured the session, or else from any node with a replica.
 absl::StatusOr<v1::CaptureManifest> read_manifest(const v1::Session& session, const NodeRegistry& nodes) {
   absl::StatusOr<v1::CaptureManifest> manifest = SessionArchive(session).manifest();
   for (const v1::ArchiveCopy& replica : session.copies()) {
@@ -55,7 +55,7 @@ v1::TileWork work_of(const v1::Session& session, const v1::CaptureManifest& mani
   return work;
 }
 
-// Nothing is known yet of the cost of a matte's rows: its first tile is a survey of all of them.
+// Nothing is known yet about the cost of a matte's rows: its first tile is a survey of all of them.
 absl::StatusOr<std::vector<TileRange>> first_tiles(const v1::Session& session,
                                                    const v1::CaptureManifest& manifest) {
   const v1::Camera& camera = manifest.camera();
@@ -69,23 +69,25 @@ absl::StatusOr<std::vector<TileRange>> first_tiles(const v1::Session& session,
                   session.name(), session.method()));
 }
 
-// What a pixel of a matte's file has at most, packed or not, and its headers.
+// The maximum size of a matte file per pixel, packed or not, and of its headers.
 constexpr std::int64_t kMaxPixelBytes = 1024, kMaxHeaderBytes = 64 << 20;
 
 // INVALID_ARGUMENT: the file is not the whole matte that the session's solvers would make.
-// FAILED_PRECONDITION: it was computed by another version.
+// FAILED_PRECONDITION: it was computed by a different version.
 absl::Status check_put(const v1::PutMatteRequest& header, const MatteOutline& outline,
                        const v1::Session& session) {
   const v1::MatteMetadata& made = outline.metadata;
   GW_RETURN_IF_ERROR(check_method(made.method()));
   if (made.method() == kRampMethod)
-    return absl::InvalidArgumentError("a matte of method \"ramp\" is one of a video; it must be a still's");
+    return absl::InvalidArgumentError(
+        "a matte of method \"ramp\" belongs to a video; it must be from a "
+        "still");
   GW_RETURN_IF_ERROR(
       OptionValues::read(made.method(), {made.options().begin(), made.options().end()}).status());
   if (made.session() != session.name() || made.edits_size() > 0 || made.has_draft() ||
       made.sampling_px() > 1) {
     return absl::InvalidArgumentError(fmt::format(
-        "the matte is of session \"{}\"{}; it must be the solved one of session \"{}\", as it was written",
+        "the matte is of session \"{}\"{}; it must be the solved one of session \"{}\", unchanged",
         made.session(), made.session() == session.name() ? ", but was edited or is a draft" : "",
         session.name()));
   }
@@ -96,7 +98,7 @@ absl::Status check_put(const v1::PutMatteRequest& header, const MatteOutline& ou
                   header.computes(), computes(made.method())));
 }
 
-// False also of a damaged file, which whoever reads it says.
+// Also false for a damaged file, which its reader reports.
 bool leaves_nothing_out(const PositionedFile& file, const MattePart& part) {
   if (part.region) return false;
   if (part.max_pixels == 0) return true;
@@ -123,7 +125,7 @@ std::vector<TileRange> runs_of(const google::protobuf::RepeatedField<std::int32_
   return runs;
 }
 
-// What leads to a matte: "solve it first: glasswing solve vase --watch".
+// How to obtain a matte: "solve it first: glasswing solve vase --watch".
 std::string way_to_matte(const v1::Session& session) {
   const std::string& name = session.name();
   if (allows(session, v1::SESSION_ACTION_SOLVE))
@@ -132,7 +134,7 @@ std::string way_to_matte(const v1::Session& session) {
     return fmt::format("wait for it: glasswing watch {}; --partial fetches what is solved so far", name);
   if (rests_in_solve(session)) {
     const char* verb = session.state() == v1::SESSION_STATE_PAUSED ? "resume" : "retry";
-    return fmt::format("go on with it: glasswing {} {}; --partial fetches what is solved so far", verb, name);
+    return fmt::format("continue it: glasswing {} {}; --partial fetches what is solved so far", verb, name);
   }
   return "only a captured session can be solved";
 }
@@ -172,7 +174,7 @@ absl::Status SolveRunner::take_up(SessionStore::Edit& edit, std::span<const v1::
     if (absl::IsUnavailable(status)) return status;
     if (status.ok()) continue;
     problems.set("session " + session.name(),
-                 fmt::format("session \"{}\" could not be taken up when the server started: {}",
+                 fmt::format("session \"{}\" could not be resumed when the server started: {}",
                              session.name(), std::string(status.message())));
   }
   return absl::OkStatus();
@@ -181,7 +183,7 @@ absl::Status SolveRunner::take_up(SessionStore::Edit& edit, std::span<const v1::
 absl::Status SolveRunner::take_up(SessionStore::Edit& edit, const v1::Session& session) {
   if (session.state() != v1::SESSION_STATE_SOLVING && session.job() != 0) {
     const absl::Status suspended = stores_.jobs.suspend(session.job());
-    // A session that is done needs its tiles no more, and they may be gone, or in another store.
+    // A finished session no longer needs its tiles, and they may be gone, or in another store.
     if (!suspended.ok() && !absl::IsNotFound(suspended)) return suspended;
   }
   if (session.state() == v1::SESSION_STATE_SOLVING) return take_up_solve(edit, session);
@@ -196,7 +198,7 @@ void SolveRunner::wait_for_store(SessionStore::Edit& edit, std::span<const v1::S
 
 absl::Status SolveRunner::take_up_solve(SessionStore::Edit& edit, v1::Session session) {
   clock_.start(session);
-  // The server may have ended just after the last tile came, or while the solve was being cancelled.
+  // The server may have ended just after the last tile arrived, or while the solve was being cancelled.
   GW_ASSIGN_OR_RETURN(const JobCounts counts, stores_.jobs.counts(session.job()));
   if (counts.tiles == 0) {
     const std::string& name = session.name();
@@ -227,7 +229,7 @@ absl::StatusOr<v1::Session> SolveRunner::solve(const v1::SolveSessionRequest& re
   GW_ASSIGN_OR_RETURN(v1::Session session, stores_.sessions.find(request.name()));
   if (session.plan().has_calibration()) {
     return absl::FailedPreconditionError(fmt::format(
-        "session \"{}\" measured devices and holds no object; what it found: glasswing calibrate list",
+        "session \"{}\" measured devices and has no object; for its results: glasswing calibrate list",
         session.name()));
   }
   GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_SOLVE));
@@ -269,7 +271,7 @@ absl::StatusOr<v1::Session> SolveRunner::begin(SessionStore::Edit& edit, v1::Ses
   clock_.start(session);
   GW_RETURN_IF_ERROR(stores_.mattes.drop_next(session.name()));
   GW_RETURN_IF_ERROR(edit.change(session));
-  // Last: had the server ended before this, the session would still have its old job.
+  // Last: if the server ended before this, the session would still have its old job.
   if (job_before != 0) GW_RETURN_IF_ERROR(stores_.jobs.remove(job_before));
   spdlog::info("solving session={} method={} job={}", session.name(), session.method(), job);
   return session;
@@ -301,7 +303,7 @@ absl::StatusOr<v1::Session> SolveRunner::put(const v1::PutMatteRequest& header, 
   GW_RETURN_IF_ERROR(check_put(header, outline, session));
   const std::int64_t job_before = session.job();
   if (session.state() == v1::SESSION_STATE_DONE) GW_RETURN_IF_ERROR(edit.keep_finished(session));
-  // A solve without a job: a server that ends before the next change cancels it when it starts again.
+  // A solve without a job: if the server ends before the next change, it cancels the solve on restart.
   session.set_state(v1::SESSION_STATE_SOLVING);
   session.clear_job();
   session.clear_reason();
@@ -381,7 +383,7 @@ absl::StatusOr<v1::Session> SolveRunner::resume(SessionStore::Edit& edit, v1::Se
   const std::string name = session.name();
   GW_RETURN_IF_ERROR(stores_.jobs.retry(session.job()));
   if (session.state() == v1::SESSION_STATE_FAILED) {
-    // Refused frames become tiles of their own, so that no other frame is solved again.
+    // Rejected frames become separate tiles, so that no other frame is solved again.
     if (!session.refused_frames().empty())
       GW_RETURN_IF_ERROR(stores_.jobs.add(session.job(), runs_of(session.refused_frames())));
     clear_failures(session);
@@ -400,8 +402,8 @@ absl::StatusOr<v1::Session> SolveRunner::resume(SessionStore::Edit& edit, v1::Se
 
 absl::StatusOr<v1::Session> SolveRunner::cancel(SessionStore::Edit& edit, v1::Session session,
                                                 const std::string& reason) {
-  // The job goes first: its absence tells a restarted server to cancel again. The new matte's files go before
-  // the session is done again, because files of a session that is done count as finished.
+  // The job goes first: its absence makes a restarted server cancel again. The new matte's files go before
+  // the session is done again, because files of a finished session count as finished.
   GW_RETURN_IF_ERROR(stores_.jobs.remove(session.job()));
   GW_RETURN_IF_ERROR(stores_.mattes.drop_next(session.name()));
   if (session.matte_ready()) {
@@ -449,7 +451,7 @@ absl::StatusOr<fs::path> SolveRunner::matte(const std::string& name, std::option
 absl::StatusOr<StoredMatte> SolveRunner::open_matte(const std::string& name, std::optional<int> frame,
                                                     const MattePart& part) {
   absl::Status status;
-  // A new solve may replace the file meanwhile: then it is opened once more.
+  // A new solve may replace the file meanwhile: then it is reopened.
   for (int attempt = 0; attempt < 2; ++attempt) {
     GW_ASSIGN_OR_RETURN(const fs::path path, matte(name, frame));
     absl::StatusOr<StoredMatte> opened = open_file(path, part);
@@ -471,7 +473,7 @@ absl::StatusOr<StoredMatte> SolveRunner::open_partial_matte(const std::string& n
   GW_ASSIGN_OR_RETURN(const v1::Session session, stores_.sessions.find(name));
   if (is_solved_by_frames(session)) {
     return absl::FailedPreconditionError(fmt::format(
-        "session \"{}\" is a video: what is solved of it can be fetched into a directory as it is", name));
+        "session \"{}\" is a video: its solved frames can already be fetched into a directory", name));
   }
   const bool solving = session.state() == v1::SESSION_STATE_SOLVING, broke_off = rests_in_solve(session);
   const fs::path draft = stores_.mattes.draft(name);

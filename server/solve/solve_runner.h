@@ -28,16 +28,16 @@
 
 namespace glasswing {
 
-// Thread-safe. Errors are those that session_service.proto and work_service.proto list.
+// Thread-safe. Errors are those listed in session_service.proto and work_service.proto.
 class SolveRunner {
  public:
-  // `min_tile_seconds`: of work, that a tile of rows has at least.
+  // `min_tile_seconds`: minimum work in a tile of rows.
   SolveRunner(const SolveStores& stores, const NodeRegistry& nodes, double min_tile_seconds)
       : stores_(stores), nodes_(nodes), min_tile_seconds_(min_tile_seconds) {}
 
-  // Continues where an earlier server ended: solves go on, finished mattes get their place, and jobs that no
-  // session knows are removed. `sessions` is the whole catalogue. What fails for one session is said in
-  // `problems`, and the others go on. UNAVAILABLE: the job store does not answer; call again.
+  // Continues where an earlier server ended: solves continue, finished mattes are put in place, and jobs
+  // without a session are removed. `sessions` is the whole catalogue. A failure for one session is reported
+  // in `problems`, and the others continue. UNAVAILABLE: the job store does not answer; call again.
   absl::Status take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions, Problems& problems);
   // Until then solves wait for it.
   void wait_for_store(SessionStore::Edit& edit, std::span<const v1::Session> sessions,
@@ -46,29 +46,29 @@ class SolveRunner {
   absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
   absl::Status complete_survey(const v1::CompleteSurveyRequest& request);
 
-  // Of a matte that was solved without tiles: where its file goes as it comes, and the session with it. What
-  // matte_service.proto lists.
+  // For a matte solved without tiles: the destination of its file as it arrives, and the session. Errors are
+  // those listed in matte_service.proto.
   absl::StatusOr<ReceivedMatte> begin_put(const v1::PutMatteRequest& header);
   absl::StatusOr<v1::Session> put(const v1::PutMatteRequest& header, ReceivedMatte matte);
 
   // The session is being solved, or its solve is paused or failed (session_state.h). All return its new
-  // record: cancel() that of its earlier solve, if one finished, else that of its capture, with `reason`
-  // saying why nothing came of the solve.
+  // record: cancel() that of its earlier solve, if one finished, or else that of its capture, with `reason`
+  // saying why the solve gave no result.
   absl::StatusOr<v1::Session> pause(SessionStore::Edit& edit, v1::Session session);
   absl::StatusOr<v1::Session> resume(SessionStore::Edit& edit, v1::Session session);
   absl::StatusOr<v1::Session> cancel(SessionStore::Edit& edit, v1::Session session,
                                      const std::string& reason);
 
   // Path of the last finished solve's matte, or of a video frame's. The file may be replaced before it is
-  // read: then ask again.
+  // read: then call again.
   absl::StatusOr<std::filesystem::path> matte(const std::string& name, std::optional<int> frame);
-  // Its file, verified, or a file of that part of it. DATA_LOSS names the file, and what to do.
-  // INVALID_ARGUMENT: the region does not lie within the picture.
+  // Its verified file, or a file with that part of it. DATA_LOSS names the file, and what to do.
+  // INVALID_ARGUMENT: the region is not within the picture.
   absl::StatusOr<StoredMatte> open_matte(const std::string& name, std::optional<int> frame,
                                          const MattePart& part);
-  // Of a finished solve the same. Before: of a solve that broke off the tiles so far, else the newest draft;
-  // without a draft, of a solve that goes on the tiles so far. FAILED_PRECONDITION: there is no draft, and no
-  // tile is done.
+  // For a finished solve, the same. Otherwise: for an interrupted solve the tiles so far, or else the newest
+  // draft; without a draft, for a running solve, the tiles so far. FAILED_PRECONDITION: there is no draft,
+  // and no tile is done.
   absl::StatusOr<StoredMatte> open_partial_matte(const std::string& name, const MattePart& part);
 
   // Removes the job of a session that is being deleted.

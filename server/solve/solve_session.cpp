@@ -38,7 +38,7 @@ bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int
   return std::binary_search(rising.begin(), rising.end(), number);
 }
 
-// A frame that is solved once more, in a tile of its own, is in two.
+// A frame that is solved again, in a separate tile, is in two tiles.
 void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& session) {
   std::set<int> solved;
   for (const bool done : {true, false}) {
@@ -59,15 +59,16 @@ void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& sessio
 
 absl::Status check_rows(const MatteOutline& matte, const TileRange& rows, const v1::Session& session) {
   if (matte.delivery)
-    return absl::InvalidArgumentError(fmt::format(
-        "the tile of session \"{}\" is packed for other programs, not as a tile", session.name()));
+    return absl::InvalidArgumentError(
+        fmt::format("the tile of session \"{}\" is packed for delivery, not as a tile", session.name()));
   if (matte.y0_px == rows.first && matte.height_px == rows.count && matte.x0_px == 0 &&
       std::int64_t{matte.width_px} * matte.metadata.height_px() == session.pixel_count())
     return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format(
-      "the tile of session \"{}\" holds {} rows of {} px from row {}; it must hold {} rows of the whole "
-      "picture from row {}",
-      session.name(), matte.height_px, matte.width_px, matte.y0_px, rows.count, rows.first));
+  return absl::InvalidArgumentError(
+      fmt::format("the tile of session \"{}\" has {} rows of {} px from row {}; it must have {} rows of the "
+                  "whole picture "
+                  "from row {}",
+                  session.name(), matte.height_px, matte.width_px, matte.y0_px, rows.count, rows.first));
 }
 
 absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileLease& lease) {
@@ -76,7 +77,7 @@ absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileL
   if (session.ok() && lease.job() != 0 && session->job() == lease.job()) return session;
   if (!session.ok() && !absl::IsNotFound(session.status())) return session.status();
   return absl::AbortedError(
-      fmt::format("session \"{}\" is not being solved in job {} any more", lease.session(), lease.job()));
+      fmt::format("session \"{}\" is no longer being solved in job {}", lease.session(), lease.job()));
 }
 
 namespace {

@@ -15,16 +15,16 @@
 
 namespace glasswing {
 
-// The stores that every part of a solve uses. Changes of `mattes` are made under a SessionStore::Edit.
+// The stores that every part of a solve uses. Changes to `mattes` are made under a SessionStore::Edit.
 struct SolveStores {
   SessionStore& sessions;
   JobStore& jobs;
   const MatteFiles& mattes;
 };
 
-// True if each frame gets its own matte; else all frames together make one.
+// True if each frame gets its own matte; otherwise all frames together make one.
 bool is_solved_by_frames(const v1::Session& session);
-// True if each of these mattes has its own file. A single frame has one file, as any still.
+// True if each of these mattes has its own file. A single frame has one file, like any still.
 bool has_frame_files(const v1::Session& session);
 
 // Sets tile and pixel counts.
@@ -37,10 +37,10 @@ TileAttempt attempt_of(const v1::TileLease& lease);
 
 bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number);
 
-// INVALID_ARGUMENT: a tile's matte does not hold just these rows of the session's whole picture.
+// INVALID_ARGUMENT: a tile's matte does not have exactly these rows of the session's whole picture.
 absl::Status check_rows(const MatteOutline& matte, const TileRange& rows, const v1::Session& session);
 
-// The session that this lease belongs to. ABORTED: it is not being solved, or is in another job by now.
+// The session that this lease belongs to. ABORTED: it is not being solved, or is now in another job.
 absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileLease& lease);
 
 // Shows that the solve waits for disk space, or for the job store; the next result that is counted clears it.

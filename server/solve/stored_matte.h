@@ -1,4 +1,4 @@
-// A matte's file on its way to who fetches it, in pieces.
+// A matte's file as it is sent to a client, in pieces.
 #pragma once
 
 #include <absl/functional/function_ref.h>
@@ -14,13 +14,13 @@ namespace glasswing {
 
 class StoredMatte {
  public:
-  // `checksum`: checksum_of() all bytes, which are compared with it once more as they are sent; empty: the
-  // file has no name by which others could write to it.
+  // `checksum`: checksum_of() all bytes, which are checked against it again as they are sent; empty: the file
+  // has no name through which others could write to it.
   explicit StoredMatte(PositionedFile file, std::string checksum = "")
       : file_(std::move(file)), checksum_(std::move(checksum)) {}
 
   const PositionedFile& file() const { return file_; }
-  // Hands over all bytes, at most 1 MiB at a time, until `take` returns false. DATA_LOSS, which names the
+  // Passes on all bytes, at most 1 MiB at a time, until `take` returns false. DATA_LOSS, which names the
   // file: it was altered since it was verified.
   absl::Status send(absl::FunctionRef<bool(std::string_view chunk)> take) const;
 

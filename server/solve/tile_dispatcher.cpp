@@ -39,7 +39,7 @@ absl::Status check_versions(const v1::ClaimTileRequest& request) {
   if (request.version() != kVersion) {
     return absl::FailedPreconditionError(fmt::format(
         "solver \"{}\" is Glasswing {}, the server {}; install the same on both", request.solver(),
-        request.version().empty() ? "of no known version" : request.version(), kVersion));
+        request.version().empty() ? "of unknown version" : request.version(), kVersion));
   }
   for (const auto& [method, version] : method_versions()) {
     const auto theirs = request.method_versions().find(method);
@@ -61,7 +61,7 @@ std::vector<std::string> all_that_is_computed() {
   return all;
 }
 
-// Not the disk's errors.
+// Excluding the disk's errors.
 bool is_no_matte(const absl::Status& verified) {
   return absl::IsDataLoss(verified) || absl::IsFailedPrecondition(verified);
 }
@@ -109,9 +109,9 @@ absl::StatusOr<v1::ClaimTileResponse> TileDispatcher::claim(const v1::ClaimTileR
   }
   if (const int count = fleet_.spoiled_by(request.solver()); count >= kMaxSpoiled) {
     const std::string why = fmt::format(
-        "solver \"{}\" handed in {} spoiled mattes and gets no more work: test its machine's memory and "
+        "solver \"{}\" submitted {} corrupt mattes and gets no more work: test its machine's memory and "
         "disk; "
-        "it is forgotten once it has been stopped for ten minutes",
+        "it is forgotten after being stopped for ten minutes",
         request.solver(), count);
     fleet_.refused(request.solver(), why);
     return absl::FailedPreconditionError(why);
@@ -135,7 +135,7 @@ absl::StatusOr<v1::ClaimTileResponse> TileDispatcher::claim(const v1::ClaimTileR
   GW_ASSIGN_OR_RETURN(v1::ClaimTileResponse response, claimed_tile(*lease));
   response.set_lease_ms(lease_.count());
   if (lease->own) {
-    // Replicas may have been made since the job was.
+    // Replicas may have been made after the job.
     GW_ASSIGN_OR_RETURN(const v1::Session session, stores_.sessions.stored(lease->session));
     for (const std::string& address : replica_addresses(session, nodes_))
       response.add_copy_addresses(address);
@@ -222,7 +222,7 @@ absl::Status TileDispatcher::spoiled(const v1::CompleteTileRequest& header, cons
   v1::FailTileRequest request;
   *request.mutable_lease() = header.lease();
   request.set_solver(header.solver());
-  request.set_error(fmt::format("solver \"{}\" handed in a spoiled matte: {}", header.solver(),
+  request.set_error(fmt::format("solver \"{}\" submitted a corrupt matte: {}", header.solver(),
                                 std::string(why.message())));
   GW_RETURN_IF_ERROR(fail(request));
   return absl::AbortedError(request.error());
@@ -249,7 +249,7 @@ absl::Status TileDispatcher::place_frames(const v1::CompleteTileRequest& header,
   }
   fault_point("tile written");
   if (header.refused_size() == 0) return absl::OkStatus();
-  // Before the tile is done: after a crash in between, refused frames must not count as solved.
+  // Before the tile is done: after a crash in between, rejected frames must not count as solved.
   note_refused_frames(header, session);
   return edit.change(session);
 }
@@ -263,7 +263,7 @@ absl::Status TileDispatcher::done(const v1::CompleteTileRequest& header, const T
                                       .flagged_pixels = header.flagged_pixel_count(),
                                       .unsolved_pixels = header.unsolved_pixel_count(),
                                       .seconds = header.seconds()});
-  // The tile may be done all the same, and the solver may not live to ask again.
+  // The tile may still be done, and the solver may not live to ask again.
   if (absl::IsUnavailable(completed)) progress_.look_later(lease.session());
   GW_RETURN_IF_ERROR(completed);
   fault_point("tile committed");
@@ -310,11 +310,11 @@ absl::StatusOr<bool> TileDispatcher::note_quarantined(const v1::FailTileRequest&
   named.set_error(request.error());
   const bool goes_on = session.state() == v1::SESSION_STATE_SOLVING && !request.permanent();
   if (session.state() == v1::SESSION_STATE_SOLVING && request.permanent()) {
-    // The other tiles would fail the same way. Those that are leased may still be completed, and are kept for
-    // a later retry.
+    // The other tiles would fail the same way. Leased ones may still be completed, and are kept for a later
+    // retry.
     GW_RETURN_IF_ERROR(stores_.jobs.suspend(lease.job()));
     session.set_state(v1::SESSION_STATE_FAILED);
-    // Its author stands before it: the text is whatever the solver sends.
+    // Prefixed with its author: the text is whatever the solver sends.
     session.set_reason(fmt::format("solver {}: {}", request.solver(), printable(request.error())));
     spdlog::error("solve failed session={} tile={} reason=\"{}\"", session.name(), lease.tile(),
                   request.error());

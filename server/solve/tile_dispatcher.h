@@ -20,7 +20,7 @@
 
 namespace glasswing {
 
-// Thread-safe. Errors are those that work_service.proto lists.
+// Thread-safe. Errors are those listed in work_service.proto.
 class TileDispatcher {
  public:
   // `lease`: how long a tile of a solve is leased without renew().
@@ -28,14 +28,15 @@ class TileDispatcher {
                  std::chrono::milliseconds lease)
       : stores_(stores), nodes_(nodes), progress_(progress), drafts_(drafts), lease_(lease) {}
 
-  // A tile of a draft only if no solve has one. Without a lease in the answer there is nothing to do now.
+  // A tile of a draft is returned only if no solve has one. Without a lease in the answer there is nothing to
+  // do now.
   absl::StatusOr<v1::ClaimTileResponse> claim(const v1::ClaimTileRequest& request);
   // Returns when claim() may have a tile, or after `timeout`. A hint.
   void wait_for_tiles(std::chrono::milliseconds timeout) { stores_.jobs.wait_for_tiles(timeout); }
   absl::Status renew(const v1::TileLease& lease);
-  // Where the files of a video's tile go as they come; none for a tile of rows.
+  // The destination of a video tile's files as they arrive; none for a tile of rows.
   absl::StatusOr<std::optional<FrameMattes>> frames_of(const v1::TileLease& lease);
-  // Where the file of a tile of rows goes as it comes.
+  // The destination of the file of a tile of rows as it arrives.
   absl::StatusOr<ReceivedMatte> rows_of(const v1::TileLease& lease);
   absl::Status complete(const v1::CompleteTileRequest& header, ReceivedMatte matte);
   absl::Status complete(const v1::CompleteTileRequest& header, FrameMattes mattes);
@@ -45,12 +46,12 @@ class TileDispatcher {
 
  private:
   absl::Status store_rows(const std::string& session, const std::string& file, ReceivedMatte& matte);
-  // The attempt failed, as its result is no matte. ABORTED, so that the solver gives the tile up.
+  // The attempt failed, because its result is not a matte. ABORTED, so that the solver gives up the tile.
   absl::Status spoiled(const v1::CompleteTileRequest& header, const absl::Status& why);
   absl::Status place_frames(const v1::CompleteTileRequest& header, FrameMattes& mattes);
   absl::Status done(const v1::CompleteTileRequest& header, const TileAttempt& attempt,
                     const std::string& result);
-  // False: the solve does not go on.
+  // False: the solve does not continue.
   absl::StatusOr<bool> note_quarantined(const v1::FailTileRequest& request);
 
   const SolveStores stores_;

@@ -11,7 +11,7 @@ constexpr int kFewestSurveyRows = 3, kMaxSurveyRows = 32;
 // Number of tiles to aim at, unless they get too small.
 constexpr double kWantedTiles = 64.0;
 
-// Measured for a video on two cores; docs/results.md.
+// Measured for a video on two cores; see docs/results.md.
 constexpr double kVideoPixelsPerSecond = 16e6;
 constexpr int kFewestFrames = 4, kMaxFrames = 64;
 
@@ -39,7 +39,7 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
   }
   const double all = std::accumulate(work.begin(), work.end(), 0.0);
   const double target = std::clamp(all / kWantedTiles, min_seconds, kMaxTileSeconds);
-  // Equal shares, rather than a smaller last one.
+  // Equal shares, instead of a smaller last one.
   const double share = all / std::max(1.0, std::round(all / target));
   const double longest_row = *std::ranges::max_element(seconds);
   const auto max_rows =
@@ -49,7 +49,7 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
   std::vector<TileRange> tiles;
   double sum = 0.0, end = share;
   for (int y = 0; y < height_px; ++y) {
-    // A row belongs to the tile that its middle falls into.
+    // A row belongs to the tile that contains its middle.
     const bool next = sum + 0.5 * work[y] > end;
     if (tiles.empty() || next || tiles.back().count == max_rows) tiles.push_back({.first = y, .count = 0});
     while (sum + 0.5 * work[y] > end) end += share;

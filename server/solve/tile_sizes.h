@@ -9,16 +9,16 @@
 
 namespace glasswing {
 
-// Seconds of work in a tile, unless an option asks for less; and the limit for a tile that the survey
-// misjudged.
+// Seconds of work in a tile, unless an option asks for less; and the limit for a tile misjudged by the
+// survey.
 inline constexpr double kMinTileSeconds = 0.5, kMaxTileSeconds = 2.0, kLongestTileSeconds = 5.0;
 
-// The rows that a survey solves: evenly spread, a sixteenth of all, fewer of a large picture.
+// The rows that a survey solves: evenly spread, a sixteenth of all, fewer for a large picture.
 std::vector<int> survey_rows(int height_px);
 
 // Tiles of whole rows with equal work. The survey's `rows` (rising) took `seconds`; rows in between are
 // interpolated linearly. A tile of several rows holds at most `max_bytes` of frames' samples, `row_bytes` (>
-// 0) a row, and takes at most kLongestTileSeconds if each of its rows costs as much as the survey's
+// 0) per row, and takes at most kLongestTileSeconds if each of its rows costs as much as the survey's
 // costliest.
 std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::span<const double> seconds,
                                  std::int64_t row_bytes, std::int64_t max_bytes,

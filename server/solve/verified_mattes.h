@@ -1,4 +1,4 @@
-// Opens the files of mattes for those who fetch them, and verifies every byte before the first is sent.
+// Opens matte files for clients, and verifies every byte before the first is sent.
 #pragma once
 
 #include <absl/functional/function_ref.h>
@@ -16,7 +16,7 @@
 
 namespace glasswing {
 
-// Hands over all bytes, at most 1 MiB at a time, until `take` returns false.
+// Passes on all bytes, at most 1 MiB at a time, until `take` returns false.
 absl::Status for_chunks(const PositionedFile& file, absl::FunctionRef<bool(std::string_view chunk)> take);
 
 // Thread-safe.

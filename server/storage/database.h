@@ -34,7 +34,7 @@ class Database {
     Query& bind(int value) { return bind(std::int64_t{value}); }
     Query& bind(double value);
     Query& bind(std::string_view value);  // text or bytes
-    // Moves to the next row. False: there is none, or the query failed (see status()).
+    // Moves to the next row. False: no more rows, or the query failed (see status()).
     bool next();
     // Runs to the end, for statements without rows.
     absl::Status finish();

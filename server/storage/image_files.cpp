@@ -129,7 +129,7 @@ void ImageFiles::await(const std::string& name) {
   }
 }
 
-// Not flushed: one that comes back after a power cut is awaited once more.
+// Not flushed: one that reappears after a power cut is expected again.
 void ImageFiles::remove(const std::string& name) const {
   std::error_code ignored;
   fs::remove(directory_ / name, ignored);

@@ -1,6 +1,6 @@
 // The photos of plans below DATA/images, each named after its content. A photo belongs to the sessions whose
-// plans show it, and is removed with the last of them. Uploads that no session shows yet are kept while they
-// are among the newest.
+// plans show it, and is removed with the last of them. Uploads not used by any session yet are kept while
+// they are among the newest.
 #pragma once
 
 #include <absl/status/status.h>
@@ -27,7 +27,7 @@ class ImageFiles {
   static constexpr size_t kMaxAwaited = 256;  // photos
   static constexpr std::int64_t kMaxAwaitedBytes = std::int64_t{4} << 30;
 
-  // A photo that arrives in pieces. Nothing of it stays unless it is finished.
+  // A photo that arrives in pieces. Nothing of it is kept unless it is finished.
   class Upload {
    public:
     Upload(Upload&& other) noexcept;
@@ -51,17 +51,17 @@ class ImageFiles {
     RunningChecksum checksum_;
   };
 
-  // `used`: the photos that sessions show; absent: unknown, and all files count as such.
+  // `used`: the photos that sessions show; absent: unknown, and all files count as used.
   static absl::StatusOr<std::unique_ptr<ImageFiles>> open(const std::filesystem::path& directory,
                                                           const std::optional<std::set<std::string>>& used);
 
   absl::StatusOr<Upload> begin();
-  bool has(const std::string& name) const;  // false too for what is no name
+  bool has(const std::string& name) const;  // also false for an invalid name
   std::filesystem::path path(const std::string& name) const { return directory_ / name; }
-  // A session shows them from now on.
+  // A session uses them from now on.
   void use(const std::set<std::string>& names);
-  // A session that showed them is gone. Removes those that are not `used` by others (absent: unknown) and
-  // were not uploaded again.
+  // A session that used them is gone. Removes those that are not `used` by others (absent: unknown) and were
+  // not uploaded again.
   void release(const std::set<std::string>& names, const std::optional<std::set<std::string>>& used);
 
  private:
@@ -76,7 +76,7 @@ class ImageFiles {
   const std::filesystem::path directory_;
   std::mutex mutex_;
   std::set<std::string> used_;  // by sessions; guarded by mutex_
-  // Uploads for sessions that are yet to come, oldest first; guarded by mutex_.
+  // Uploads for future sessions, oldest first; guarded by mutex_.
   std::list<Awaited> awaited_;
   std::int64_t awaited_bytes_ = 0;  // guarded by mutex_
 };

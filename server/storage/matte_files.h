@@ -6,7 +6,7 @@
 //                             those of the current solve, which replace the above when it finishes
 //   mattes/SESSION+draft.exr  the newest draft, made while the session was captured; until a solve finishes
 //   tiles/SESSION/            parts of the current solve, each named after the checksum of its bytes
-//   tiles/SESSION+put/        a matte that was solved elsewhere, while it arrives
+//   tiles/SESSION+put/        a matte solved elsewhere, while it arrives
 //
 // Session names contain no '+'.
 #pragma once
@@ -39,11 +39,11 @@ class MatteFiles {
   std::filesystem::path next(const std::string& session) const;
   std::filesystem::path next(const std::string& session, int frame) const;
   std::filesystem::path draft(const std::string& session) const;
-  // All that are there, by session.
+  // All existing ones, by session.
   std::map<std::string, std::filesystem::path> drafts() const;
   // The directory exists when this returns OK.
   absl::StatusOr<std::filesystem::path> tiles(const std::string& session) const;
-  // The same, of a matte that arrives whole.
+  // The same, for a matte that arrives whole.
   absl::StatusOr<std::filesystem::path> arriving(const std::string& session) const {
     return tiles(session + "+put");
   }
@@ -55,7 +55,7 @@ class MatteFiles {
   // Removes the files of the current solve durably: after a power cut they would count as finished once the
   // session is done.
   absl::Status drop_next(const std::string& session) const;
-  // Replaces the finished mattes by those of the current solve, if it made any. Repeating it after a crash
+  // Replaces the finished mattes with those of the current solve, if it made any. Repeating it after a crash
   // completes it.
   absl::Status finish(const std::string& session) const;
   // Removes all files of the session. Returns how many bytes they had.

@@ -67,7 +67,7 @@ void Problems::note_set_aside(const fs::path& data) {
     if (++count == 1) first = files->path().lexically_relative(aside).string();
   }
   if (count == 0) return;
-  set(aside.string(), fmt::format("{} holds what was damaged and set aside earlier ({} file{}, such as {}); "
+  set(aside.string(), fmt::format("{} contains damaged files set aside earlier ({} file{}, such as {}); "
                                   "delete it once nobody needs it",
                                   aside.string(), count, count == 1 ? "" : "s", first));
 }

@@ -73,7 +73,8 @@ absl::Status check_rows(Database& database, const std::string& table, const std:
   GW_ASSIGN_OR_RETURN(const std::string whole, row_is_whole(database, table, columns));
   GW_ASSIGN_OR_RETURN(const bool altered,
                       exists(database, fmt::format("SELECT 1 FROM {} WHERE NOT ({})", table, whole)));
-  if (altered) return absl::DataLossError(fmt::format("rows of {} are not as they were written", table));
+  if (altered)
+    return absl::DataLossError(fmt::format("rows of {} were altered after they were written", table));
   return check_row_count(database, table);
 }
 

@@ -11,11 +11,11 @@
 
 namespace glasswing {
 
-// Triggers keep a checksum of `columns` (SQL, comma-separated) in every row, and the number of rows. Existing
-// rows are taken as they are.
+// Triggers maintain a checksum of `columns` (SQL, comma-separated) in every row, and the number of rows.
+// Existing rows are accepted as they are.
 absl::Status protect_rows(Database& database, const std::string& table, const std::string& columns);
 
-// An SQL condition that holds for the rows of a protected table that are as they were written.
+// An SQL condition that holds for the unaltered rows of a protected table.
 std::string row_sum_holds(const std::string& columns);
 // The same for any table; it holds for all rows of one that was never protected.
 absl::StatusOr<std::string> row_is_whole(Database& database, const std::string& table,
@@ -35,7 +35,7 @@ inline constexpr char kTokensFile[] = "console.sqlite";
 inline constexpr char kTokenColumns[] = "id, hash, name, role, made_by, parent, expires";
 inline constexpr char kLoginColumns[] = "hash, token";
 
-// Takes all rows as they are now.
+// Accepts all rows as they are now.
 absl::Status accept_rows(Database& database, const std::string& table, const std::string& columns);
 
 }  // namespace glasswing

@@ -2,7 +2,7 @@
 //
 //   y_sc = F_c + (1 - alpha) b_sc
 //
-// in channel c before solid s, where b is the same pixel without the object.
+// in channel c in front of solid s, where b is the same pixel without the object.
 //
 // Several backings, triangulation: least squares over solids and channels; with means over solids,
 //
@@ -15,7 +15,7 @@
 //   1 - alpha = a1 q(y) / q(b),    F = y - (1 - alpha) b
 //
 // with alpha clamped to [0, 1] and F to at least 0. With a1 = 1 the bare backing has alpha 0. Alpha is exact
-// where the object's own light has q = 0, as all grays with a2 = 1.
+// where the object's own light has q = 0, like all grays with a2 = 1.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -46,7 +46,7 @@ struct BackingLayout {
 // solid with a dominant colour.
 absl::StatusOr<BackingLayout> lay_out_backings(const v1::CaptureManifest& manifest, int count);
 
-// Every frame that the layout names.
+// Every frame listed in the layout.
 std::vector<int> frames_of(const BackingLayout& layout);
 
 struct BackingSample {

@@ -11,16 +11,17 @@ namespace glasswing {
 namespace {
 
 constexpr double kMinSigma_px = 0.02;
-// A symmetric footprint keeps the sign of the bar that holds its centre. Only a camera's box of more than two
-// bars can flip it, by 1/3 at most: a wave beyond this is trusted, a weaker one only weighted.
+// A symmetric footprint keeps the sign of the bar that contains its centre. Only a camera's box of more than
+// two bars can flip it, by at most 1/3: a wave beyond this is trusted, a weaker one only weighted.
 constexpr double kClear = 0.5;
 constexpr size_t kMaxIntervals = 8;
 constexpr double kLogSigmaSd = 0.5;    // standard deviation of the guess of ln sigma
 constexpr double kCentreShare = 0.25;  // and of the centre, as a share of the monitor
-// A footprint cut off by the edge looks like a whole one of less weight further inside: prefer the whole one.
+// A footprint clipped by the edge looks like a whole one with less weight further inside: prefer the whole
+// one.
 constexpr double kOutsideSd = 0.1;
-// The model error of symmetric footprints of another shape: of v at least, and of the centre as a share of
-// the finest bar.
+// The model error of symmetric footprints of another shape: of v, at least this, and of the centre as a share
+// of the finest bar.
 constexpr double kShapeCentre = 0.1;
 constexpr double kThreeSd = 9.0;
 constexpr double kMinGain = 1e-3;  // of chi-square
@@ -199,7 +200,7 @@ std::vector<BarDecoder::Interval> BarDecoder::descend(const Problem& problem, si
         if (both.high_px > both.low_px) narrower.push_back(both);
       }
     }
-    // No bar is left: the waves contradict each other. Keep the previous ones.
+    // No bar remains: the waves contradict each other. Keep the previous ones.
     if (narrower.empty()) break;
     const auto distance = [&guess](const Interval& interval) {
       return std::abs(std::clamp(guess.centre_px, interval.low_px, interval.high_px) - guess.centre_px);
@@ -364,7 +365,7 @@ AxisFit BarDecoder::fit(std::span<const Sample> samples, const Guess& guess) con
     if (std::abs(start.centre_px - first.centre_px) <= near_px) continue;
     if (second == nullptr || start.cost < second->cost) second = &start;
   }
-  // Within a wide bar, noise alone would pull the centre to an edge: keep the guess if it fits as well.
+  // Within a wide bar, noise alone would pull the centre to an edge: keep the guess if it fits equally well.
   if (finest_bar_px() > 4.0 * guess.sigma_px && &first != &tried.back()) {
     double guessed_cost = 0.0;
     const AxisFit guessed = refine(problem, tried.back(), &guessed_cost);

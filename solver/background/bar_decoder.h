@@ -2,7 +2,7 @@
 // several bar widths.
 //
 // A wave s(t) = +-1, +1 on the first bar, constant on each flat monitor pixel, is seen through a footprint g
-// of centre c and standard deviation sigma, cut off at the monitor's edges 0 and W, as
+// of centre c and standard deviation sigma, clipped at the monitor's edges 0 and W, as
 //   v = \int_0^W g(t; c, sigma) s(t) dt / \int_0^W g(t; c, sigma) dt
 // which is measured as (I - I_complement) / (white - black). (Zongker et al. 1999 encode extents this way;
 // Chuang et al. 2000, section 3.1, use such waves for the silhouette.)
@@ -25,7 +25,7 @@ struct AxisFit {
 
 class BarDecoder {
  public:
-  // Model error of v: footprints are symmetric, but not quite Gaussian.
+  // Model error of v: footprints are symmetric, but not exactly Gaussian.
   static constexpr double kShapeSd = 0.002;
 
   // Bar widths descend and are at least 1 px. Monitor pixel i is lit where floor((i + 1/2) / width) is even.
@@ -35,8 +35,8 @@ class BarDecoder {
     double value = 0.0;  // v
     double sd = 1.0;     // of its noise, > 0
   };
-  // The prior. It decides only what the waves leave open: the position inside the finest bar, and which of
-  // several periods.
+  // The prior. It decides only what the waves do not determine: the position inside the finest bar, and which
+  // of several periods.
   struct Guess {
     double centre_px = 0.0;
     double sigma_px = 0.3;  // > 0; correct within a small factor
@@ -53,7 +53,7 @@ class BarDecoder {
   // The share of a footprint that lies on the monitor.
   Value inside(double centre_px, double sigma_px) const;
 
-  // The sigma of a footprint of this variance that value() can take.
+  // The sigma of a footprint of this variance that value() accepts.
   static double shown_sigma_px(double variance_px2);
 
   size_t wave_count() const { return waves_.size(); }

@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMax = 9.0;  // largest square that is not trimmed, in variances
+constexpr double kMax = 9.0;  // the the the the the the the largest square that is not trimmed, in variances
 // The variance of trimmed normal differences: E[z^2 | z^2 < 9].
 constexpr double kTrimmedMean = 0.9733;
 
@@ -43,7 +43,7 @@ Vector non_negative(const Eigen::Matrix3d& squares, const Vector& products) {
   return best;
 }
 
-// The index of one of so many equal parts.
+// The index of one of this many equal parts.
 std::span<DifferenceSample> part_of(std::span<DifferenceSample> all, size_t part, size_t parts) {
   const size_t begin = all.size() * part / parts, end = all.size() * (part + 1) / parts;
   return all.subspan(begin, end - begin);
@@ -56,8 +56,8 @@ double median_square(std::span<DifferenceSample> samples) {
   return middle->square;
 }
 
-// First fit: to the medians of 8 x 4 groups of samples of similar level and range, equally weighted, so that
-// a group full of object pulls no harder than any other.
+// First fit: to the medians of 8 x 4 groups of samples of similar level and range, equally weighted, so a
+// group full of object has no more influence than any other.
 Vector fit_to_lots(std::span<DifferenceSample> samples, double median, double least) {
   constexpr size_t kLevels = 8, kRanges = 4;
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
@@ -104,8 +104,8 @@ DifferenceNoise fit_difference_noise(std::vector<DifferenceSample> samples, bool
     take(non_negative(squares, products));
   }
   if (several || samples.empty()) return noise;
-  // Trimming need not end for differences that are far from normal. An object in less than half of the
-  // picture does not make their median this large.
+  // Trimming may never converge for differences that are far from normal. An object that covers less than
+  // half of the picture does not make their median this large.
   constexpr double kMaxMedian = 4.0 * kNormalMedian;
   for (DifferenceSample& sample : samples) sample.square /= noise.variance(sample.level, sample.range);
   const double median = median_square(samples);

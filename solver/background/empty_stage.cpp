@@ -267,7 +267,7 @@ bool BackgroundMap::usable(const EmptyPixel& pixel, const Contrast& contrast) co
   return (!has_bars() && !has_solids()) || sees(pixel, contrast);
 }
 
-// One v for all channels, each weighted by its contrast over its noise.
+// One v for all channels, each weighted by its ratio of contrast to noise.
 std::vector<BarDecoder::Sample> BackgroundMap::waves(const EmptyPixel& pixel, size_t axis,
                                                      const Contrast& contrast) const {
   std::vector<BarDecoder::Sample> samples;

@@ -43,7 +43,7 @@ struct EmptyMonitor {
 // one with most frames is used.
 std::vector<EmptyMonitor> lay_out_empty_stage(const v1::CaptureManifest& manifest);
 
-// Every frame that lay_out_empty_stage() names.
+// Every frame listed by lay_out_empty_stage().
 std::vector<int> frames_of(const std::vector<EmptyMonitor>& monitors);
 
 // --- The background map -----------------------------------------------------------------------------------
@@ -80,12 +80,12 @@ struct StraightView {
 };
 StraightView straight_view(const v1::Camera& camera, const EmptyMonitor& monitor, int x, int y);
 
-// The smooth map of one monitor, and how far its pixels may be off.
+// The smooth map of one monitor, and how far its pixels may deviate from it.
 struct SmoothStage {
   StageMap map;
   double sd_px = 0.0;        // of the map itself, rms over the pixels that see the monitor
   double place_sd_px = 0.0;  // of the usual pixel about the map
-  // What v of each wave differs from the map by in the usual pixel, beyond noise; by axis, in the order of
+  // The difference of v of each wave from the map in a typical pixel, beyond noise; by axis, in the order of
   // EmptyMonitor::bars.
   std::array<std::vector<double>, 2> wave_sd;
 };
@@ -97,19 +97,19 @@ class BackgroundMap {
   BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise, int channel_count = kChannels);
 
   // Fits centre and width of each axis by least squares over its bars, all measured channels together, then
-  // weights and foreground by least squares over black, white and all bars. `straight` breaks ties that the
-  // bars leave (BarDecoder::Guess), and is the result for the first monitor if there are no bars.
+  // weights and foreground by least squares over black, white and all bars. `straight` breaks ties left by
+  // the bars (BarDecoder::Guess), and is the result for the first monitor if there are no bars.
   BackgroundPoint point(const EmptyPixel& pixel, const StraightView& straight) const;
 
   // The same with centre and width as on the map at (x_px, y_px) of the picture.
   BackgroundPoint point_on(const SmoothStage& map, const EmptyPixel& pixel, double x_px, double y_px) const;
   // The same, moved to where the pixel's own bars see it, with the footprint's width on the map; centre_sd_px
-  // is that of the place by itself. Unlike the map it has no errors that neighbours share.
+  // is that of this position alone. Unlike the map its errors are not shared with neighbours.
   BackgroundPoint point_near(const SmoothStage& map, const EmptyPixel& pixel, double x_px, double y_px) const;
   // Whether the pixel's own bars refute that place.
   bool refutes(const BackgroundPoint& on_map) const;
 
-  // By how much v of each wave differs from what the monitor shows a footprint at this place.
+  // The difference between v of each wave and what the monitor shows to a footprint at this place.
   struct Miss {
     double value = 0.0, sd = 1.0;                // and the sd of its noise
     double by_centre = 0.0, by_log_sigma = 0.0;  // derivatives of v
@@ -137,7 +137,7 @@ class BackgroundMap {
   void weigh(const EmptyPixel& pixel, const Contrast& contrast, BackgroundPoint& point) const;
   bool has_bars() const { return decoders_[0].wave_count() + decoders_[1].wave_count() > 0; }
   bool has_solids() const { return monitor_.white >= 0 && monitor_.black >= 0; }
-  // Whether the pixel can be told to see this monitor, and does.
+  // Whether the pixel demonstrably sees this monitor.
   bool usable(const EmptyPixel& pixel, const Contrast& contrast) const;
 
   EmptyMonitor monitor_;

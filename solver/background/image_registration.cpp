@@ -36,7 +36,7 @@ struct Point {
   double x = 0.0, y = 0.0;
 };
 
-// Weights of four neighbours at t of the way from the second to the third (Catmull-Rom).
+// Weights of four neighbours at fraction t of the way from the second to the third (Catmull-Rom).
 std::array<double, 4> cubic(double t) {
   return {((-0.5 * t + 1.0) * t - 0.5) * t, (1.5 * t - 2.5) * t * t + 1.0, ((-1.5 * t + 2.0) * t + 0.5) * t,
           (0.5 * t - 0.5) * t * t};
@@ -80,7 +80,7 @@ double robust_sd(std::vector<double> differences) {
   return std::max(1.4826 * median(std::move(differences)), kMinSd);
 }
 
-// Both pictures at one scale.
+// Both pictures at the same scale.
 class Level {
  public:
   Level(const RadianceImage& with, const RadianceImage& without, double scale)
@@ -141,7 +141,7 @@ class Level {
     double steepness(size_t c) const { return x_slope[c] * x_slope[c] + y_slope[c] * y_slope[c]; }
   };
 
-  // Blurred too: interpolation reduces noise, which would pull the fit to positions between pixels.
+  // Blurred too: interpolation reduces noise, which would bias the fit towards positions between pixels.
   static RadianceImage shrunk(const RadianceImage& image, double scale) {
     RadianceImage small = resized(image, std::max(1, static_cast<int>(std::lround(image.width_px * scale))),
                                   std::max(1, static_cast<int>(std::lround(image.height_px * scale))));
@@ -202,7 +202,7 @@ class Level {
     for (const Seen& seen : seen_) all.push_back(seen.steepness(c));
     return median(std::move(all));
   }
-  // Only samples steeper than this, if there are any: dark or even areas agree under any motion.
+  // Uses only samples steeper than this, if there are any: dark or uniform areas agree under any motion.
   std::vector<double> differences_of(size_t c, double steepness) const {
     std::vector<double> differences;
     for (const Seen& seen : seen_) {
@@ -212,8 +212,8 @@ class Level {
   }
 
   // Slopes come from the picture with the object at its own pixels, where their noise is independent of the
-  // difference's. Interpolated slopes of the other picture have less noise between pixels, which would pull
-  // the fit there. For the same reason the gain's column is the mean of both pictures.
+  // difference's. Interpolated slopes of the other picture have less noise between pixels, which would bias
+  // the fit towards those. For the same reason the gain's column is the mean of both pictures.
   void add_channel(size_t c, const ImageRegistration& registration, Normal& normal, Step& gradient) const {
     Eigen::Matrix<double, kColumns, kColumns> squares = Eigen::Matrix<double, kColumns, kColumns>::Zero();
     Eigen::Matrix<double, kColumns, 1> products = Eigen::Matrix<double, kColumns, 1>::Zero(), column;
@@ -247,8 +247,7 @@ absl::Status check_small(const ImageRegistration& registration, double rest, int
                allowed_px = kMaxShift * std::max(width_px, height_px);
   if (!(max_px <= allowed_px)) {
     return absl::FailedPreconditionError(fmt::format(
-        "the pictures lie {:.1f} px apart; at most {:.1f} px can be a drift: the camera must stand where "
-        "it stood",
+        "the pictures are shifted by {:.1f} px; at most {:.1f} px can be drift: the camera must not be moved",
         max_px, allowed_px));
   }
   for (const double gain : registration.gain) {
@@ -263,8 +262,7 @@ absl::Status check_small(const ImageRegistration& registration, double rest, int
   if (rest <= kMaxRest) return absl::OkStatus();
   return absl::FailedPreconditionError(
       fmt::format("the pictures differ by {:.0f} % of full scale in most of their pixels; at most {:.0f} % "
-                  "can be noise: both must "
-                  "show the same stage, more of it than of the object",
+                  "can be noise: both must show the same stage, and more of it than of the object",
                   100.0 * rest, 100.0 * kMaxRest));
 }
 
@@ -284,7 +282,7 @@ double ImageRegistration::max_px(int width_px, int height_px) const {
 absl::Status check_same_size(const Image16& with, const Image16& without) {
   if (with.width_px == without.width_px && with.height_px == without.height_px) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      fmt::format("the picture with the object is {}x{}, that without {}x{}; they must be of one size",
+      fmt::format("the picture with the object is {}x{}, the one without {}x{}; they must have the same size",
                   with.width_px, with.height_px, without.width_px, without.height_px));
 }
 

@@ -1,7 +1,7 @@
 // Registers a picture of the empty stage with a later one of the same stage with the object, in position and
 // brightness: cameras are touched, monitors warm up. Both are in their own codes, as shares of the highest:
 //
-//   with(p) = gain_c without(p + shift + stretch p) + offset_c,    p in px from the picture's middle
+//   with(p) = gain_c without(p + shift + stretch p) + offset_c,    p in px from the picture's centre
 //
 // by Gauss-Newton from coarse to fine with robust weights 1 / (1 + (r / 3 sd)^2)^2 (Geman and McClure 1985),
 // sd from the median, so that the object has no effect. If motion removes less than 2 % of the differences,

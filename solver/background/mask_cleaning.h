@@ -1,5 +1,5 @@
 // Cleans a mask: dilation, hole filling, erosion and removal of specks (Chuang et al. 2000, section 4.2).
-// Outside the picture is background.
+// Everything outside the picture is background.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ struct MaskCleaning {
 };
 
 // Fills in the defaults: dilation by 0.3 % of the diagonal, which closes gaps where the object happens to
-// look like its background; erosion as dilation; specks smaller than the dilating square dropped.
+// look like its background; erosion equal to dilation; specks smaller than the dilating square dropped.
 MaskCleaning usual_cleaning(int width_px, int height_px, std::optional<int> dilation_px,
                             std::optional<int> erosion_px, std::optional<int> min_px = std::nullopt);
 

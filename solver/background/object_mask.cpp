@@ -17,7 +17,7 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxSamples = 300'000;  // that the noise model is fitted to
+constexpr size_t kMaxSamples = 300'000;  // to which the noise model is fitted
 
 // The range of the 3x3 codes around each sample.
 Image16 range_of(const Image16& image) {
@@ -138,8 +138,8 @@ Mask ObjectMask::mask(const Image16& frame) const {
 absl::Status EmptyAverage::add(const Image16& frame) {
   if (count_ > 0 && (frame.width_px != mean_.width_px || frame.height_px != mean_.height_px)) {
     return absl::InvalidArgumentError(
-        fmt::format("frame {} of the empty stage is {}x{}; those before are {}x{}", count_, frame.width_px,
-                    frame.height_px, mean_.width_px, mean_.height_px));
+        fmt::format("frame {} of the empty stage is {}x{}; the earlier ones are {}x{}", count_,
+                    frame.width_px, frame.height_px, mean_.width_px, mean_.height_px));
   }
   if (count_ == 0) mean_ = squares_ = RadianceImage(frame.width_px, frame.height_px);
   ++count_;
@@ -155,10 +155,10 @@ absl::Status EmptyAverage::add(const Image16& frame) {
 absl::StatusOr<ObjectMask> EmptyAverage::finish(const MaskOptions& options) const {
   if (count_ < 2) {
     return absl::FailedPreconditionError(
-        fmt::format("{} frames of the empty stage; there must be two, to tell the noise", count_));
+        fmt::format("{} frames of the empty stage; at least two are needed to measure the noise", count_));
   }
   ObjectMask mask(codes_of(mean_), options);
-  // A frame differs from the mean by its own noise and the mean's.
+  // A frame differs from the mean by its own noise and that of the mean.
   mask.learn_noise([&](size_t i) { return squares_.samples[i] / (count_ - 1.0); }, true, 1.0 + 1.0 / count_);
   return mask;
 }

@@ -1,6 +1,6 @@
 // The mask of pixels that differ from the empty stage by more than noise, cleaned by dilation, hole filling
 // and erosion (Chuang et al. 2000, section 4.2). For photographs and video frames in any codes: it relies on
-// neighbouring pixels where SilhouetteTest has a session's many stimuli.
+// neighbouring pixels, whereas SilhouetteTest uses the many stimuli of a session.
 //
 //   different where  sum_c (frame_c - empty_c)^2 / variance_c > chi-square quantile of three degrees
 #pragma once
@@ -29,7 +29,8 @@ struct MaskOptions {
   int bits = 16;                      // of a picture's codes before scaling to 16
   double false_positive_rate = 1e-6;  // of the difference test at a pixel of normal noise, in (0, 1)
   // Half sides of the squares for dilation and erosion; 0: none. Default: dilation by 0.3 % of the picture's
-  // diagonal, which closes gaps where the object happens to look like its background; erosion as dilation.
+  // diagonal, which closes gaps where the object happens to look like its background; erosion equal to
+  // dilation.
   std::optional<int> dilation_px = std::nullopt;
   std::optional<int> erosion_px = std::nullopt;
   bool fill_holes = true;
@@ -46,7 +47,7 @@ class ObjectMask {
   static absl::StatusOr<ObjectMask> of_pair(const Image16& with, const Image16& without,
                                             const MaskOptions& options);
 
-  // Thread-safe. `frame` has the empty stage's size.
+  // Thread-safe. `frame` has the size of the empty stage.
   Mask mask(const Image16& frame) const;
 
   const Image16& empty() const { return empty_; }  // moved
@@ -72,7 +73,7 @@ class ObjectMask {
 // Accumulates mean and noise of many frames of the empty stage, one at a time.
 class EmptyAverage {
  public:
-  // INVALID_ARGUMENT: its size differs from that of the frames before.
+  // INVALID_ARGUMENT: its size differs from that of the earlier frames.
   absl::Status add(const Image16& frame);
   // FAILED_PRECONDITION: fewer than two frames.
   absl::StatusOr<ObjectMask> finish(const MaskOptions& options) const;

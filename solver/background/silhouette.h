@@ -1,5 +1,5 @@
-// Tests whether the object changes a pixel: without change its light with and without the object differs only
-// by noise and drift (Chuang et al. 2000, section 3.1). It depends only on that pixel's own samples.
+// Tests whether the object changes a pixel: without a change its light with and without the object differs
+// only by noise and drift (Chuang et al. 2000, section 3.1). It depends only on that pixel's own samples.
 #pragma once
 
 #include <span>

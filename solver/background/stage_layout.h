@@ -17,10 +17,10 @@ struct StageLayout {
     Shot object, empty;
   };
   std::vector<Pair> pairs;
-  // No frame shows an object: every pixel shows the stage, and tells where it looks by itself.
+  // No frame shows an object: every pixel shows the stage, and its own samples show where it looks.
   bool bare = false;
   Shot black;  // with the object; empty if not recorded
-  // Groups of frames that differ in nothing but an id patch.
+  // Groups of frames that differ only in an id patch.
   std::vector<std::vector<int>> patches;
   std::vector<EmptyMonitor> monitors;  // by texture, with the frames of the empty stage
   v1::Camera camera;
@@ -42,7 +42,7 @@ bool changed_by_object(const FrameStack& stack, const StageLayout& layout, const
 // FAILED_PRECONDITION: black was not recorded.
 absl::Status check_black(const StageLayout& layout);
 
-// Every frame that the layout names.
+// Every frame listed in the layout.
 std::vector<int> frames_of(const StageLayout& layout);
 
 }  // namespace glasswing

@@ -21,7 +21,7 @@ int term_count(int degree) {
   return degree < 2 ? 0 : (degree + 1) * (degree + 2) / 2;
 }
 
-// Of a map; the terms up to the first degree repeat a part of the homography.
+// Of a map; the terms up to the first degree duplicate a part of the homography.
 double unknown_count(int degree) {
   return 8.0 + 2.0 * std::max(term_count(degree) - 3, 0);
 }
@@ -93,7 +93,7 @@ class StageMapFit {
     if (std::ssize(sightings_) < StageMap::kMinSightings)
       return refusal(fmt::format("{} positions were found; at least {} are needed", sightings_.size(),
                                  StageMap::kMinSightings));
-    if (!start() || !fit_homography()) return refusal("the positions found do not determine one");
+    if (!start() || !fit_homography()) return refusal("the positions found do not determine a map");
     std::vector<Candidate> all{{.map = start_, .scatter = scatter_of(residuals(start_))}};
     for (int degree = 2; degree <= StageMap::kMaxDegree; ++degree) {
       if (kMinPerUnknown * unknown_count(degree) > static_cast<double>(sightings_.size())) break;
@@ -101,7 +101,7 @@ class StageMapFit {
       if (!fit_rest(degree, map)) break;
       all.push_back({.map = map, .scatter = scatter_of(residuals(map))});
     }
-    // The noise is what the most flexible map leaves.
+    // The noise is the residual of the most flexible map.
     const double noise = all.back().scatter;
     return judged(*std::ranges::min_element(all, {}, [&](const Candidate& each) {
       return cost(each.map, noise) + 2.0 * unknown_count(each.map.degree_);
@@ -124,7 +124,7 @@ class StageMapFit {
     size_t first = 0, last = 0;
     std::array<double, kMaxTerms> terms{};
   };
-  // What they weigh and miss by along u and v: sums of w (c, s)(c, s)' and of w (c, s) times the residual.
+  // Their weights and residuals along u and v: sums of w (c, s)(c, s)' and of w (c, s) times the residual.
   struct Pull {
     double uu = 0.0, uv = 0.0, vv = 0.0, u = 0.0, v = 0.0;
   };
@@ -179,7 +179,7 @@ class StageMapFit {
     return sum;
   }
 
-  // An affine map by least absolute deviations, which half of the sightings being wrong hardly moves.
+  // An affine map by least absolute deviations, which hardly changes even if half of the sightings are wrong.
   bool start() {
     std::vector<double> left = residuals(start_);  // of a map to 0
     for (int round = 0; round < kStartRounds; ++round) {
@@ -234,14 +234,14 @@ class StageMapFit {
       const Vector8 step = solver.solve(right);
       if (!step.allFinite() || !determined(solver)) return false;
       for (size_t i = 0; i < 8; ++i) start_.homography_[i] += step[i];
-      // The whole picture stays before the camera.
+      // The whole picture stays in front of the camera.
       if (std::abs(start_.homography_[6]) + std::abs(start_.homography_[7]) > 0.95) return false;
       if (step.head<6>().cwiseAbs().maxCoeff() < kSmall) break;
     }
     return true;
   }
 
-  // The rest, by terms up to this degree, beyond the homography. Linear but for the weights.
+  // The rest, by terms up to this degree, beyond the homography. Linear except for the weights.
   bool fit_rest(int degree, StageMap& map) const {
     const Eigen::Index terms = term_count(degree), unknowns = 2 * terms;
     const Eigen::Index known = map.rest_.cols();
@@ -322,8 +322,8 @@ class StageMapFit {
     for (const double each : left) refuted += std::abs(each) > kRefuted * best.scatter;
     refuted /= static_cast<double>(left.size());
     if (refuted > StageMap::kMaxRefuted)
-      return refusal(fmt::format("{:.0f} % of the pixels lie off it", 100.0 * refuted));
-    // The terms up to the first degree stand for the homography, which is nearly linear in its parameters.
+      return refusal(fmt::format("{:.0f} % of the pixels deviate from it", 100.0 * refuted));
+    // The terms up to the first degree represent the homography, which is nearly linear in its parameters.
     const auto [normal, right] = equations(std::max(map.degree_, 1), left, best.scatter);
     const Eigen::LDLT<Eigen::MatrixXd> solver(normal);
     map.covariance_ =

@@ -3,13 +3,13 @@
 //
 //   (u, v) = H(x, y) + sum over i + j <= degree of (a_ij, b_ij) T_i(x') T_j(y')
 //
-// H is a homography (a flat monitor before a pinhole camera), T Chebyshev polynomials of the picture's
-// coordinates scaled to [-1, 1]: lens distortion, and a monitor that is not quite flat. The degree, none or 2
-// to 6, is the one that predicts best by Akaike's criterion. A pixel's footprint is that of one spot in the
+// H is a homography (a flat monitor in front of a pinhole camera), T Chebyshev polynomials of the picture's
+// coordinates scaled to [-1, 1]: lens distortion, and a monitor that is not exactly flat. The degree, none or
+// 2 to 6, is the one that predicts best by Akaike's criterion. A pixel's footprint is one spot in the
 // picture, the pixel behind the lens, mapped to the monitor: Sigma = spot J J', with J the map's Jacobian.
 //
-// The fit is by iteratively reweighted least squares with Tukey's biweight, over positions that pixels were
-// found at along some direction, each with its standard deviation.
+// The fit is by iteratively reweighted least squares with Tukey's biweight, over the positions at which
+// pixels were found along some direction, each with its standard deviation.
 #pragma once
 
 #include <Eigen/Core>
@@ -40,7 +40,7 @@ double sd_by_median(std::vector<double>& sizes);
 class StageMap {
  public:
   struct Fitted;
-  // To sightings in a picture of this size. Refused: fewer than kMinSightings, or more than kMaxRefuted of
+  // To sightings in a picture of this size. Rejected: fewer than kMinSightings, or more than kMaxRefuted of
   // them beyond four times the others' scatter.
   static Fitted fit(std::span<const Sighting> sightings, int width_px, int height_px);
 

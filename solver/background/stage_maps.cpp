@@ -19,11 +19,11 @@
 namespace glasswing {
 namespace {
 
-constexpr int kMaxRows = 32, kMaxColumns = 96;  // that are looked at, at most
+constexpr int kMaxRows = 32, kMaxColumns = 96;  // the maximum that are examined
 constexpr size_t kMinSteps = 5;                 // of a sweep
 constexpr double kMinSd_px = 0.02;              // of a sighting: footprints are not quite Gaussian
 constexpr double kMaxFinestBar_px = 2.0;
-constexpr double kTolerance = 0.01;      // of the silhouette: light that drifts is no object
+constexpr double kTolerance = 0.01;      // of the silhouette: drifting light is not an object
 constexpr double kMinPeak = 10.0;        // standard deviations of a sample
 constexpr int kRefits = 2;               // of fits after the first
 constexpr double kMaxPlaceSd_px = 0.75;  // quantisation by flat pixels is 0.29
@@ -89,7 +89,7 @@ struct LookedAt {
   EmptyPixel pixel;
 };
 
-// One monitor, while rows are looked at and afterwards.
+// One monitor, while rows are examined and afterwards.
 class MapFinder {
  public:
   MapFinder(const v1::CaptureManifest& manifest, const EmptyMonitor& monitor, std::vector<StageSweep> sweeps)
@@ -131,8 +131,8 @@ class MapFinder {
     const auto refused = [&](const std::string& why) {
       return Found{
           .map = std::nullopt,
-          .warning = fmt::format("the background on monitor \"{}\" is what each pixel's own bars say, "
-                                 "not one smooth surface: {}",
+          .warning = fmt::format("the background on monitor \"{}\" is taken from each pixel's own bars, not "
+                                 "from one smooth surface: {}",
                                  name, why)};
     };
     // Such as a monitor at the side, whose edge the camera sees.
@@ -147,19 +147,21 @@ class MapFinder {
       if (fitted.map) fitted.map->set_spot_px2(spot_px2);
     }
     if (!fitted.map) return refused(fitted.refused);
-    if (place_sd_px > kMaxPlaceSd_px) return refused(fmt::format("pixels lie {:.1f} px off it", place_sd_px));
+    if (place_sd_px > kMaxPlaceSd_px)
+      return refused(fmt::format("pixels deviate from it by {:.1f} px", place_sd_px));
     const double sd_px = rms_sd_px(*fitted.map);
-    if (sd_px > kMaxSd_px) return refused(fmt::format("it would be known to {:.1f} px only", sd_px));
+    if (sd_px > kMaxSd_px) return refused(fmt::format("it would be known only to {:.1f} px", sd_px));
     SmoothStage map{.map = *std::move(fitted.map), .sd_px = sd_px, .place_sd_px = place_sd_px, .wave_sd = {}};
     map.wave_sd = usual_misses(map.map);
     const double strained = strained_share(map);
     if (strained > kMaxStrained)
-      return refused(fmt::format("bars refute it in {:.0f} % of the pixels", 100.0 * strained));
+      return refused(fmt::format("the bars contradict it in {:.0f} % of the pixels", 100.0 * strained));
     std::string warning;
     if (strained > kWarnStrained) {
       warning = fmt::format(
-          "{:.0f} % of the background on monitor \"{}\" does not lie on the smooth surface of "
-          "the rest; those pixels keep what their own bars say",
+          "{:.0f} % of the background on monitor \"{}\" does not lie on the smooth surface of the rest; "
+          "those "
+          "pixels keep the positions from their own bars",
           100.0 * strained, name);
     }
     return {.map = std::move(map), .warning = std::move(warning)};
@@ -167,7 +169,7 @@ class MapFinder {
 
  private:
   void see_bars(const AxisFit& fit, size_t axis, double x_px, double y_px) {
-    // Coarser ones leave most pixels open, and all those at an edge are wrong together.
+    // Coarser ones do not determine most pixels, and all those at an edge share the same error.
     if (monitor_.bars[axis].back().width_px > kMaxFinestBar_px) return;
     const double position_px = seen_through_pixels(fit.centre_px, fit.sigma_px * fit.sigma_px).centre_px;
     shown_.push_back({.x_px = x_px,
@@ -205,7 +207,8 @@ class MapFinder {
                       .source = 2 + s});
   }
 
-  // Where the footprint on the map lies as flat pixels show it, less where it lies, along a direction.
+  // The position of the footprint on the map as flat pixels show it, minus its true position, along a
+  // direction.
   static double shown_shift_px(const StagePoint& place, const Shown& own) {
     const Footprint shown = seen_through_pixels({.weight = 1.0,
                                                  .x_px = place.x_px,
@@ -234,8 +237,8 @@ class MapFinder {
     return StageMap::fit(sightings, manifest_.camera().width_px(), manifest_.camera().height_px());
   }
 
-  // Bars and every sweep may be less exact than they say, each by a factor of its own. Returns how far pixels
-  // lie off the map, beyond noise, by the one that tells best.
+  // Bars and every sweep may be less exact than declared, each by a different factor. Returns how far pixels
+  // deviate from the map, beyond noise, by the most sensitive of them.
   double scale_errors(const StageMap& map) {
     std::map<size_t, std::vector<double>> misses_px, misses_sd;
     for (const Shown& own : shown_) {
@@ -396,7 +399,7 @@ absl::StatusOr<StageMaps> measure_stage_maps(const v1::CaptureManifest& manifest
     MapFinder finder(manifest, monitors[m], std::move(sweeps[m]));
     if (finder.has_evidence()) finders.push_back(std::move(finder));
   }
-  // Without pairs every pixel passes for the object's.
+  // Without pairs every pixel counts as the object.
   if (finders.empty() || (layout.pairs.empty() && !layout.bare)) return maps;
   const std::vector<int> needed(seen.begin(), seen.end());
   const SilhouetteTest silhouette(kTolerance);

@@ -1,5 +1,5 @@
-// The smooth maps of a session's monitors (stage_map.h), from all that saw the empty stage: the bars that
-// BackgroundMap decodes, and swept stripes, those with the object where it changes nothing,
+// The smooth maps of a session's monitors (stage_map.h), from everything that saw the empty stage: the bars
+// that BackgroundMap decodes, and swept stripes, including those with the object where it changes nothing,
 //
 //   y(r) = b + a exp(-(r - t)^2 / (2 s^2))
 //
@@ -21,7 +21,7 @@ namespace glasswing {
 inline constexpr double kUsualNoise = 0.003;  // read noise of a camera that is not calibrated
 
 struct StageMaps {
-  // By texture. None: pixels keep what their own bars say.
+  // By texture. None: pixels keep the positions from their own bars.
   std::vector<std::optional<SmoothStage>> of_monitor;
   std::vector<std::string> warnings;  // for users: why a map is missing, or where it does not hold
 };

@@ -18,7 +18,7 @@ namespace glasswing {
 // By pixel of a row.
 struct SettledRow {
   std::vector<bool> object;
-  // Background whose position the empty stage's bars leave open: its modes are a guess and flagged.
+  // Background whose position the empty stage's bars do not determine: its modes are a guess and flagged.
   std::vector<bool> open;
 };
 
@@ -29,7 +29,7 @@ class Surroundings {
 
   // Solves row y of the stack into row y of the matte: F and coverage of every pixel, the modes of those that
   // the object does not change, and a flag for those that see an id patch. `read_sd`: by pixel if the
-  // camera's noise is unknown; empty: that of an ordinary camera. F is the light of black with the object. If
+  // camera's noise is unknown; empty: that of a typical camera. F is the light of black with the object. If
   // that was not recorded, it is the background map's, and 0 on the object.
   SettledRow settle_row(int y, std::span<const double> read_sd, Matte& matte);
 
@@ -38,13 +38,13 @@ class Surroundings {
   float black(int y, int lane) const;
 
   // The pixel's view without the object, by texture. Nothing is `seen` if the empty stage was not recorded.
-  // It lies on the smooth map of the stage (FrameStack::stage_maps) where there is one, of a bare stage near
-  // it where its own bars see it, unless the bars of this pixel and of most of its neighbours along the row
-  // refute that.
+  // It lies on the smooth map of the stage (FrameStack::stage_maps) where there is one; on a bare stage it
+  // lies near the map, where its own bars see it; both unless the bars of this pixel and of most of its
+  // neighbours along the row contradict that.
   std::span<const BackgroundPoint> background(int x, int y);
 
   bool noise_known() const { return noise_known_; }
-  // If unknown, that of an ordinary camera.
+  // If unknown, that of a typical camera.
   const SampleNoise& noise() const { return noise_; }
 
  private:
@@ -66,7 +66,7 @@ class Surroundings {
   std::vector<BackgroundMap> background_;
   std::vector<BackgroundPoint> points_;
   EmptyPixel empty_pixel_;
-  // [monitor][x] of the row judged last; empty without a map.
+  // [monitor][x] of the last row judged; empty without a map.
   int judged_row_ = -1;
   std::vector<std::vector<BackgroundPoint>> on_map_;
   std::vector<std::vector<bool>> refuted_;

@@ -2,7 +2,7 @@
 // white plus black,
 //   e = I + I' - white - black,    sd(e) = 2 sd of a sample
 // for any view. The median of |e| over the row's pixels, channels and bars tolerates pixels that changed for
-// another reason.
+// other reasons.
 #pragma once
 
 #include <vector>

@@ -31,8 +31,8 @@ std::vector<int> solids_of_empty_stage(const v1::CaptureManifest& manifest, cons
   return solids;
 }
 
-// By how much the middle of nine samples lies beyond all but one of the others, of which the picture has five
-// at its edges. Null: rows that it does not have. `count`: samples of a row.
+// By how much the middle of nine samples exceeds all but one of the others; at the picture's edges there are
+// only five others. Null: rows that it does not have. `count`: samples of a row.
 float beyond(const std::array<const float*, 3>& rows, size_t x, size_t step, size_t count) {
   // The two least and the two greatest of the others.
   float lowest = INFINITY, low = INFINITY, highest = -INFINITY, high = -INFINITY;
@@ -87,7 +87,7 @@ absl::StatusOr<std::vector<bool>> sees_patch(const std::vector<std::vector<int>>
   return sees;
 }
 
-// Drops pixels with a neighbour, `reach` away, that sees an id patch, which is no smooth picture.
+// Drops pixels with a neighbour, `reach` away, that sees an id patch, which is not a smooth picture.
 absl::Status drop_near_patch(const v1::CaptureManifest& manifest, size_t lanes, size_t reach, float step,
                              const LightReader& read, std::vector<int>& pixels) {
   if (pixels.empty()) return absl::OkStatus();

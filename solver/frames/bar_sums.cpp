@@ -19,7 +19,8 @@ namespace {
 constexpr double kMinSumSds = 20.0;  // standard deviations of noise
 constexpr size_t kMinSums = 300;     // samples
 constexpr double kAgree = 0.03;      // of a sum
-constexpr double kMaxScatter = 0.1;  // of sums over their median: codes are no light, or bars are too fine
+constexpr double kMaxScatter =
+    0.1;  // of sums over their median: codes are not light, or the bars are too fine
 
 // The frames of one picture of bars, and of its inverse.
 using BarPair = std::array<int, 2>;
@@ -57,7 +58,7 @@ std::vector<AreaFrames> areas_of(const v1::CaptureManifest& manifest, const Sess
   return all;
 }
 
-// The two pictures' light over white's, less black; 1 if that is not known.
+// The two pictures' light over white's, minus black; 1 if that is unknown.
 double sum_of(const ComparedFrames& compared, const AreaFrames& areas, const BarPair& pair) {
   const auto light = [&](int frame, size_t lane) {
     return static_cast<double>(compared.samples.light[frame][lane]);
@@ -92,8 +93,8 @@ std::string bar_sums_warning(const v1::CaptureManifest& manifest, const Compared
   std::vector<int> order;
   for (int f = 0; f < manifest.frames_size(); ++f) order.push_back(f);
   return fmt::format(
-      "{}: bars and their inverse are together up to {:.3f} times as bright as white: the exposure or the "
-      "light changed, or the codes are no light; not corrected, as no pixel sees the stage past the object",
+      "{}: bars plus their inverse are up to {:.3f} times as bright as white: the exposure or the light "
+      "changed, or the codes are not light; not corrected, as no pixel sees the stage beside the object",
       names_of(odd, order), most);
 }
 

@@ -1,5 +1,5 @@
-// Bars and their inverse are together as light as white and black, at every pixel, whatever it sees: what
-// tells of the light where no pixel sees the stage past the object.
+// Bars plus their inverse are as bright as white plus black at every pixel, whatever it sees: this measures
+// the light if no pixel sees the stage beside the object.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// Pixels that see the stage past the object, whatever the rig did to brightness between pictures with and
+// Pixels that see the stage beside the object, whatever happened to the brightness between pictures with and
 // without it: their samples of the same pictures follow a straight line,
 //
 //   with = a + b without,
@@ -13,7 +13,8 @@
 
 namespace glasswing {
 
-// By pixel of the samples. None if there are fewer than three pictures of some contrast with and without.
+// By pixel of the samples. None if there are fewer than three pictures of sufficient contrast with and
+// without the object.
 std::vector<bool> beside_object(const SessionSamples& samples, const v1::CaptureManifest& manifest,
                                 const StageLayout& layout, double noise_sd);
 

@@ -13,7 +13,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMinGamma = 1.6, kMaxGamma = 2.8;  // of codes that are meant to be seen
+constexpr double kMinGamma = 1.6, kMaxGamma = 2.8;  // of codes that should be visible
 constexpr double kMaxError = 0.1;                   // of sums that agree; ghosts and changed light scatter
 constexpr double kErrors = 5.0;                     // standard errors
 constexpr double kMonitorWhite = 1.0;               // saturated samples
@@ -49,8 +49,8 @@ absl::StatusOr<CodeResponse> find_code_response(const v1::CaptureManifest& manif
   if (linear) return CodeResponse();
   return CodeResponse{
       .response = estimate.response,
-      .warning = fmt::format("the manifest calls the frames linear, but sums of light in them agree "
-                             "only if their codes are {} ({}): taken for that",
+      .warning = fmt::format("the manifest calls the frames linear, but sums of light in them agree only if "
+                             "their codes are {} ({}): treated as such",
                              estimate.response, estimate.reason)};
 }
 

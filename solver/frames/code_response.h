@@ -1,5 +1,5 @@
-// Frames that a manifest calls linear, but are not: sums of light that should agree do not, unless codes are
-// taken for sRGB or a power (core/import/response_estimate.h).
+// Frames that a manifest calls linear, but which are not: sums of light that should agree do not, unless the
+// codes are interpreted as sRGB or a power (core/import/response_estimate.h).
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -11,8 +11,8 @@ namespace {
 
 constexpr double kMaxChange = 0.05, kContrast = 0.5;
 
-// By how much the light of two pixels differs over such a picture, a bound: what one has and the other does
-// not, and what an edge between footprints shows of one only.
+// An upper bound of how much the light of two pixels differs over such a picture: light that only one of them
+// has, and an edge between their footprints that shows on only one.
 double difference_of(const Matte& matte, int ax, int ay, int bx, int by, int channel, double share) {
   const size_t c = channel;
   double difference =

@@ -1,5 +1,5 @@
 // Pixels that cannot be trusted because something moved between frames, and was not moved back: their light
-// may come from where a neighbour's does.
+// may come from a neighbour's place.
 #pragma once
 
 #include "core/matte/matte.h"
@@ -13,7 +13,7 @@ struct Disturbance {
 };
 
 // Sets kFlagDisturbed where moving by that much can change a pixel's light by more than 0.05 of full scale,
-// as its four neighbours tell: of a picture with edges of half the contrast.
+// judged by its four neighbours, for a picture with edges of half the contrast.
 void flag_disturbed(const Disturbance& disturbance, Matte& matte);
 
 }  // namespace glasswing

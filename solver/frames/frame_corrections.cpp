@@ -24,9 +24,9 @@ namespace glasswing {
 namespace {
 
 constexpr std::ptrdiff_t kMinCompared = 100;  // pixels
-constexpr double kObjectMoves_px = 1.0;       // if it moves: its rim tells that, not by how much
+constexpr double kObjectMoves_px = 1.0;       // if it moves: its rim shows that, but not by how much
 
-// Without frames that tell nothing of the light: bars whose edges moved, and any that tremble.
+// Without frames that do not measure the light: bars whose edges moved, and shaky ones.
 FrameReport without_moved(const v1::CaptureManifest& manifest, FrameReport report) {
   const ShiftCourse course = shift_course(report);
   if (course.moved_px == 0.0) return report;
@@ -38,7 +38,7 @@ FrameReport without_moved(const v1::CaptureManifest& manifest, FrameReport repor
   return report;
 }
 
-// What changes from frame to frame, with what is steady.
+// The quantities that change from frame to frame, together with the constant ones.
 absl::StatusOr<FrameFaults> find_changes(const v1::CaptureManifest& manifest, const std::vector<int>& frames,
                                          const CorrectedReader& read, const ComparedFrames& compared,
                                          const FrameReport& report, const SteadyLight& steady) {
@@ -74,7 +74,7 @@ absl::StatusOr<FrameFaults> find_faults(const v1::CaptureManifest& manifest, con
                                         const CorrectedReader& read) {
   SteadyLight steady;
   FrameFaults faults;
-  // The stage's map with sweeps serves the solve, too, if there is nothing to correct.
+  // The stage's map with sweeps is also used by the solve if there is nothing to correct.
   for (bool sweeps = true;; sweeps = false) {
     GW_ASSIGN_OR_RETURN(ComparedFrames compared,
                         compare_frames(manifest, frames, read(steady.corrections), sweeps));

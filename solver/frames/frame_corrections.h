@@ -1,5 +1,5 @@
-// Which of the differences between a session's frames (frame_report.h) are significant: what is taken off
-// them, and what users are told. Where nothing is wrong nothing is taken off.
+// Which of the differences between a session's frames (frame_report.h) are significant: what is removed from
+// them, and what is reported to users. Without significant differences nothing is removed.
 #pragma once
 
 #include <functional>
@@ -22,11 +22,11 @@ struct FrameFaults {
   std::shared_ptr<const StageMaps> maps;  // null: of corrected frames, not measured
 };
 
-// `read` gives a session's light as these corrections leave it.
+// `read` returns a session's light with these corrections applied.
 using CorrectedReader = std::function<LightReader(std::shared_ptr<const FrameCorrections>)>;
 
-// Reports the frames (report_frames), again where ghosts or flare blurred what they were compared with, and
-// judges them.
+// Reports the frames (report_frames), again if ghosts or flare blurred the frames that they were compared
+// with, and judges them.
 absl::StatusOr<FrameFaults> find_faults(const v1::CaptureManifest& manifest, const std::vector<int>& frames,
                                         const CorrectedReader& read);
 

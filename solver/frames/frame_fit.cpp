@@ -17,11 +17,11 @@ constexpr double kShiftPrior_px = 2.0, kTurnPrior_rad = 0.02;
 constexpr double kPlaceError_px = 0.02;
 constexpr double kCut = 4.0;  // standard deviations, of Tukey's biweight
 constexpr int kRounds = 4, kTurnRounds = 5;
-constexpr double kCertainTurn = 4.0;  // standard deviations of a step, of which another round may follow
-constexpr double kSettled = 1e-5;     // of gains, light, and px: a thirtieth of what noise moves
+constexpr double kCertainTurn = 4.0;  // standard deviations of a step, above which another round may follow
+constexpr double kSettled = 1e-5;     // of gains, light, and px: a thirtieth of the effect of noise
 constexpr double kSameLight = 1e-6;   // of a solid without noise, whose gain and offset are the same
-constexpr size_t kDarkPixels = 400;   // pixels beyond a stripe's light, which tell of nothing but its offset
-constexpr double kReshow_px = 0.05;   // derivatives hold this far
+constexpr size_t kDarkPixels = 400;   // pixels beyond a stripe's light, which measure only its offset
+constexpr double kReshow_px = 0.05;   // range of validity of the derivatives
 
 }  // namespace
 
@@ -101,7 +101,7 @@ FrameFit::Sums FrameFit::sums(std::span<const float> light) const {
 void FrameFit::measure_turn(std::span<const float> light, FrameMeasure& measure) const {
   const Eigen::Vector3d prior(kShiftPrior_px, kShiftPrior_px, kTurnPrior_rad);
   Eigen::Vector3d at(at_[kShift] - shown_dx_px_, at_[kShift + 1] - shown_dy_px_, 0.0);
-  // What lies far off counts little, and more with each round.
+  // Outliers get little weight, which grows with each round.
   for (int round = 0; round < kTurnRounds; ++round) {
     Eigen::Matrix3d normal = prior.cwiseAbs2().cwiseInverse().asDiagonal();
     Eigen::Vector3d right = Eigen::Vector3d::Zero();

@@ -26,8 +26,8 @@ class FrameFit {
   FrameFit(const SessionSamples& samples, const SeenMonitor& seen, const LitView::Picture& picture,
            double noise_sd);
 
-  // `light`: of this frame, by lane. `offset`: what it is expected to be; a picture without dark parts does
-  // not tell.
+  // `light`: of this frame, by lane. `offset`: its expected value; a picture without dark parts does not
+  // measure it.
   FrameMeasure fit(std::span<const float> light, const std::array<double, kChannels>& offset = {});
 
   // The part of the normal equations of ghosts that gain and offset do not explain, at the last fit.
@@ -36,7 +36,7 @@ class FrameFit {
     Eigen::Matrix<double, kGhosts, 1> right = Eigen::Matrix<double, kGhosts, 1>::Zero();
     double chi_square = 0.0, count = 0.0;
   };
-  // `last`: light of the frames before, the latest first.
+  // `last`: light of the previous frames, the latest first.
   GhostEquations ghosts(std::span<const float> light, std::span<const std::span<const float>> last) const;
 
  private:
@@ -50,14 +50,14 @@ class FrameFit {
     double chi_square = 0.0, count = 0.0;
   };
   void show();
-  // What the camera records of this light in the mean, where it cuts noise off (clipped_noise.h), and its
+  // What the camera records of this light on average, where it clips noise (clipped_noise.h), and its
   // derivative.
   struct Recorded {
     double light = 0.0, by_light = 1.0;
   };
   Recorded recorded(double light) const;
   Sums sums(std::span<const float> light) const;
-  // What is left of the light at a lane of a lit pixel, where that moves by `slope2`, h squared for each px
+  // The residual of the light at a lane of a lit pixel, if that moves by `slope2`, h squared for each px
   // squared.
   struct Rest {
     size_t channel = 0;

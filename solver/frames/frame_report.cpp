@@ -27,13 +27,13 @@ constexpr double kMinOffset = 0.001;
 constexpr double kFull = 0.6;     // of the bright samples; noise around full scale saturates half of them
 constexpr float kBright = 0.97f;  // light that noise may lift to full scale
 constexpr float kBlackLevel = 0.008f;
-constexpr float kOverExposed = 1.02f;            // white, as grays tell,
-constexpr std::ptrdiff_t kSomeOf = 10;           // at one of so many samples
+constexpr float kOverExposed = 1.02f;            // white, according to the grays,
+constexpr std::ptrdiff_t kSomeOf = 10;           // at one of this many samples
 constexpr double kCutOff = 0.2, kNoNoise = 0.7;  // shares of black samples at the lowest code
 constexpr float kDark = 4.0f;                    // standard deviations
-constexpr double kMinMeans = 0.15;               // difference of two pictures' means that tells of flare
+constexpr double kMinMeans = 0.15;               // difference of two pictures' means that reveals flare
 constexpr size_t kMinFlares = 8;                 // pictures
-constexpr double kFlareExplained = 4.0;          // what flare explains over what it does not
+constexpr double kFlareExplained = 4.0;          // ratio of what flare explains to what it does not
 
 }  // namespace
 
@@ -49,7 +49,7 @@ std::vector<int> by_time(const v1::CaptureManifest& manifest) {
 
 namespace {
 
-// By the median of the slopes between points that lie apart (Theil and Sen).
+// By the median of the slopes between distant points (Theil and Sen).
 struct SteadyLine {
   double slope = 0.0, slope_sd = INFINITY;
   double range = 0.0;    // of x
@@ -160,7 +160,7 @@ class Reporter {
     }
   }
 
-  // The light of solids of the empty stage that the camera cannot tell.
+  // The light of solids of the empty stage that the camera cannot measure.
   void judge_solids() {
     for (const auto& [texture, seen] : seen_) {
       const int black = seen.monitor.black, white = seen.monitor.white;
@@ -170,9 +170,9 @@ class Reporter {
         const float low = light[light.size() / 100], high = light[light.size() * 99 / 100];
         if (low > kBlackLevel && high - low < 6.0f * static_cast<float>(noise_sd_) + 0.5f * low) {
           report_.black_warning = fmt::format(
-              "the black of the empty stage is {:.1f} % of full scale all over: the camera's black level, "
-              "which the "
-              "archive does not state, or a light in the room; it counts as the object's own light F",
+              "the black of the empty stage is {:.1f} % of full scale everywhere: the camera's black level, "
+              "which the archive does not state, or a light in the room; it counts as the object's own light "
+              "F",
               100.0f * 0.5f * (low + high));
         }
       }
@@ -180,8 +180,7 @@ class Reporter {
       if (white >= 0 && is_clipped(white) && kSomeOf * above > std::ssize(seen.contrast)) {
         report_.white_warning = fmt::format(
             "white on monitor \"{}\" is over-exposed beside the object, where composites will be too dark: "
-            "expose "
-            "less",
+            "reduce the exposure",
             manifest_.monitors(texture).name());
       }
     }
@@ -208,7 +207,8 @@ class Reporter {
     return beside;
   }
 
-  // Whether the brightest gray picture that is not saturated says that white is full scale, and no more.
+  // Whether the brightest gray picture that is not saturated shows that white is at full scale and not above
+  // it.
   bool grays_say_full(const std::vector<bool>& beside) const {
     double brightest = 0.0;
     bool full = false;
@@ -233,7 +233,7 @@ class Reporter {
     return full;
   }
 
-  // Whether what is saturated lies beyond noise around full scale. If not it counts as 1: without it the rest
+  // Whether saturated samples exceed noise around full scale. Otherwise it counts as 1: without it the rest
   // would be too dark.
   bool count_as_full(const std::vector<bool>& beside, bool full, std::vector<float>& light) const {
     int saturated = 0, bright = 0;
@@ -250,7 +250,7 @@ class Reporter {
 
   bool is_clipped(int frame) const { return clipped_[frame]; }
 
-  // What is saturated counts as 1.
+  // Saturated samples count as 1.
   std::array<double, kChannels> mean_of(const std::vector<float>& light) const {
     std::array<double, kChannels> sum{}, count{};
     for (size_t lane = 0; lane < light.size(); ++lane) {
@@ -262,7 +262,7 @@ class Reporter {
     return sum;
   }
 
-  // The sd of noise of which the camera cut off what lay below black; 0: it cut off none.
+  // The sd of noise that the camera clipped below black; 0: it clipped nothing.
   double cut_off_sd(const SeenMonitor& seen) const {
     if (seen.monitor.black < 0) return 0.0;
     const std::vector<float>& light = samples_.light[seen.monitor.black];
@@ -297,7 +297,7 @@ class Reporter {
     const std::map<double, int, std::greater<>> grays = grays_of(seen.monitor.texture);
     const size_t lanes = samples_.lanes_per_pixel;
     const auto light = [&](int frame, size_t lane) { return samples_.light[frame][lane]; };
-    // Noise that the camera cut off at 0 makes what is dark too bright.
+    // Noise that the camera clipped at 0 makes dark areas too bright.
     seen.cut_off_sd = cut_off_sd(seen);
     const float dark = kDark * static_cast<float>(seen.cut_off_sd);
     const auto unclipped = [&](float own) { return own < dark ? 0.0f : own; };
@@ -327,8 +327,8 @@ class Reporter {
     }
   }
 
-  // Shares of the last pictures, from pictures that differ from them in more than a stripe's step, until they
-  // settle: at first a ghost passes for an outlier of the frame's fit.
+  // Shares of the last pictures, from pictures that differ from them by more than one step of a stripe, until
+  // they settle: at first a ghost looks like an outlier of the frame's fit.
   bool remove_ghosts() {
     const std::vector<std::vector<float>> recorded = samples_.light;
     Ghosts share = Ghosts::Zero();
@@ -400,7 +400,7 @@ class Reporter {
     }
   }
 
-  // The slope of offsets over means of pictures with dark parts: what all of them have alike is no flare.
+  // The slope of offsets over means of pictures with dark parts: what they all have in common is not flare.
   bool remove_flare() {
     for (size_t f = 0; f < report_.frames.size(); ++f) report_.frames[f].mean = mean_of(samples_.light[f]);
     std::vector<double> means, offsets;

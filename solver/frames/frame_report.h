@@ -1,12 +1,12 @@
-// What a session's frames have in common and in what they differ, before any fit: each frame of a picture
-// that is known, against the empty stage beside the object,
+// What a session's frames have in common and in what they differ, before any fit: each frame of a known
+// picture, against the empty stage beside the object,
 //
 //   light_f(p) = black(p) + o_f + g_f contrast(p) h_f(p - d_f(p)) + sum over k = 1, 2, 3 of a_k
 //   light_(f-k)(p)
 //
 // with the gain g and the offset o of each channel, the shift d of what the camera sees, in its pixels, which
-// turns about the picture's middle, and shares a of what is left of the last pictures. Flare is light in
-// proportion to the picture's mean: o_f = e mean_f.
+// includes a rotation about the picture's centre, and shares a of the remains of the last pictures. Flare is
+// light in proportion to the picture's mean: o_f = e mean_f.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -30,7 +30,7 @@ struct FrameMeasure {
   std::array<double, kChannels> offset{};             // light
   double gain_sd = 0.0, offset_sd = 0.0;              // of a channel
   bool dark = false;  // the picture has dark parts, which tell its offset from its gain
-  // The shift, and the inverse of its covariance: a stripe tells of one direction. 0: of other pictures.
+  // The shift, and the inverse of its covariance: a stripe measures one direction. 0: of other pictures.
   double dx_px = 0.0, dy_px = 0.0;
   double xx = 0.0, xy = 0.0, yy = 0.0;       // px^-2
   double turn_rad = 0.0, turn_sd_rad = 0.0;  // clockwise; sd 0: not measured
@@ -58,7 +58,7 @@ struct FrameReport {
   double ghost_share() const { return has_ghosts ? ghost[0].value + ghost[1].value + ghost[2].value : 0.0; }
 };
 
-// What frames are compared by.
+// What frames are compared with.
 struct ComparedFrames {
   StageLayout layout;
   StageMaps maps;
@@ -67,16 +67,16 @@ struct ComparedFrames {
   double noise_sd = 0.0;     // of light
 };
 
-// Of these frames, which include all of lay_out_stage(). `sweeps`: stripes tell of the stage, too; faults of
-// a few frames distort what they say. Errors are those of `read`.
+// Of these frames, which include all of lay_out_stage(). `sweeps`: stripes also measure the stage; faults of
+// a few frames distort their measurements. Errors are those of `read`.
 absl::StatusOr<ComparedFrames> compare_frames(const v1::CaptureManifest& manifest,
                                               const std::vector<int>& frames, const LightReader& read,
                                               bool sweeps);
 
-// Indices of frames as they followed each other; as in the manifest where some have no times.
+// Indices of frames as they followed each other; in the manifest's order if some have no times.
 std::vector<int> by_time(const v1::CaptureManifest& manifest);
 
-// `beside`, cut into four quarters of the picture that have as many pixels each.
+// `beside`, cut into four quarters of the picture with equal numbers of pixels.
 std::array<std::vector<bool>, 4> quarters_of(const SessionSamples& samples, const std::vector<bool>& beside);
 
 // What is removed, where it is significant, before gains, offsets and shifts are measured.
@@ -85,8 +85,8 @@ struct Removed {
   bool again = false;  // some was taken off the samples before: what is left of it counts, too
 };
 
-// As the pixels of `beside` see the frames. Nothing is measured where the session has no bars of the empty
-// stage, or these are too few.
+// The frames as seen by the pixels of `beside`. Nothing is measured if the session has no bars, or too few,
+// of the empty stage.
 FrameReport report_frames(const v1::CaptureManifest& manifest, const ComparedFrames& compared,
                           const std::vector<bool>& beside, const Removed& removed = {});
 

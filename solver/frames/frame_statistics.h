@@ -1,4 +1,4 @@
-// What the reports of frames are judged by.
+// Criteria for the reports of frames.
 #pragma once
 
 #include <array>

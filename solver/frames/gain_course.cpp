@@ -17,12 +17,12 @@ namespace {
 
 using Kind = GainCourse::Kind;
 
-constexpr double kScatter = 0.0015;              // of gains in a clean session, with what the model lacks
-constexpr double kNoise = 2.0;                   // standard deviations of a gain that noise alone scatters by
+constexpr double kScatter = 0.0015;              // of gains in a clean session, including errors of the model
+constexpr double kNoise = 2.0;                   // standard deviations of a gain due to noise alone
 constexpr double kOddGain = 0.008, kSure = 6.0;  // beyond which a frame is odd; standard deviations
 constexpr double kMaxSd = 0.001;                 // of a gain that may be odd
 constexpr size_t kMinMeasured = 8;
-constexpr size_t kMinOdd = 5;  // frames: fewer do no harm
+constexpr size_t kMinOdd = 5;  // frames: fewer are harmless
 constexpr double kMinSpread = 0.004,
                  kCourseExplained = 5.0;  // of a course, and over what it does not explain
 constexpr double kFloor = 0.001;          // of a gain's error in that
@@ -31,7 +31,7 @@ constexpr int kCourseRounds = 4;
 constexpr size_t kStepGrid = 4;
 constexpr double kMinSamePairs = 5.0;
 constexpr double kSameFlicker = 0.5;
-constexpr int kBeside = 2;  // frames each way that one is compared with
+constexpr int kBeside = 2;  // frames each way with which one is compared
 
 double median_size(std::vector<double> values) {
   for (double& value : values) value = std::abs(value);
@@ -75,7 +75,7 @@ class CourseFinder {
   }
 
  private:
-  // The gain of a frame on that scale: as measured, and where that says little, as of those beside it in time
+  // The gain of a frame on that scale: as measured, or, if that is unreliable, that of its neighbours in time
   // that show pictures of the same kind.
   std::array<double, kChannels> gain(const GainStep& step) const {
     std::array<double, kChannels> gain{};
@@ -168,8 +168,8 @@ class CourseFinder {
     return largest_jump() > 0.4 * spread ? Kind::kJump : Kind::kDrift;
   }
 
-  // By how much gains of the same pictures with and without the object differ, rms, over the root of 2: what
-  // the model lacks is alike in both.
+  // By how much gains of the same pictures with and without the object differ, rms, over the root of 2:
+  // errors of the model are the same in both.
   double pair_scatter() const {
     std::map<std::string, std::array<const GainStep*, 2>> pairs;
     for (const GainStep& step : steps_) {
@@ -186,7 +186,8 @@ class CourseFinder {
   }
 
   // Whether a smooth course over time, one step, and one more gain for solids and bars with the object and
-  // one for stripes, explain most of how gains differ. What the model lacks follows the pictures instead.
+  // one for stripes, explain most of the differences between gains. Otherwise errors of the model follow the
+  // pictures.
   bool is_explained() const {
     double spread = 0.0, rest = INFINITY;
     for (size_t at = 0; at <= steps_.size(); at += kStepGrid) {

@@ -1,9 +1,9 @@
-// How the gains of a session's frames go over time: whether they flicker, drift or jump, and by how much each
-// frame is then to be divided.
+// How the gains of a session's frames vary over time: whether they flicker, drift or jump, and by how much
+// each frame must then be divided.
 //
 // The scale is that of most frames where the light flickers, that of the first frames where it drifts, and
 // that of the empty stage where it jumps; or that of the stripes, where all solids and bars differ from them
-// alike.
+// by the same factor.
 #pragma once
 
 #include <array>
@@ -27,14 +27,14 @@ struct GainCourse {
   std::vector<GainStep> steps;
   double scale = 1.0;
   double roughness = 0.0;  // what frames differ by from those beside them
-  // By index in the manifest, on that scale: as measured, and where that says little, as of those beside it
+  // By index in the manifest, on that scale: as measured, or, if that is unreliable, that of its neighbours
   // in time that show pictures of the same kind. Empty: steady.
   std::vector<std::array<double, kChannels>> gains;
 };
 
 GainCourse gain_course(const v1::CaptureManifest& manifest, const FrameReport& report);
 
-// By which kinds of frames differ in clean sessions.
+// By which the kinds of frames differ in clean sessions.
 inline constexpr double kKindsDiffer = 0.008;
 
 }  // namespace glasswing

@@ -17,9 +17,9 @@ constexpr size_t kWindow =
     6;  // frames whose fifth difference is next to nothing where light follows smoothly
 constexpr std::array<double, kWindow> kDifference{-1.0, 5.0, -10.0, 10.0, -5.0, 1.0};
 constexpr double kAgainst = 0.01;  // of the worst
-constexpr double kClearly = 0.3;   // of what other dates cost
+constexpr double kClearly = 0.3;   // of the cost of other dates
 
-// Frames of stripes at even distances that followed each other.
+// Consecutive frames of evenly spaced stripes.
 using StripeRun = std::vector<int>;
 
 bool are_alike(const v1::Frame& a, const v1::Frame& b) {
@@ -100,8 +100,8 @@ struct Candidate {
   double score = 0.0;
 };
 
-// The clearest; else, of those that nothing speaks against, as where stripes are not seen, the nearest to
-// `guess`.
+// The clearest; otherwise, of those without contrary evidence, for example where stripes are not seen, the
+// one nearest to `guess`.
 int date_among(const std::vector<Candidate>& candidates, int guess) {
   std::vector<double> sizes;
   for (const Candidate& own : candidates) sizes.push_back(std::abs(own.score));

@@ -14,17 +14,18 @@
 namespace glasswing {
 namespace {
 
-constexpr double kOddOffset = 0.005, kSureOffset = 6.0;  // beyond which a frame is odd; standard deviations
+constexpr double kOddOffset = 0.005,
+                 kSureOffset = 6.0;  // beyond which a frame is an outlier; standard deviations
 constexpr size_t kMinDark = 8;
-constexpr size_t kMinOddOffsets = 5;       // frames: fewer do no harm
-constexpr double kMaxBlindFlicker = 0.01;  // with frames whose gain is not known
+constexpr size_t kMinOddOffsets = 5;       // frames: fewer are harmless
+constexpr double kMaxBlindFlicker = 0.01;  // with frames whose gain is unknown
 
 std::string text_of_gains(const GainCourse& course, const std::vector<int>& order, double low, double high) {
   switch (course.kind) {
     case GainCourse::Kind::kFlicker:
       return fmt::format(
-          "the frames' light flickers between {:.3f} and {:.3f} times the usual: a lamp, or the "
-          "monitor's backlight against the exposure; corrected",
+          "the frames' light flickers between {:.3f} and {:.3f} times the typical: a lamp, or the monitor's "
+          "backlight against the exposure; corrected",
           low, high);
     case GainCourse::Kind::kDrift: {
       const double last = course.steps.back().gain / course.scale;
@@ -68,8 +69,8 @@ class ChangeFinder {
         std::ranges::any_of(report_.frames, &FrameMeasure::clipped)) {
       warnings_.push_back(
           fmt::format("the frames' light flickers by {:.1f} % (rms): a lamp, or the monitor's backlight "
-                      "against the exposure; not "
-                      "corrected, as over-exposed frames do not tell by how much: expose less",
+                      "against the exposure; not corrected, because over-exposed frames do not show by how "
+                      "much: reduce the exposure",
                       100.0 * course.roughness));
       return;
     }

@@ -1,5 +1,5 @@
-// How the light of a session's frames changes, by all that tells of it: what is divided out and subtracted,
-// and what users are told.
+// How the light of a session's frames changes, from all evidence: what is divided out and subtracted, and
+// what is reported to users.
 #pragma once
 
 #include <optional>

@@ -10,7 +10,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kClear_px = 1.5, kClearSigmas = 3.0;  // from a bar's edge: a flat pixel, and a small knock
-constexpr size_t kMaxPixels = 1500;  // of a monitor: more tell gains no better than the model is right
+constexpr size_t kMaxPixels = 1500;  // of a monitor: with more, gains would be limited by the model
 
 // From the monitor's edge: what the camera's pixel sees, and a knock beyond it.
 bool is_inside(const StagePoint& place, const EmptyMonitor& monitor) {
@@ -75,7 +75,7 @@ std::optional<LitView::Picture> LitView::Picture::of(const v1::Stimulus& stimulu
 }
 
 ShownLight LitView::Picture::at(const LitPixel& pixel, double dx_px, double dy_px) const {
-  // What moved by (dx, dy) in the picture shows what lay at the place before.
+  // What moved by (dx, dy) in the picture shows what was at the place before.
   const double x_px = pixel.place.x_px - pixel.x_by_x * dx_px - pixel.x_by_y * dy_px;
   const double y_px = pixel.place.y_px - pixel.y_by_x * dx_px - pixel.y_by_y * dy_px;
   if (kind_ == Kind::kSolid) return {.h = 1.0};

@@ -1,10 +1,10 @@
-// What pixels that see one monitor past the object should record of a picture on it, by the smooth map of the
-// empty stage (stage_map.h):
+// What pixels that see one monitor beside the object should record of a picture on it, by the smooth map of
+// the empty stage (stage_map.h):
 //
 //   light = black + contrast h,    h = 1 for white, 0 or 1 for bars, (s / s_r) exp(...) for stripes
 //
-// with the footprint that the map gives each pixel. Near a bar's edge flat pixels beat with the camera's, as
-// no smooth footprint does: pixels there are left out.
+// with the footprint that the map gives each pixel. Near a bar's edge flat pixels beat with the camera's,
+// which no smooth footprint reproduces: pixels there are left out.
 #pragma once
 
 #include <array>

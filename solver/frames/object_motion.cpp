@@ -17,15 +17,15 @@ namespace {
 
 constexpr double kMaxStep = 2.0;    // sigmas from stripe to stripe, of a sweep whose sum is light
 constexpr double kMaxGap = 1.5;     // usual steps
-constexpr double kMaxAtGap = 0.02;  // of a sum, of one stripe beside a gap, which may lack more
-constexpr double kLitSds = 10.0;    // standard deviations of what passes for light
-constexpr double kChange = 0.1, kMinChange = 0.03;  // of a sum, and of the usual one, that is no error
+constexpr double kMaxAtGap = 0.02;  // of a sum, of one stripe beside a gap, of which more may be missing
+constexpr double kLitSds = 10.0;    // standard deviations of what counts as light
+constexpr double kChange = 0.1, kMinChange = 0.03;  // of a sum, and of the typical one, that is not an error
 constexpr double kScatters = 6.0;                   // standard deviations
 constexpr double kMinMoved = 8.0;                   // pixels, and of all:
 constexpr double kMinShare = 0.002;
 constexpr size_t kMinPixels = 100;
 constexpr int kRim = 3;              // sampled pixels
-constexpr double kGainError = 0.03;  // of frames of which few pixels told; it changes the object's own light
+constexpr double kGainError = 0.03;  // of frames measured by few pixels; it changes the object's own light
 
 struct Sweep {
   std::vector<int> frames;  // by place
@@ -69,7 +69,7 @@ float dark_of(const ComparedFrames& compared, size_t lane) {
   return compared.samples.light[compared.layout.black.front().frame][lane];
 }
 
-// The light of each lane that all stripes of the sweep add up to, of white; NaN where it lacks some.
+// The light of each lane that all stripes of the sweep add up to, of white; NaN if some are missing.
 std::vector<double> sums_of(const ComparedFrames& compared, const FrameCorrections* corrections,
                             const Sweep& sweep) {
   const size_t lanes = compared.samples.lane_count();
@@ -124,7 +124,7 @@ std::vector<bool> sees_patch(const ComparedFrames& compared) {
   return sees;
 }
 
-// By pixel, in the mean of its lanes.
+// By pixel, averaged over its lanes.
 std::vector<double> of_pixels(const SessionSamples& samples, const std::vector<double>& sums) {
   const size_t lanes = samples.lanes_per_pixel;
   std::vector<double> means(samples.pixels.size(), 0.0);
@@ -133,7 +133,7 @@ std::vector<double> of_pixels(const SessionSamples& samples, const std::vector<d
   return means;
 }
 
-// Pixels of the object, and with one of it within kRim of them, in rows and columns of samples.
+// Pixels of the object, and those within kRim of one, in rows and columns of samples.
 std::vector<bool> at_object(const SessionSamples& samples, const std::vector<bool>& beside) {
   const auto columns = static_cast<int>(
       std::ranges::count(samples.pixels, samples.pixels.front().y, &SessionSamples::Pixel::y));
@@ -194,7 +194,7 @@ Moved moved_between(const std::vector<double>& first, const std::vector<double>&
 
 std::string object_motion_warning(const v1::CaptureManifest& manifest, const ComparedFrames& compared,
                                   const std::vector<int>& order, const FrameCorrections* corrections) {
-  // Only light adds up.
+  // Only light is additive.
   if (!manifest.has_camera_calibration() && manifest.camera().response() == "unknown") return "";
   if (compared.layout.bare) return "";
   const std::vector<bool> at = at_object(compared.samples, compared.beside), patch = sees_patch(compared);
@@ -221,8 +221,8 @@ std::string object_motion_warning(const v1::CaptureManifest& manifest, const Com
       if (static_cast<double>(moved.pixels) < std::max(kMinMoved, kMinShare * static_cast<double>(moved.of)))
         continue;
       return fmt::format(
-          "the object or the camera moved before frame {}: {} of {} pixels no longer see as much light as "
-          "in the first sweep; capture again from frame {}",
+          "the object or the camera moved before frame {}: {} of {} pixels no longer see as much light as in "
+          "the first sweep; recapture from frame {}",
           order[sweeps[k].last], moved.pixels, moved.of, order[sweeps[k - 1].first]);
     }
   }

@@ -1,6 +1,6 @@
 // Whether the object moved. The stripes of a sweep, whatever their direction, add up to even light, so all
-// sweeps give a pixel the same sum, up to the light's gain: whatever it sees of the object and the stage, and
-// wherever. Where an edge moved it is not the same.
+// sweeps give a pixel the same sum, up to the light's gain: whatever and wherever it sees of the object and
+// the stage. Where an edge moved it is not the same.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@
 
 namespace glasswing {
 
-// For users; empty if it stood still, or no stripes tell, or the camera's codes may not be light. `order`: of
-// frames, by time; `corrections`: of the compared frames; null: none.
+// For users; empty if it did not move, if there are no suitable stripes, or the camera's codes may not be
+// light. `order`: of frames, by time; `corrections`: of the compared frames; null: none.
 std::string object_motion_warning(const v1::CaptureManifest& manifest, const ComparedFrames& compared,
                                   const std::vector<int>& order, const FrameCorrections* corrections);
 

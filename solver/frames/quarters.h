@@ -1,6 +1,6 @@
-// What each quarter of the pixels beside the object says by itself of what all of them show. What the rig
-// does to a frame it does everywhere; light that the object throws beside itself, and what the model lacks,
-// lie somewhere.
+// What each quarter of the pixels beside the object measures separately of what all of them show. Effects of
+// the rig on a frame are the same everywhere; light that the object casts beside itself, and errors of the
+// model, are local.
 #pragma once
 
 #include <vector>
@@ -18,7 +18,7 @@ class Quarters {
 
   bool say_ghosts(const FrameReport& whole) const;
   bool say_flare(const FrameReport& whole) const;
-  // Whether gains differ from `scale` as `steps` do, in the sum over the frames that a quarter tells of.
+  // Whether gains differ from `scale` as `steps` do, in the sum over the frames that a quarter measures.
   bool say_gains(const std::vector<GainStep>& steps, double scale) const;
   bool say_offset(int frame, double offset) const;
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr size_t kBands = 6;  // of the picture's rows
 constexpr double kMinStep = 0.01, kWideBar_px = 4.0;
-constexpr float kMinLit = 0.2f;                 // light of a lane that tells
+constexpr float kMinLit = 0.2f;                 // minimum light of a usable lane
 constexpr float kIsDark = 0.4f, kIsLit = 0.6f;  // of white
 constexpr size_t kMinDark = 100;                // samples
 
@@ -45,7 +45,7 @@ int solid_like(const v1::CaptureManifest& manifest, const v1::Frame& frame, doub
 }
 
 // What each band of rows shows, beside the object, of the frames one further (1) or back (-1) in time; empty:
-// too few samples tell.
+// too few samples are usable.
 std::vector<double> shares_of(const v1::CaptureManifest& manifest, const ComparedFrames& compared,
                               const std::vector<int>& order, std::ptrdiff_t way) {
   const SessionSamples& samples = compared.samples;
@@ -109,7 +109,8 @@ std::vector<std::string> second_step_warnings(const v1::CaptureManifest& manifes
     const int height = manifest.camera().height_px();
     warnings.push_back(fmt::format(
         "the {0} {1} of {2} rows of frames show the {3} picture, too, {4:.0f} % of it in the {0} ones: a "
-        "rolling shutter that is open while the picture changes; show each picture longer, or expose less",
+        "rolling shutter that is open while the picture changes; show each picture longer, or reduce the "
+        "exposure",
         next ? "last" : "first", count * height / static_cast<std::ptrdiff_t>(kBands), height,
         next ? "next" : "previous", 100.0 * shares.back()));
   }

@@ -1,6 +1,6 @@
 // Rows that show two pictures. A rolling shutter exposes a frame's rows one after the other: the last ones
-// while the next picture is there already, or the first ones while the last one still is. Of a bar's dark
-// parts, those that are lit in the next frame then are brighter than those that stay dark.
+// when the next picture is already on screen, or the first ones while the previous one still is. Of a bar's
+// dark parts, those that are lit in the next frame are then brighter than those that stay dark.
 #pragma once
 
 #include <string>

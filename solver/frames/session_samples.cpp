@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kMaxRows = 48, kMaxColumns = 128;
 
-// `count` places in [0, length), of both parities where `alternate` says so.
+// `count` places in [0, length), of both parities if `alternate` is set.
 std::vector<int> places(int length, int max_count, bool alternate) {
   const int count = std::min(length, max_count);
   std::vector<int> places;

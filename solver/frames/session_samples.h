@@ -1,4 +1,4 @@
-// A sample of a session's pixels in all its frames: what the report of the frames (frame_report.h) looks at.
+// A sample of a session's pixels in all its frames: for the report of the frames (frame_report.h).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -25,7 +25,7 @@ struct SessionSamples {
   size_t pixel_of(size_t lane) const { return lane / static_cast<size_t>(lanes_per_pixel); }
 };
 
-// Evenly over the picture, 48 rows of 128 pixels at most. Errors are those of `read`.
+// Evenly over the picture, at most 48 rows of 128 pixels. Errors are those of `read`.
 absl::StatusOr<SessionSamples> sample_frames(const v1::CaptureManifest& manifest,
                                              const std::vector<int>& frames, const LightReader& read);
 

@@ -15,7 +15,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kRoundsBack = 2;                             // a turn blurs the first
-constexpr double kMaxKnock_px = 4.0, kMaxStepLeft = 0.25;  // that is taken back; what may be left of it
+constexpr double kMaxKnock_px = 4.0, kMaxStepLeft = 0.25;  // that is removed; what may remain of it
 
 // `corrections`, and frames from the knock on moved back.
 std::shared_ptr<const FrameCorrections> moved_back(const v1::CaptureManifest& manifest,
@@ -35,7 +35,7 @@ std::shared_ptr<const FrameCorrections> moved_back(const v1::CaptureManifest& ma
   return moved;
 }
 
-// " (83.2 s after the first)"; empty where frames have no times.
+// " (83.2 s after the first)"; empty if frames have no times.
 std::string time_of(const v1::CaptureManifest& manifest, const FrameReport& report, int frame) {
   const std::int64_t first_ns = manifest.frames(report.order.front()).exposure_start_ns(),
                      own_ns = manifest.frames(frame).exposure_start_ns();
@@ -76,9 +76,8 @@ absl::Status correct_shifts(const v1::CaptureManifest& manifest, const std::vect
     knock.dy_px += left.dy_px;
     knock.turn_rad += left.turn_rad;
     if (left.size_px(report.radius_px) >= kMaxStepLeft * size_px) continue;
-    warning =
-        text_of(knock, time_of(manifest, report, knock.frame)) +
-        "; they were moved back, as if it had been the camera: capture again from there for full sharpness";
+    warning = text_of(knock, time_of(manifest, report, knock.frame)) +
+              "; they were moved back, as if the camera had moved: recapture from there for full sharpness";
     faults.corrections = moved_back(manifest, report, still, knock);
     faults.disturbance = {};
     return absl::OkStatus();

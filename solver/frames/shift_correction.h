@@ -1,4 +1,4 @@
-// Takes a knock back: frames from there on are moved to where the others have what they show.
+// Undoes a knock: frames from there on are moved to where the others show the same.
 #pragma once
 
 #include <absl/status/status.h>
@@ -9,7 +9,7 @@
 
 namespace glasswing {
 
-// Adds to `faults` what the shifts of a report tell; a knock is taken back if little of it is left then.
+// Adds to `faults` what the shifts of a report show; a knock is undone if little of it remains then.
 absl::Status correct_shifts(const v1::CaptureManifest& manifest, const std::vector<int>& frames,
                             const CorrectedReader& read, const FrameReport& report, FrameFaults& faults);
 

@@ -18,15 +18,15 @@ namespace glasswing {
 namespace {
 
 constexpr double kMoved_px = 0.1;
-// In errors of one frame's shift. Noise that the camera cut off at black moves the fits of one direction
-// alike, by up to six of them in rendered scenes with 2 % of noise.
+// In errors of one frame's shift. Noise that the camera clipped at black moves the fits of one direction
+// equally, by up to six of them in rendered scenes with 2 % of noise.
 constexpr double kMovedErrors = 10.0;
 constexpr double kSurePlace_px = 0.02;   // of a stretch's place, a standard deviation, along both axes
 constexpr size_t kStretch = 12;          // frames
 constexpr double kMinPrecision = 100.0;  // px^-2: 0.1 px
 constexpr double kExplains = 20.0;       // a step over the scatter that it leaves
-constexpr double kBetter = 0.5;          // what a step leaves, over what an even move leaves
-constexpr double kSameCreep = 0.7;       // cosine of a creep and of how the last frames lie off the first
+constexpr double kBetter = 0.5;          // residual of a step, relative to that of an even movement
+constexpr double kSameCreep = 0.7;  // cosine of a creep and of the offset of the last frames from the first
 
 struct Place {
   double x_px = 0.0, y_px = 0.0, sd_px = INFINITY;
@@ -43,7 +43,7 @@ struct Sums {
   double xx = 0.0, xy = 0.0, yy = 0.0, x = 0.0, y = 0.0;
 
   void add(const FrameMeasure& own) {
-    // Model errors are alike in all frames: none counts for more than 0.01 px.
+    // Model errors are the same in all frames: none counts for more than 0.01 px.
     const double cap = std::min(1.0, 1e4 / std::max(own.xx + own.yy, 1.0));
     xx += cap * own.xx;
     xy += cap * own.xy;
@@ -51,7 +51,7 @@ struct Sums {
     x += cap * (own.xx * own.dx_px + own.xy * own.dy_px);
     y += cap * (own.xy * own.dx_px + own.yy * own.dy_px);
   }
-  // By how much the best place lowers chi-square.
+  // The reduction of chi-square by the best place.
   double explained() const {
     const double a = xx + 1.0, c = yy + 1.0;  // a direction that nothing was seen of stays where it was
     return (c * x * x - 2.0 * xy * x * y + a * y * y) / (a * c - xy * xy);
@@ -98,7 +98,7 @@ std::string words_of(double dx_px, double dy_px) {
   return fmt::format("{}", fmt::join(parts, " and "));
 }
 
-// Frames that tell by how much the picture is turned.
+// Frames that show by how much the picture is turned.
 struct Turned {
   int frame = 0;
   std::ptrdiff_t place = 0;  // in the order of time
@@ -107,7 +107,7 @@ struct Turned {
 
 std::vector<Turned> turned(const FrameReport& report) {
   std::vector<Turned> frames;
-  // Model errors are alike in all frames: none counts for more than 0.01 px at the corners.
+  // Model errors are the same in all frames: none counts for more than 0.01 px at the corners.
   const double least_sd_rad = 0.01 / std::max(report.radius_px, 1.0);
   for (std::ptrdiff_t i = 0; i < std::ssize(report.order); ++i) {
     const FrameMeasure& measure = report.frames[report.order[i]];
@@ -130,7 +130,7 @@ double turn_of(std::span<const Turned> frames) {
   return sum / precision;
 }
 
-// By how much frames lie off such a step, a standard deviation.
+// By how much frames deviate from such a step, a standard deviation.
 double scatter_of(std::span<const Turned> before, std::span<const Turned> after) {
   std::vector<double> rests;
   for (const std::span<const Turned> side : {before, after}) {
@@ -140,7 +140,7 @@ double scatter_of(std::span<const Turned> before, std::span<const Turned> after)
   return 1.4826 * median(rests);
 }
 
-// The turn from the frames before this place in time to the others; 0 if it is not certain.
+// The turn from the frames before this place in time to the others; 0 if it is uncertain.
 double turn_at(const FrameReport& report, const std::vector<Turned>& frames, size_t at) {
   if (at < kStretch || at + kStretch > frames.size()) return 0.0;
   const std::span<const Turned> before = std::span(frames).first(at), after = std::span(frames).subspan(at);
@@ -222,8 +222,8 @@ std::vector<Placed> placed(const FrameReport& report) {
   return frames;
 }
 
-// By how much the place moves over the session, from what frames that show the same direction differ by:
-// of two directions by themselves the model of the pictures may lack something else.
+// By how much the place moves over the session, from what frames that show the same direction differ by: for
+// two directions separately, the errors of the model may differ.
 Place creep_of(const std::vector<Placed>& frames) {
   std::map<int, std::vector<const Placed*>> directions;
   for (const Placed& frame : frames) directions[direction_of(*frame.measure)].push_back(&frame);
@@ -272,7 +272,7 @@ std::function<Place(size_t)> even_course(const std::vector<Placed>& frames) {
   };
 }
 
-// By how much frames lie off a course in the direction that they show, a standard deviation.
+// By how much frames deviate from a course in the direction that they show, a standard deviation.
 double scatter_px(const std::vector<Placed>& frames, const std::function<Place(size_t)>& course) {
   std::vector<double> rests_px;
   for (size_t i = 0; i < frames.size(); ++i) {
@@ -292,14 +292,14 @@ ShiftCourse course_of_shifts(const FrameReport& report) {
   if (const double rms_px = tremble_px(frames); rms_px > moved_px) {
     return {.warning = fmt::format(
                 "the picture trembles by {:.2f} px from frame to frame: the camera, the monitor or the table "
-                "vibrates; capture again on firmer ground",
+                "vibrates; recapture on firmer ground",
                 rms_px),
             .knock = std::nullopt,
             .trembles = true,
             .moved_px = 2.0 * rms_px};
   }
   std::vector<Place> places;
-  // Stretches grow until they saw both directions.
+  // Ranges grow until they include both directions.
   for (size_t first = 0, last = kStretch; last <= frames.size(); ++last) {
     const Place place = place_of(frames, first, last);
     if (last - first < kStretch || place.sd_px > kSurePlace_px) continue;
@@ -316,7 +316,7 @@ ShiftCourse course_of_shifts(const FrameReport& report) {
       .frame = frames[at].frame, .dx_px = after.x_px - before.x_px, .dy_px = after.y_px - before.y_px};
   const auto course = [&](size_t i) { return i < at ? before : after; };
   const bool known = before.sd_px < kSurePlace_px && after.sd_px < kSurePlace_px;
-  // What the model of the pictures lacks follows the pictures, not time.
+  // Errors of the model follow the pictures, not time.
   const double rest_px = scatter_px(frames, course);
   if (known && knock.shift_px() > std::max(0.8 * size, kExplains * rest_px) &&
       rest_px < kBetter * scatter_px(frames, even_course(frames)))
@@ -326,8 +326,8 @@ ShiftCourse course_of_shifts(const FrameReport& report) {
   const bool alike = creep.x_px * x + creep.y_px * y > kSameCreep * length_px * size;
   if (!alike || length_px < size || length_px < kMovedErrors * creep.sd_px) return {};
   return {.warning = fmt::format(
-              "the picture moves by at least {} from frame {} to frame {}: the camera or its stand "
-              "sinks, or was touched; capture again",
+              "the picture moves by at least {} from frame {} to frame {}: the camera or its stand sinks, or "
+              "was touched; recapture",
               words_of(x, y), frames.front().frame, frames.back().frame),
           .knock = std::nullopt,
           .trembles = false,

@@ -1,5 +1,5 @@
-// How what the camera sees moved during a session, from the shifts and turns of its frames (frame_report.h):
-// a step, a creep or a tremble.
+// How the camera's view moved during a session, from the shifts and turns of its frames (frame_report.h): a
+// step, a creep or a tremble.
 #pragma once
 
 #include <cmath>
@@ -10,8 +10,8 @@
 
 namespace glasswing {
 
-// From this frame on, in time, everything lies that much to the right and below, turned clockwise about the
-// picture's middle.
+// From this frame on, in time, everything is shifted this much to the right and down, and turned clockwise
+// about the picture's centre.
 struct Knock {
   int frame = -1;
   double dx_px = 0.0, dy_px = 0.0, turn_rad = 0.0;
@@ -31,7 +31,7 @@ struct ShiftCourse {
 };
 
 // Neither if nothing moved by 0.1 px, at the picture's corners if it turned, by ten errors of one frame, or
-// by more than frames lie off the course.
+// by more than frames deviate from the course.
 ShiftCourse shift_course(const FrameReport& report);
 
 // The step from the frames before this one to the others.

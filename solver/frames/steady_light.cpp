@@ -53,7 +53,7 @@ GrayFrames grays_for(const v1::CaptureManifest& manifest, const FrameReport& rep
   return grays;
 }
 
-// Where white is over-exposed: whether gray pictures tell what pictures of solids and bars should be.
+// Where white is over-exposed: whether gray pictures show what pictures of solids and bars should be.
 bool take_grays(const v1::CaptureManifest& manifest, const FrameReport& report,
                 const std::vector<int>& frames, FrameCorrections& corrections) {
   std::map<int, GrayFrames> grays;
@@ -112,17 +112,18 @@ std::vector<std::string> warnings_of(const SteadyLight& steady) {
   std::vector<std::string> texts;
   if (steady.grays)
     texts.emplace_back(
-        "white is over-exposed; what it should be is taken from the gray pictures: expose less");
+        "white is over-exposed; its light is taken from the gray pictures: reduce the exposure");
   if (steady.ghost != 0.0) {
-    texts.push_back(fmt::format(
-        "{:.1f} % of the picture before is left in every frame: the monitor had not settled when the camera "
-        "exposed; removed (`glasswing calibrate sync` measures how long to wait)",
-        100.0 * steady.ghost));
+    texts.push_back(
+        fmt::format("{:.1f} % of the previous picture remains in every frame: the monitor had not settled "
+                    "when the camera "
+                    "exposed; removed (`glasswing calibrate sync` measures how long to wait)",
+                    100.0 * steady.ghost));
   }
   if (steady.flare != 0.0) {
     texts.push_back(fmt::format(
-        "{:.1f} % of a picture's mean light lies over all of it: flare in the lens, or light back from the "
-        "room; removed",
+        "{:.1f} % of a picture's mean light is spread over all of it: flare in the lens, or light back from "
+        "the room; removed",
         100.0 * steady.flare));
   }
   return texts;

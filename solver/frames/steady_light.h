@@ -1,5 +1,5 @@
-// Ghosts of the last pictures, flare and over-exposed white: what is alike in all frames, and blurs what all
-// else is compared with.
+// Ghosts of the last pictures, flare and over-exposed white: effects that are the same in all frames, and
+// distort the reference for everything else.
 #pragma once
 
 #include <memory>
@@ -19,15 +19,15 @@ struct SteadyLight {
   int rounds = 0;  // in which some was found
 };
 
-// `known`, with what the report of frames that it corrects shows of it; nothing if that shows no more, or
-// after a few rounds. Else the frames are to be compared again.
+// `known`, updated with what the report of the frames corrected by it shows; nothing if that shows nothing
+// more, or after a few rounds. Otherwise the frames must be compared again.
 std::optional<SteadyLight> more_steady_light(const v1::CaptureManifest& manifest,
                                              const std::vector<int>& frames, const ComparedFrames& compared,
                                              const FrameReport& report, const SteadyLight& known);
 
 std::vector<std::string> warnings_of(const SteadyLight& steady);
 
-// What two corrections take off, one after the other. `then` sees light that `first` has corrected.
+// What two corrections remove, one after the other. `then` sees light that `first` has corrected.
 FrameCorrections both(const FrameCorrections& first, const FrameCorrections& then);
 
 }  // namespace glasswing

@@ -19,8 +19,8 @@ struct Wave {
   std::vector<Shot> shots;  // by phase
 };
 
-// Bars along an axis, which tell one period of a wave from another: lit from offset_px, bar_px wide, as wide
-// apart.
+// Bars along an axis, which distinguish one period of a wave from another: lit from offset_px, bar_px wide,
+// with gaps of the same width.
 struct Bars {
   double bar_px = 0.0, offset_px = 0.0;
   std::array<double, 3> light{};  // radiance of lit bars, per channel
@@ -53,11 +53,11 @@ struct FringeLayout {
 };
 
 // FAILED_PRECONDITION says what is missing or invalid: no sinusoids with the object, a sinusoid at fewer than
-// three phases, a monitor without one along x and one along y as long as its side, or whose periods square
-// waves or finer sinusoids tell apart, or invalid numbers.
+// three phases, a monitor without one along x and one along y as long as its side, or whose periods are
+// distinguished by square waves or finer sinusoids, or invalid numbers.
 absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest);
 
-// Every frame that the layout names.
+// Every frame listed in the layout.
 std::vector<int> frames_of(const FringeLayout& layout);
 
 }  // namespace glasswing

@@ -9,12 +9,13 @@ namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
 
-// An edge of bars that is nearer than this share of a period does not count on either side; nor does how far
-// from 1 or -1 a pixel's answer is that sees several places.
+// An edge of bars that is nearer than this share of a period does not count on either side; nor does the
+// distance from 1 or -1 of the response of a pixel that sees several places.
 constexpr double kNearEdge = 0.06, kNearEdgeSd = 0.6, kAnswerSd = 0.2;
 constexpr double kMostSurprise = 4.0;  // of a bar
 
-// What an axis's bars and its other waves, down to half of this one's period, say of a place: a chi-square.
+// What an axis's bars and its other waves, down to half of this one's period, imply for a place: a
+// chi-square.
 double surprise_at(const WaveMonitor& monitor, const Spectrum& spectrum, size_t wave, size_t axis,
                    double at_px) {
   const auto frequency_of = [axis](const Wave& each) { return axis == 0 ? each.fx : each.fy; };
@@ -39,7 +40,7 @@ double surprise_at(const WaveMonitor& monitor, const Spectrum& spectrum, size_t 
 }
 
 // The place on the monitor, of all that are whole periods apart, of the least chi-square, if the next one's
-// is surely greater. `margin_px`: how far beyond the monitor's edges it may lie.
+// is significantly greater. `margin_px`: how far beyond the monitor's edges it may lie.
 struct Likeliest {
   std::optional<double> place_px;
   double chi_square = kUnknown;
@@ -59,7 +60,7 @@ Likeliest likeliest_place(double place_px, double period_px, double side_px, dou
   return {};
 }
 
-// That bars and waves speak for; none: not for one alone.
+// The place supported by bars and waves; none: not supported by one alone.
 std::optional<double> settled_place(const WaveMonitor& monitor, const Spectrum& spectrum, size_t wave,
                                     size_t axis, double place_px) {
   const double period_px = 1.0 / std::abs(axis == 0 ? monitor.waves[wave].fx : monitor.waves[wave].fy);
@@ -67,7 +68,7 @@ std::optional<double> settled_place(const WaveMonitor& monitor, const Spectrum& 
   const Likeliest best =
       likeliest_place(place_px, period_px, side_px, kNearEdge * period_px,
                       [&](double at_px) { return surprise_at(monitor, spectrum, wave, axis, at_px); });
-  // Bars that contradict one another are of no place.
+  // Bars that contradict one another determine no place.
   const double most = kMostSurprise * static_cast<double>(monitor.bars[axis].size());
   return best.chi_square < most ? best.place_px : std::nullopt;
 }
@@ -85,8 +86,8 @@ Phase phase_of(const Phasor& phasor, double tolerated) {
           .gaussian = size > kWrongPeriod * sd};
 }
 
-// What the finer waves along an axis, whose phases the pixel sees, say of a place: a chi-square and its
-// degrees of freedom. The place moves with the waves before each.
+// What the finer waves along an axis, whose phases the pixel sees, imply for a place: a chi-square and its
+// degrees of freedom. The place moves with the waves preceding each.
 struct Beat {
   double chi_square = 0.0, degrees = 0.0;
 };

@@ -1,10 +1,10 @@
 // Finds where on the monitor a pixel looks, from the phases of its phasors, coarse to fine.
 //
 // A phase gives f.c up to whole periods. The first wave along each axis is as long as the monitor's side, or
-// others tell its periods apart: of all places that are whole periods apart, the one where square waves, or
-// the phases of the finer waves, are those that the pixel sees, if no other comes near it. Beside square
-// waves the finest wave along the axis alone gives the place then, as the programs that show both decode it.
-// Else the Gaussian estimate of c predicts the phase of the next wave:
+// others distinguish its periods: of all places that are whole periods apart, the one where square waves, or
+// the phases of the finer waves, are those that the pixel sees, if no other is close to it. With square
+// waves, only the finest wave along the axis then gives the place, as in programs that show both. Otherwise
+// the Gaussian estimate of c predicts the phase of the next wave:
 //
 //   cycles = f.c, variance f' P f + (sd / (2 pi |H|))^2
 //
@@ -28,8 +28,8 @@ struct Unwrapped {
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();
   std::vector<bool> used;        // by wave: its period is known
   std::vector<bool> superseded;  // by wave: a finer one along its axis gives the place
-  // By how much waves along an axis differ about the place, where bars tell their periods apart: the curve of
-  // a display that was not linear bends the phases of few steps.
+  // By how much waves along an axis differ about the place, if bars distinguish their periods: the curve of a
+  // display that was not linear bends the phases of few steps.
   double disagreement_px = 0.0;
 };
 

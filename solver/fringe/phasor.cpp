@@ -122,7 +122,7 @@ void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, co
       continue;
     }
     const MergedSample mean = solve(solvers_[w], seen, wave.peak[c], 0.0, spectrum.phasors[w]);
-    // Beside bars, solids tell it: other people's displays are seldom linear.
+    // With bars, it is taken from solids: third-party displays are seldom linear.
     if (!coded || !line.known()) line.add(0.5 * wave.peak[c], mean.radiance, mean.variance);
     for (size_t i = 0; i < seen.samples.size(); ++i) {
       const std::complex<double> turn = std::polar(0.5 * wave.peak[c], -wave.phase_rad[i]);

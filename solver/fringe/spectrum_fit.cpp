@@ -113,7 +113,7 @@ SpectrumFitter::Normal SpectrumFitter::normal_at(const Spectrum& spectrum,
     if (size_model > 0.0) re = (model.real() * re + model.imag() * im) / size_model;
     normal.add(re, seen - size_model, variance, tolerance);
   }
-  // Parameters without slopes stay where they are.
+  // Parameters without slopes are not changed.
   const double held = normal.matrix.diagonal().maxCoeff();
   for (Eigen::Index m = 0; !oblique_ && m < modes.size(); ++m) {
     const Eigen::Index xy = kParameters * m + 4;

@@ -1,5 +1,5 @@
-// What flat pixels make of a footprint, and what bars show of it, a vector of footprints at once. Included
-// once per target.
+// The effect of flat pixels on a footprint, and the response of bars to it, a vector of footprints at once.
+// Included once per target.
 #if defined(GLASSWING_BATCH_ANSWERS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef GLASSWING_BATCH_ANSWERS_INL_H_
 #undef GLASSWING_BATCH_ANSWERS_INL_H_
@@ -18,7 +18,7 @@ namespace HWY_NAMESPACE {
 
 constexpr float kPi = std::numbers::pi_v<float>;
 
-// Phi(-z), and phi(z) beside it. Abramowitz and Stegun 7.1.26: |error| < 1.5e-7.
+// Phi(-z), and phi(z) with it. Abramowitz and Stegun 7.1.26: |error| < 1.5e-7.
 HWY_INLINE V Beyond(V z, V& density) {
   const D d;
   const V x = hn::Mul(hn::Abs(z), Set(0.70710678f));
@@ -129,7 +129,7 @@ HWY_INLINE SeenLane SeenThroughPixels(V offset, V variance) {
   return mix(wide, seen, waves);
 }
 
-// The lit part of a footprint that no edge of the monitor cuts, and its derivatives.
+// The lit part of a footprint not clipped by an edge of the monitor, and its derivatives.
 struct LitLane {
   V share, by_centre, by_variance;
 };
@@ -191,7 +191,7 @@ HWY_INLINE LitLane LitByBars(V place, V variance, float bar_px) {
           hn::IfThenElse(edges, sharp.by_variance, waves.by_variance)};
 }
 
-// lit_share_error of core/footprint/lit_area.h, of footprints that no edge cuts.
+// lit_share_error of core/footprint/lit_area.h, for footprints not clipped by an edge.
 HWY_INLINE V LitShareError(V variance, float bar_px) {
   const D d;
   const V sigma = hn::Sqrt(hn::Max(variance, Set(1e-4f)));

@@ -111,7 +111,7 @@ std::optional<JointFit> BroadLight::best_template(const PixelSamples& averaged, 
       squares += weighted * answer;
       products += weighted * averaged.y[i];
     }
-    // Without the floor, as in joint_fit.h; nothing may be left of what it explains as well.
+    // Without the floor, as in joint_fit.h; no part that it explains may remain.
     const double alone = squares;
     squares -= mixed * mixed / floors;
     products -= mixed * floor_products / floors;

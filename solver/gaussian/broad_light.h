@@ -1,6 +1,6 @@
-// Finds the light of a footprint so wide that no stripe makes a peak of it: of diffuse, frosted and
+// Finds the light of a footprint so wide that no stripe turns it into a peak: of diffuse, frosted and
 // scattering surfaces (Chuang et al. 2000, section 5, asks for weighting functions of that kind). White and
-// bars show how much of it there is, bars and what little all samples have in common where it comes from.
+// bars show its amount; bars, and the small part common to all samples, show where it comes from.
 //
 // Such light is smooth along r, so neighbouring samples are averaged until a step is an eighth of the
 // narrowest template. The fit starts at the template, of a few centres and widths, that explains most.
@@ -24,10 +24,10 @@ class BroadLight {
     JointFit fit;        // of one mode; its floor is what is left then
     bool shape = false;  // whether its place and widths were fitted: else they are the best template's
   };
-  // `rest`: what other modes leave of the samples, whose areas are those of the constructor, above black,
-  // with a finite floor_weight. `noise_sd`: of a sample of weight 1. None unless it earns its parameters
-  // (Bayesian information criterion); if it is `expected`, because neighbours have it, any positive light
-  // will do. `averaged` and `workspace`: scratch memory of one thread.
+  // `rest`: the residual of the samples after other modes, whose areas are those of the constructor, above
+  // black, with a finite floor_weight. `noise_sd`: of a sample of weight 1. None unless it earns its
+  // parameters (Bayesian information criterion); if it is `expected`, because neighbours have it, any
+  // positive light will do. `averaged` and `workspace`: scratch memory of one thread.
   std::optional<Found> find(const PixelSamples& rest, double noise_sd, bool expected, PixelSamples& averaged,
                             JointWorkspace& workspace) const;
 

@@ -143,7 +143,7 @@ absl::StatusOr<Choice> choose(const Swept& swept, int images) {
   return choice;
 }
 
-// The recorded widths nearest to the wanted ones, on one monitor.
+// The recorded widths nearest to the requested ones, on one monitor.
 struct Bars {
   double broad_px = 0.0, narrow_px = 0.0;
 };
@@ -213,7 +213,7 @@ absl::Status add_sweeps(const Swept& swept, const Choice& choice, StripeSums& su
   return absl::OkStatus();
 }
 
-// The best waves for so many images; none if so few do not suffice.
+// The best waves for this many images; none if these are too few.
 std::vector<DesignedWave> choose_waves(const Swept& swept, int images, const CameraNoise& noise,
                                        StripeSums& sums) {
   const std::vector<double> phi_deg = usual_directions(swept.sigma_px);

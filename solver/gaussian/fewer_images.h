@@ -1,9 +1,9 @@
 // Few images out of many: wide stripes 1.1 sigma apart, in the directions that were swept.
 //
 // For comparisons also the sinusoids that core/design would show in their place. They light half of the
-// monitor and change most where a footprint's place does, so each image tells more about it than a stripe
-// that passes by; but summed from recorded stripes they have the noise of all of these and of black, many
-// times over. (docs/methods-limits.md compares.)
+// monitor and change most where a footprint's place does, so each image is more informative than a passing
+// stripe; but, summed from recorded stripes, they have the noise of all of these and of black, many times
+// over. (docs/methods-limits.md compares.)
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -34,8 +34,8 @@ struct GaussianLimits {
   double silhouette_tolerance = 0.0;
 };
 
-// For the errors of composites. Frames that are sums of others share their noise, so of those they are not
-// known.
+// For the errors of composites. Frames that are sums of others share their noise, so for those they are
+// unknown.
 void name_samples(const StackLayout& layout, v1::MatteMetadata& metadata) {
   for (const SweepLayout& sweep : layout.sweeps) {
     v1::StripeSweep& named = *metadata.add_sweeps();
@@ -93,7 +93,7 @@ class PreparedGaussian final : public PreparedMethod {
   const std::vector<SweptMonitor> monitors_;
   const std::optional<SynthesizedCapture> capture_;
   const GaussianLimits limits_;
-  const std::vector<int> solved_;  // frames that the layout names
+  const std::vector<int> solved_;  // frames listed in the layout
   const std::vector<int> needed_;  // recorded frames to read
 };
 

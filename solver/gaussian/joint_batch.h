@@ -1,15 +1,15 @@
 // The joint fit of joint_fit.h for several pixels at once, one per vector lane: sweeps, white, bars and F are
 // rows of one least-squares problem.
 //
-// The model omits inside(r), so it is for modes that the monitor's edges do not cut, and keeps Sigma = L L'
-// positive by its Cholesky factor. With u = exp(-z^2 / 2) and V = s' Sigma s + sigma_s^2 + 1/12,
+// The model omits inside(r), so it is for modes that are not clipped by the monitor's edges, and keeps Sigma
+// = L L' positive by its Cholesky factor. With u = exp(-z^2 / 2) and V = s' Sigma s + sigma_s^2 + 1/12,
 //   dy/dR = (sigma_s / sigma_r) u      dy/d(c.s) = (A / sigma_r) z u      dy/dV = (A / 2V) (z^2 - 1) u
 // where A = R sigma_s / sigma_r. The sums over a sweep's samples are of products of its modes' (u, z u, (z^2
 // - 1) u). The chain rule turns them into normal equations of c and Sigma as flat pixels let stripes see them
 // (seen_through_pixels), and these into normal equations of c and L, to which white and bars are added.
 //
-// First the sweeps are fitted by themselves. That fit says how far white and bars are to be trusted and
-// whether they show light that the modes do not hold; then all are fitted together.
+// First the sweeps are fitted alone. That fit shows how far white and bars can be trusted and whether they
+// show light that is not in the modes; then all are fitted together.
 #pragma once
 
 #include <array>
@@ -26,7 +26,7 @@ struct ShownArea {
   double light = 1.0;
 };
 
-// What all pixels of a batch share.
+// Data shared by all pixels of a batch.
 struct BatchModel {
   const SampleLayout& layout;
   std::ptrdiff_t stride = 1;              // floats from one sample of a pixel to the next
@@ -47,8 +47,8 @@ struct BatchPixel {
   // baseline. The sums of w u^2 and w u y over all samples are those of joint_fit.h's floor.
   double floor_weight = INFINITY, black = 0.0, floor_squares = 0.0, floor_products = 0.0;
   double bound_weight = 0.0;
-  // Of white and bars, `stride` floats apart: radiance, and its variance, negative where the camera cut it
-  // off.
+  // Of white and bars, `stride` floats apart: radiance, and its variance, negative where the camera clipped
+  // it.
   const float* area = nullptr;
   const float* area_variance = nullptr;
   double baseline = 0.0;  // radiance

@@ -717,9 +717,9 @@ void Minimise(const SampleLayout& layout, size_t area_count, int mode_count, flo
   hn::Store(hn::IfThenElseZero(settled, Set(1.0f)), d, settled_lanes);
 }
 
-// How far white and bars are to be trusted, given `best`: they count less where they may show that modes are
-// not quite Gaussian, and white more where sweeps leave more than noise, as it is right for footprints of any
-// shape. Samples that were cut off at black are what is expected of them.
+// How far white and bars can be trusted, given `best`: they count less where they may show that modes are not
+// exactly Gaussian, and white more where sweeps leave more than noise, as it is right for footprints of any
+// shape. Samples that were clipped at black get their expected values.
 void WeighAreas(size_t area_count, int mode_count, V sweep_residual, BatchSpace& space) {
   const D d;
   const V zero = hn::Zero(d), noise = hn::Load(d, space.noise);
@@ -759,7 +759,8 @@ void WeighAreas(size_t area_count, int mode_count, V sweep_residual, BatchSpace&
   }
 }
 
-// What white has beyond `best`. Bars and their inverse together are white, whatever the shape of footprints.
+// The excess of white over `best`. Bars and their inverse together are white, whatever the shape of
+// footprints.
 void HoldAgainstWhite(size_t area_count, int mode_count, V light_variance, BatchSpace& space,
                       WhiteRest* found, size_t lanes) {
   const D d;
@@ -815,8 +816,8 @@ struct Errors {
   HWY_ALIGN Row weight[kMaxFootprints], centre[kMaxFootprints], light;
 };
 
-// What the samples tell of `best`, and what is known within a pixel (within_pixel.h). `least`: the residual's
-// variance is at least that.
+// What the samples determine about `best`, and what is known within a pixel (within_pixel.h). `least`: the
+// residual's variance is at least that.
 void FindErrors(int mode_count, V count, V least, BatchSpace& space, Errors& errors) {
   const D d;
   const int free = 6 * mode_count + 1;
@@ -826,7 +827,7 @@ void FindErrors(int mode_count, V count, V least, BatchSpace& space, Errors& err
   for (int i = 0; i < Packed(free, 0); ++i) hn::Store(hn::Load(d, space.best.normal[i]), d, space.factor[i]);
   for (int m = 0; m < mode_count; ++m) {
     const auto l = [&](int i) { return hn::Load(d, space.best.p[6 * m + i]); };
-    // That weights end at 1 says nothing of how well the samples know one.
+    // That weights end at 1 does not show how well the samples determine one.
     AddTo(space.factor[Packed(6 * m, 6 * m)],
           hn::IfThenElseZero(hn::Gt(l(0), Set(1.0f)), hn::Neg(hn::Load(d, space.bound_weight))));
     const V xx = hn::Mul(l(3), l(3)), yy = hn::MulAdd(l(4), l(4), hn::Mul(l(5), l(5)));
@@ -900,14 +901,13 @@ void FitLanes(const BatchModel& model, std::span<const BatchPixel> pixels, std::
     fits[lane].all = {};
   }
   if (area_count == 0) return;
-  // The first fit's widths say well enough how far bars are to be trusted; what they change is seen once
-  // more.
+  // The first fit's widths show well enough how far bars can be trusted; their effect is computed once more.
   for (int round = 0; round < 2; ++round) {
     if (round > 0) WeighAreas(area_count, modes, residual, space);
     Minimise(model.layout, area_count, modes, narrowest, space, settled);
   }
   hn::Store(hn::Add(hn::Load(d, count), Set(static_cast<float>(area_count))), d, count);
-  // White and bars that are trusted little leave less than noise.
+  // White and bars with little weight leave residuals below the noise.
   FindErrors(modes, hn::Load(d, count), hn::Load(d, errors.residual), space, errors);
   for (size_t lane = 0; lane < pixels.size(); ++lane)
     fits[lane].all = FitOf(pixels[lane], lane, space, settled, count, errors);

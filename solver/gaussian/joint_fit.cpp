@@ -59,7 +59,7 @@ void hold(unsigned held, NormalEquations& at) {
 void add_errors(const NormalEquations& at, double bound_weight, unsigned held, JointFit& fit) {
   const int n = 6 * fit.modes.size();
   FootprintMatrix normal = at.matrix;
-  // That weights end at 1 says nothing of how well the samples know one.
+  // That weights end at 1 does not show how well the samples determine one.
   for (int m = 0; m < fit.modes.size(); ++m) {
     if (fit.modes[m].weight > 1.0) normal(6 * m, 6 * m) -= bound_weight;
   }

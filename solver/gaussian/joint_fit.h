@@ -10,7 +10,7 @@
 // f is light that no pattern moves, beyond what was subtracted; 0 if w_f is infinite. The minimum over it is
 // taken at every step, which leaves the other unknowns with N - n n'/(U + w_f), where n = sum_i w_i u_i J_i
 // and U = sum_i w_i u_i^2, over all samples i and a. Samples a are of white (eq. 13) and of bars. No object
-// sends more light than it gets, so that weights above 1 cost.
+// emits more light than it receives, so weights above 1 are penalised.
 //
 // All derivatives are analytic, including that of inside(r). With z = (r - c.s) / sigma_r and u =
 // exp(-z^2/2):
@@ -30,19 +30,19 @@ namespace glasswing {
 // Residuals below this come from the shape of pixels and footprints, regardless of the frames' noise.
 inline constexpr double kMinNoise = 1e-4;
 
-inline constexpr double kHidden_px2 = 0.7;  // a footprint wider than this hides nothing within flat pixels
+inline constexpr double kHidden_px2 = 0.7;  // a footprint wider than this is resolved by flat pixels
 
 // A footprint across the edge of two pixels shows how its light divides between them, but hardly how wide it
-// is. Where it is so narrow that the division would hang on more digits of its place than a matte holds, the
-// samples must ask for it: otherwise it is this wide.
+// is. Where it is so narrow that the division would depend on more digits of its place than a matte stores,
+// the samples must require it: otherwise it is this wide.
 inline constexpr double kUsualWidth_px = 0.25;
 // In samples of weight 1. All of it costs less than half a standard error.
 inline constexpr double kWidthWeight = 3.0;
 
 inline constexpr double kMinStep = 1.0 / 65535.0;  // of frames; a fit that moves by less has converged
 
-// Weights up to this lie within what cameras and monitors are known to: no object sends more light than it
-// gets.
+// Weights up to this are within the accuracy of cameras and monitors: no object emits more light than it
+// receives.
 inline constexpr double kMaxWeight = 1.002;
 
 // The positions of the samples of every sweep; the same for all pixels.
@@ -74,12 +74,12 @@ struct AreaSample {
 struct PixelSamples {
   const SampleLayout* layout = nullptr;
   std::vector<float> y;  // padded_count values
-  // The variance of an ordinary sample divided by this one's; 0: saturated, missing or padding.
+  // The variance of a typical sample divided by this one's; 0: saturated, missing or padding.
   std::vector<float> weight;
-  // Of a saturated sample, whose y is what it is at least: its weight where the model is below; else 0. Empty
+  // Of a saturated sample, whose y is a lower bound: its weight where the model is below; otherwise 0. Empty
   // if none is saturated.
   std::vector<float> at_least = {};
-  // Footprints are where they are; else as stripes see them (footprint.h), and areas must be empty.
+  // Footprints at their true positions; otherwise as stripes see them (footprint.h), and areas must be empty.
   bool placed = true;
   std::vector<AreaSample> areas = {};
   double floor_weight = INFINITY;  // w_f
@@ -124,7 +124,7 @@ struct JointFit {
 // Fits from `start` (1 to 4 modes) to the nearest minimum. Sigma stays positive semi-definite: steps that
 // would leave the cone move along its boundary (cone_step.h). Weights may become negative. Converged: the
 // next step would be less than a tenth of the estimate's own standard error.
-// `held`: parameters that stay as they are, a bit each in the order of the equations; their errors are 0.
+// `held`: parameters that are not changed, one bit each in the order of the equations; their errors are 0.
 JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const MonitorExtent& extent,
                      const StepLimits& limits, JointWorkspace& workspace, unsigned held = 0);
 

@@ -37,7 +37,7 @@ double Total(V v) {
   return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, v)));
 }
 
-// Phi(a), and phi(a) beside it. Abramowitz and Stegun 7.1.26: |error| < 1.5e-7.
+// Phi(a), and phi(a) with it. Abramowitz and Stegun 7.1.26: |error| < 1.5e-7.
 V NormalIntegral(V a, V* density) {
   const D d;
   const V x = hn::Mul(hn::Abs(a), hn::Set(d, 0.70710678f));
@@ -53,8 +53,8 @@ V NormalIntegral(V a, V* density) {
   return hn::IfThenElse(hn::Lt(a, hn::Zero(d)), tail, hn::Sub(hn::Set(d, 1.0f), tail));
 }
 
-// An edge of the monitor across one axis: its place in standard deviations of the lit footprint, and what of
-// the footprint's density lies on it.
+// An edge of the monitor across one axis: its place in standard deviations of the lit footprint, and the part
+// of the footprint's density on it.
 struct EdgeAt {
   float sign;          // of its part in the share: 1 at the high edge, -1 at the low one
   V z, part, density;  // Phi(z), phi(z)
@@ -132,7 +132,7 @@ class InsideAt {
   }
 
  private:
-  // Of one edge, with its sign: the density on it, that at its ends, and the light of its pixels.
+  // Of one edge, with its sign: the density on it, those at its ends, and the light of its pixels.
   struct AlongEdge {
     V density, at_corners, light;
   };
@@ -210,7 +210,7 @@ class InsideAt {
   EdgeAt at_[2][2];
 };
 
-// The six derivatives if the edge cuts the mode off; also subtracts the model from the residual. The light of
+// The six derivatives if the edge clips the mode; also subtracts the model from the residual. The light of
 // the edges' pixels counts in the model and in the derivative by R only.
 void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const MonitorExtent& extent,
                 const float* offset_px, float* residual, float* columns, size_t stride, Range range) {
@@ -265,7 +265,7 @@ void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const M
   }
 }
 
-// The same by a sum over the pixels, for a narrow footprint that the edge cuts.
+// The same by a sum over the pixels, for a narrow footprint that the edge clips.
 void NarrowColumns(double weight, std::span<const ReachedPixel> pixels, const SampleLayout::Sweep& sweep,
                    const float* offset_px, float* residual, float* columns, size_t stride, Range range) {
   const D d;
@@ -289,9 +289,9 @@ void NarrowColumns(double weight, std::span<const ReachedPixel> pixels, const Sa
   }
 }
 
-// A mode that no edge cuts, as stripes see it.
+// A mode that no edge clips, as stripes see it.
 struct SeenMode {
-  // `placed`: the mode is where it is; else as stripes see it.
+  // `placed`: the mode at its true position; otherwise as stripes see it.
   SeenMode(const Footprint& mode, bool placed) {
     if (placed) {
       x = seen_through_pixels(mode.x_px, mode.xx_px2);
@@ -326,7 +326,7 @@ void WholeColumns(const SeenMode& whole, const SampleLayout::Sweep& sweep, const
   const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
   const V centre = set(mode.x_px * c + mode.y_px * s - sweep.first_r_px), inverse = set(1.0 / sigma);
   const V by_weight = set(peak), scale = set(amplitude);
-  // Of x, y, xx, xy, yy: by way of c.s and of sigma_r^2.
+  // Of x, y, xx, xy, yy: through c.s and sigma_r^2.
   const double centres[5] = {c * x.centre_by_centre, s * y.centre_by_centre, c * x.centre_by_variance, 0.0,
                              s * y.centre_by_variance};
   const double variances[5] = {c * c * x.variance_by_centre, s * s * y.variance_by_centre,
@@ -665,7 +665,7 @@ void add_areas(const Footprints& modes, std::vector<AreaRow>& rows, NormalEquati
     equations.cost += square;
     equations.near_chi2 += square;
     ++equations.near_count;
-    // Most bars tell nothing of most parameters.
+    // Most bars do not depend on most parameters.
     std::array<int, kMaxParameters> told;
     size_t count = 0;
     for (int p = 0; p < 6 * modes.size(); ++p) {

@@ -11,13 +11,13 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMoreThanNoise = 3.0;  // standard errors of what white has beyond modes
+constexpr double kMoreThanNoise = 3.0;  // standard errors of the light that white has beyond the modes
 constexpr double kLacking = 0.05;       // of white
 constexpr int kTurns = 3;               // of finding broad light and fitting the other modes
-constexpr int kRounds = 8;              // of fits after the first, with white and bars weighed anew
+constexpr int kRounds = 8;              // of fits after the first, with white and bars reweighted
 constexpr int kLong = 60;               // iterations of one that has to leave its start behind
 constexpr int kPolish = 12;             // iterations of a fit that had converged without white
-constexpr double kSure = 2.0;           // a weight below so many of its standard errors is doubted
+constexpr double kSure = 2.0;           // a weight below this many of its standard errors is doubtful
 
 bool is_positive(const JointFit& fit) {
   return std::isfinite(fit.floor) && std::all_of(fit.modes.begin(), fit.modes.end(),
@@ -37,7 +37,7 @@ double noise_of(const LaneSamples& samples) {
   return std::pow(std::max(samples.noise_sd, kMinStep), 2);
 }
 
-// How much of white noise explains, at so many standard errors.
+// How much of white is explained by noise, at this many standard errors.
 double noise_of(const WhiteRest& beyond, double standard_errors) {
   return standard_errors * std::sqrt(beyond.variance) + kBarsError * std::abs(beyond.white);
 }
@@ -100,11 +100,11 @@ PixelSamples LaneSolver::everything(const LaneSamples& samples, const JointFit& 
   return all;
 }
 
-// White and bars count less where they may show that the modes are not quite Gaussian; where noise made them
-// darker than black, the fit says by how much in the mean.
+// White and bars count less where they may show that the modes are not exactly Gaussian; where noise made
+// them darker than black, the fit gives the mean difference.
 void LaneSolver::weigh_areas(const LaneSamples& samples, const JointFit& fit, PixelSamples& all) const {
   const double noise = noise_of(samples);
-  // White is right for footprints of any shape: it counts more where the sweeps leave more than noise.
+  // White is right for footprints of any shape: it counts more if the sweeps leave more than noise.
   const double residual = std::max(noise, fit.near_chi2 / std::max(fit.near_count, 1));
   std::vector<LitShare> shares;
   for (const Footprint& mode : fit.modes) shares.emplace_back(mode, monitor_.extent);
@@ -150,7 +150,7 @@ WhiteRest LaneSolver::held_against_white(const LaneSamples& samples, const Joint
     };
     double white = seen(a), variance = variance_of(a);
     if (monitor_.areas[a].lit.bars) {
-      // With their inverse they are white, whatever the shape of footprints.
+      // Together with their inverse they are white, whatever the shape of footprints.
       if (a + 1 == monitor_.areas.size() || !same_bars(monitor_.areas[a].lit, monitor_.areas[a + 1].lit))
         continue;
       ++a;
@@ -193,8 +193,8 @@ LaneFit LaneSolver::settle(const LaneSamples& samples, LaneFit found, bool expec
   PixelSamples all = everything(samples, found.fit);
   std::optional<JointFit> fit = with_broad_light(samples, found, expected);
   if (fit) note(notes, "white shows more than these: broad light was added" + described(*fit));
-  // What modes lack altogether they must not make up for, unless the sweeps agree: a broad mode's light may
-  // have been taken for F.
+  // They must not make up for light that is missing from the modes altogether, unless the sweeps agree: a
+  // broad mode's light may have been attributed to F.
   const bool lacking = found.beyond.rest > kBeyondNoise * std::sqrt(found.beyond.variance) +
                                                kLacking * std::abs(found.beyond.white);
   if (!fit && !found.fit.modes.empty()) {
@@ -205,14 +205,14 @@ LaneFit LaneSolver::settle(const LaneSamples& samples, LaneFit found, bool expec
     if (fit) note(notes, "fitted with white and bars" + described(*fit));
   }
   if (!fit && std::any_of(found.fit.modes.begin(), found.fit.modes.end(), is_too_bright)) {
-    // Sweeps alone do not know of the bound.
+    // Sweeps alone do not include the bound.
     const JointFit bounded =
         fit_jointly(all, found.fit.modes, monitor_.extent, {.max_steps = kLong}, workspace_);
     if (is_positive(bounded)) fit = bounded;
   }
   if (!fit) {
     note(notes,
-         lacking ? "white shows light that no footprint was found for" : "white and bars fit no better");
+         lacking ? "white shows light for which no footprint was found" : "white and bars fit no better");
     return found;
   }
   return {.fit = *fit, .beyond = held_against_white(samples, *fit)};
@@ -236,7 +236,7 @@ std::optional<JointFit> LaneSolver::with_broad_light(const LaneSamples& samples,
   const double noise = noise_of(beyond, kMoreThanNoise);
   if (beyond.rest <= 0.0 || (!expected && beyond.rest < noise)) return std::nullopt;
   PixelSamples all = everything(samples, found.fit);
-  // Modes that took some of the broad light for their own give it back in turns.
+  // Modes that absorbed some of the broad light return it in turns.
   Footprints modes = found.fit.modes;
   JointFit fit;
   for (int turn = 0; turn < kTurns; ++turn) {
@@ -282,7 +282,7 @@ LaneFit LaneSolver::judge(const LaneSamples& samples, LaneFit settled, LaneNotes
       fit.chi2 = now.cost, fit.near_chi2 = now.near_chi2, fit.near_count = now.near_count;
       const std::optional<JointFit> without = fit_all(samples, fewer, all);
       if (without && !earns_its_place(*without, fit, samples.noise_sd)) {
-        note(notes, fmt::format("refused: R {:.5f} +- {:.5f}, which the samples do not ask for",
+        note(notes, fmt::format("rejected: R {:.5f} +- {:.5f}, which the samples do not require",
                                 fit.modes[m].weight, fit.weight_sd[i]));
         settled = {.fit = *without, .beyond = held_against_white(samples, *without)};
         continue;
@@ -290,7 +290,7 @@ LaneFit LaneSolver::judge(const LaneSamples& samples, LaneFit settled, LaneNotes
     }
     if (sure || lies_on(fit.modes[m], monitor_.extent)) continue;
     const bool held = hold_on_monitor(samples, m, settled);
-    note(notes, fmt::format("its centre lies off the monitor and is not known: {}{}",
+    note(notes, fmt::format("its centre is outside the monitor and unknown: {}{}",
                             held ? "held at the edge" : "flagged", described(settled.fit)));
   }
   return settled;

@@ -1,5 +1,6 @@
 // Fits one lane, a channel of one pixel, on one monitor: values in, values out. Most lanes are done by
-// fit_batch; this is for those that it does not explain, that an edge of the monitor cuts, or that saturate.
+// fit_batch; this is for those that it does not explain, that are clipped by an edge of the monitor, or that
+// saturate.
 #pragma once
 
 #include <optional>
@@ -15,7 +16,7 @@ namespace glasswing {
 struct LaneSamples {
   PixelSamples sweeps;       // above the baseline; the floor is fixed
   std::vector<Peaks> peaks;  // by sweep
-  // Of white and bars in the monitor's order: radiance, and its variance as SampleTile's.
+  // Of white and bars in the monitor's order: radiance, and its variance as in SampleTile.
   std::vector<double> area, area_variance;
   double noise_sd = 0.0;               // of a sample of weight 1
   double black = 0.0, baseline = 0.0;  // radiance of the black frame, and without stripes
@@ -27,11 +28,11 @@ struct LaneFit {
   WhiteRest beyond;
 };
 
-// Why each mode was taken or refused, for people; see `glasswing-solver explain`.
+// Why each mode was accepted or rejected, as readable text; see `glasswing-solver explain`.
 using LaneNotes = std::vector<std::string>;
 
-// Whether a batch's fit needs nothing more: it has converged, each of its modes is sure, and sweeps, white
-// and bars show nothing but noise beside it.
+// Whether a batch's fit needs nothing more: it has converged, each of its modes is significant, and sweeps,
+// white and bars show only noise besides.
 bool is_done(const BatchFit& fit, double noise_sd);
 
 class LaneSolver {
@@ -39,28 +40,28 @@ class LaneSolver {
   // `max_modes`: 1 to kMaxFootprints. Keeps a reference.
   LaneSolver(const SweptMonitor& monitor, int max_modes) : monitor_(monitor), max_modes_(max_modes) {}
 
-  // The modes of the sweeps. `batch`: what fit_batch made of them, if it did.
+  // The modes of the sweeps. `batch`: the result of fit_batch, if any.
   LaneFit search(const LaneSamples& samples, const BatchFit* batch, LaneNotes* notes = nullptr);
   // The fit of sweeps, white and bars together, starting from search().
   LaneFit settle(const LaneSamples& samples, LaneFit found, bool broad_light_expected,
                  LaneNotes* notes = nullptr);
-  // Drops modes that the samples do not ask for, and holds those at the monitor's edge that may lie anywhere
+  // Drops modes that the samples do not require, and holds at the monitor's edge those that may be anywhere
   // beyond it.
   LaneFit judge(const LaneSamples& samples, LaneFit settled, LaneNotes* notes = nullptr);
 
  private:
-  // All samples above black, with a floor; white and bars as far as they can be trusted beside `fit`.
+  // All samples above black, with a floor; white and bars as far as they can be trusted given `fit`.
   PixelSamples everything(const LaneSamples& samples, const JointFit& fit) const;
   void weigh_areas(const LaneSamples& samples, const JointFit& fit, PixelSamples& all) const;
   WhiteRest held_against_white(const LaneSamples& samples, const JointFit& fit) const;
-  // Areas are weighed anew as the modes change; none without a sound minimum.
+  // Areas are reweighted when the modes change; none without a sound minimum.
   std::optional<JointFit> fit_all(const LaneSamples& samples, const Footprints& start, PixelSamples& all);
-  // What `modes` leave of the samples.
+  // The residual of the samples after `modes`.
   PixelSamples left_by(const PixelSamples& all, const Footprints& modes);
   // The fit with broad light, if white shows more than the modes and there is any.
   std::optional<JointFit> with_broad_light(const LaneSamples& samples, const LaneFit& found, bool expected);
-  // Where the samples do not tell how far off the monitor a mode lies: the same light from a mode at its
-  // edge. False: that explains them worse; the mode stays, and the fit counts as not converged.
+  // If the samples do not show how far outside the monitor a mode is: the same light from a mode at its edge.
+  // False: that explains them worse; the mode stays, and the fit counts as not converged.
   bool hold_on_monitor(const LaneSamples& samples, int mode, LaneFit& settled);
 
   const SweptMonitor& monitor_;
@@ -72,15 +73,15 @@ class LaneSolver {
 // Standard errors beyond which something is not noise.
 inline constexpr double kBeyondNoise = 4.0;
 
-// Whether samples of a lane differ from its fit by more than noise explains, and by so much that composites
-// are off: by how much of the highest sample, rms; 0: they do not.
+// Whether samples of a lane differ from its fit by more than noise explains, and by enough to affect
+// composites: the difference relative to the highest sample, rms; 0: they do not.
 double unexplained(const LaneFit& lane, double noise_sd, const SampleLayout& layout);
 
-// Whether the modes stand for light of another shape, a ring for instance: they are as many as there may be,
-// wider than points, and no sweep shows a peak for each. So few directions do not determine such a shape.
+// Whether the modes approximate light of another shape, such as a ring: they are the maximum number, wider
+// than points, and no sweep shows a peak for each. So few directions do not determine such a shape.
 bool is_of_another_shape(const Footprints& modes, const SampleLayout& layout);
 
-// White shows other light than the modes hold.
+// White shows light that the modes do not have.
 bool contradicts_white(const WhiteRest& beyond);
 
 }  // namespace glasswing

@@ -32,8 +32,8 @@ double light_of(const Peak& peak, const StripeAxis& axis) {
   return peak.amplitude * peak.sigma_px / axis.sigma_px;
 }
 
-// Crossings of a peak of one sweep with a peak of another where every further sweep has a peak too. In two of
-// them it may be hidden in the flank of a much brighter one.
+// Crossings of a peak of one sweep with a peak of another where every other sweep also has a peak. In two of
+// these it may be hidden in the flank of a much brighter one.
 bool meet(std::span<const StripeAxis> axes, std::span<const Peaks> peaks, size_t first, const Peak& a,
           size_t second, const Peak& b, Meeting* meeting) {
   const double determinant =
@@ -312,7 +312,7 @@ class Search {
   }
 
  private:
-  // The usual case: exactly as many modes as some sweep has peaks, and nothing left but noise.
+  // The typical case: exactly as many modes as some sweep has peaks, and nothing left but noise.
   bool as_many_as_peaks(std::span<const Peaks> peaks, int max_modes, SubsetChoice& subsets, JointFit* fit) {
     Footprints start;
     const int most = max_peaks(peaks);
@@ -390,7 +390,7 @@ class Search {
     return true;
   }
 
-  // The mode around which most is left. Uses the residual of add_residual_start.
+  // The mode around which the largest residual remains. Uses the residual of add_residual_start.
   int least_explained(const Footprints& modes) const {
     int worst = 0;
     double most = -1.0;
@@ -437,7 +437,7 @@ class Search {
   std::vector<Footprints> starts_;
 };
 
-// The fit of footprints as stripes see them, with footprints where they are.
+// The fit of footprints as stripes see them, with footprints at their true positions.
 JointFit placed(const PixelSamples& samples, const JointFit& seen, const MonitorExtent& extent,
                 JointWorkspace& workspace) {
   const auto is_narrow = [](const Footprint& mode) {
@@ -497,8 +497,8 @@ bool earns_its_place(const JointFit& before, const JointFit& after, double noise
 JointFit find_footprints(const PixelSamples& samples, std::span<const Peaks> peaks,
                          const MonitorExtent& extent, double noise_sd, int max_modes,
                          JointWorkspace& workspace, const JointFit* usual) {
-  // Within a pixel neither place nor width of a footprint changes what stripes see: no search leads through
-  // it.
+  // Within a pixel neither the place nor the width of a footprint changes what stripes see, so no search can
+  // pass through it.
   PixelSamples seen = samples;
   seen.placed = false;
   JointFit fit =

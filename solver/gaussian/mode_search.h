@@ -1,7 +1,7 @@
 // Finds how many footprints a pixel's channel has and where the joint fit starts (Chuang et al. 2000, section
 // 3.2).
 //
-// The peaks of the sweeps are lines on the monitor; a footprint lies where lines of all sweeps meet. Two
+// The peaks of the sweeps are lines on the monitor; a footprint is where lines of all sweeps meet. Two
 // footprints may share a line: then that sweep shows one peak with the light of both. So the start with k
 // footprints is the set of k meeting points that together explain the peaks and their light best. Two other
 // starts are the last fit with the best mode of its residual added, and with one of its modes split. The best

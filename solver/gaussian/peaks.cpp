@@ -79,7 +79,7 @@ void PeakFinder::add_tops(int sweep, const SweepBlock& block, const std::array<f
   }
 }
 
-// Fits two Gaussians to windows that one does not explain.
+// Fits two Gaussians to windows that a single one does not explain.
 void PeakFinder::add_doubles(const std::array<float, kBlockLanes>& noise_sd) {
   doubles_.clear();
   double_of_.clear();
@@ -113,7 +113,7 @@ void PeakFinder::find(std::span<const SweepBlock> sweeps, const std::array<float
   for (size_t i = 0; i < tops_.size(); ++i) {
     if (tops_[i].window.half >= 2) by_length_.emplace_back(tops_[i].window.half, static_cast<int>(i));
   }
-  // Similar lengths side by side.
+  // Similar lengths are adjacent.
   std::sort(by_length_.begin(), by_length_.end());
   windows_.clear();
   singles_.clear();

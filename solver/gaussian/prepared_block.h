@@ -13,7 +13,7 @@ namespace glasswing {
 
 struct PreparedBlock {
   using Lanes = std::array<float, kBlockLanes>;
-  // F, as far as sums over all samples of one monitor tell of it: of w u^2 and w u y (joint_fit.h).
+  // F, as far as it is determined by sums over all samples of one monitor: of w u^2 and w u y (joint_fit.h).
   struct FloorSums {
     Lanes squares{}, products{};
   };
@@ -32,7 +32,7 @@ struct PreparedBlock {
   bool is_bounded(int lane) const { return (bounded >> lane & 1u) != 0; }
 };
 
-// What a block's lanes are before their samples are looked at.
+// What is known of a block's lanes before their samples are examined.
 struct BlockStart {
   int first_lane = 0, phase = 0;
   unsigned lanes = 0;
@@ -59,10 +59,10 @@ class BlockPreparer {
   // Of a merged dark sample, relative to one of the reference exposure.
   float dark_noise() const { return dark_noise_; }
 
-  // Scales the block's samples in the tile, and replaces those that the camera cut off.
+  // Scales the block's samples in the tile, and replaces those that the camera clipped.
   PreparedBlock prepare(const BlockStart& start, SampleTile& tile, int block);
 
-  // u of samples of a phase's first lane, [sample][lane]; as SampleTile's samples.
+  // u of samples of a phase's first lane, [sample][lane]; like SampleTile's samples.
   const float* inverse_peak(int phase) const { return inverse_peak_[phase].data(); }
   bool unit_peaks() const { return unit_peaks_; }
 

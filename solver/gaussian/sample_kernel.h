@@ -18,11 +18,11 @@ std::uint16_t load_frame(const std::uint16_t* codes, int lane_count, float zero,
 void median_near(const float* samples, std::size_t sample_count, const float* middle, const float* reach,
                  float* median);
 
-// The share of a lane's samples[i * kBlockLanes + lane] that are at most `cut_off`; 0 where most of these lie
-// side by side, which noise does to every second one only.
+// The share of a lane's samples[i * kBlockLanes + lane] that are at most `cut_off`; 0 if most of these are
+// adjacent, whereas noise clips only every second one.
 void count_cut_off(const float* samples, std::size_t sample_count, float cut_off, float* share);
 
-// What turns a lane's radiance into samples of the joint fit, in place:
+// Converts a lane's radiance into samples of the joint fit, in place:
 //   y = (radiance - baseline) u      w = w dark / (variance u^2)      variance = read + gain radiance
 // u is the inverse of a stripe's peak, 0 for a dark one.
 struct LaneScale {
@@ -35,7 +35,7 @@ struct LaneSums {
   float highest[kBlockLanes];                                     // y
   float least_weight[kBlockLanes];  // before scaling; negative: one is saturated
 };
-// Adds to `sums`. `weights` may be null: all are 1, and stay so; then u is 1.
+// Adds to `sums`. `weights` may be null: all are 1, and stay 1; then u is 1.
 void scale_samples(float* samples, float* weights, const float* inverse_peak, std::size_t sample_count,
                    const LaneScale& scale, LaneSums& sums);
 

@@ -37,7 +37,7 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
   for (const SweepLayout& sweep : layout_.sweeps) {
     for (const Shot& shot : sweep.shots) {
       const std::uint16_t* codes = stack.rows[shot.front().frame].data() + start;
-      // Prefetch the next stretch: frames lie too far apart for the hardware prefetcher.
+      // Prefetch the next stretch: frames are too far apart for the hardware prefetcher.
       for (int ahead = lane_count; ahead < 2 * lane_count; ahead += 32) __builtin_prefetch(codes + ahead);
       const std::uint16_t most =
           internal::load_frame(codes, lane_count, stack.zero, stack.unit,

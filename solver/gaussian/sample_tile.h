@@ -1,4 +1,4 @@
-// The samples of all sweeps for a stretch of one row, in blocks of kBlockLanes side by side: lane l of the
+// The samples of all sweeps for a stretch of one row, in blocks of kBlockLanes adjacent: lane l of the
 // stretch is one channel of one pixel (the one of a mosaic), in the order of a frame's own samples.
 #pragma once
 
@@ -38,7 +38,7 @@ class SampleTile {
   // Makes weighted() true; samples without weights get 1.
   void need_weights();
   // White and bars of one monitor: [area][lane], in the layout's order. The variance is infinite where every
-  // exposure is saturated, negative where the camera cut the light off. `one`: the variance of one exposure;
+  // exposure is saturated, negative where the camera clipped the light. `one`: the variance of one exposure;
   // 0: that of the noise model.
   const float* areas(int block, size_t texture) const { return areas_.data() + area_place(block, texture); }
   const float* area_variances(int block, size_t texture) const {
@@ -47,10 +47,10 @@ class SampleTile {
   void load_areas(const FrameStack& stack, int row, int block, int first_lane, int lane_count,
                   const SampleNoise& noise, const std::array<float, kBlockLanes>& one,
                   const std::array<bool, kBlockLanes>& clipped);
-  // The share of a lane's samples that the camera cut off, unless they lie side by side.
+  // The share of a lane's samples that the camera clipped, unless they are adjacent.
   std::array<float, kBlockLanes> cut_off(int block) const;
-  // Replaces these by what noise of this sd makes of the light of their neighbours, if it makes them darker
-  // than black, in the mean: then dark samples are right in the mean (clipped_noise.h).
+  // Replaces these, if noise of this sd makes them darker than black on average, by its effect on the light
+  // of their neighbours: then dark samples are right on average (clipped_noise.h).
   void replace_cut_off(int block, const std::array<float, kBlockLanes>& noise_sd);
 
   size_t sample_count() const { return sample_count_; }  // of all sweeps of one block

@@ -43,7 +43,7 @@ struct StackLayout {
 // three orientations on a monitor, a sweep of fewer than five steps, invalid numbers.
 absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest);
 
-// Every frame that the layout names.
+// Every frame listed in the layout.
 std::vector<int> frames_of(const StackLayout& layout);
 
 }  // namespace glasswing

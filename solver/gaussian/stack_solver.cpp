@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kStretch = SampleTile::kMaxBlocks * kBlockLanes;
 constexpr double kBoundSd = 0.02;  // by which a weight may be above 1
-constexpr int kNeighbours = 4;     // each way, whose white says whether broad light is to be expected
+constexpr int kNeighbours = 4;     // each way, whose white shows whether to expect broad light
 
 // Whether a sweep's steps are so wide that a peak's second differences are as large as its height.
 bool is_coarse(const SweepLayout& sweep) {
@@ -372,7 +372,7 @@ void StackSolver::store(const Tile& tile, int block_index, int lane, int y, Matt
         continue;
       }
       found.push_back(mode);
-      // No object sends more light than it gets.
+      // No object emits more light than it receives.
       const double excess = fit.modes[k].weight - kMaxWeight;
       if (excess > 0.0 && !(excess < kBeyondNoise * fit.weight_sd[i] && std::isfinite(fit.weight_sd[i])))
         flags |= kFlagPoorFit;

@@ -1,5 +1,6 @@
-// Solves rows of a stack by swept stripes (Chuang et al. 2000, section 3), each pixel's channel by itself:
-// prepare (prepared_block.h), fit (joint_batch.h), judge what that does not explain (lane_solver.h), write.
+// Solves rows of a stack by swept stripes (Chuang et al. 2000, section 3), each channel of a pixel
+// separately: prepare (prepared_block.h), fit (joint_batch.h), solve the lanes not explained by that
+// (lane_solver.h), write.
 #pragma once
 
 #include <array>
@@ -23,8 +24,8 @@ class StackSolver {
   // Solves row y of the stack into row y of the matte.
   void solve_row(int y, Matte& matte);
 
-  // What a lane of row y shows on each monitor, and how it is solved, for people. `lane`: of the row. Empty
-  // where the object does not change the pixel.
+  // What a lane of row y shows on each monitor, and how it is solved, as readable text. `lane`: of the row.
+  // Empty where the object does not change the pixel.
   struct Explained {
     int channel = 0;
     std::vector<LaneSamples> samples;  // by monitor
@@ -43,8 +44,8 @@ class StackSolver {
   };
   static size_t place(int block, int lane) { return static_cast<size_t>(block) * kBlockLanes + lane; }
 
-  // A block's lanes begin with any channel; on a mosaic, where blocks begin at even columns, they depend on
-  // the row.
+  // A block's lanes may begin with any channel; on a mosaic, where blocks begin at even columns, they depend
+  // on the row.
   int phase_of(int first_lane, int y) const;
   int channel_in(int phase, int lane) const;
   // Sets noise_sd_ and to_solve_; the matte of pixels that the object does not change.
@@ -56,9 +57,9 @@ class StackSolver {
   void fit_batches(size_t monitor, Tile& tile) const;
   BatchPixel batch_pixel(size_t monitor, const Tile& tile, int block, int lane) const;
   LaneSamples lane_samples(size_t monitor, const PreparedBlock& block, int block_index, int lane) const;
-  // Fits of what the batch does not explain.
+  // Fits of the lanes that the batch does not explain.
   void fit_lanes(size_t monitor, Tile& tile);
-  // Whether what white has beyond the fits of a lane and its neighbours along the row is more than noise.
+  // Whether the excess of white over the fits of a lane and its neighbours along the row is more than noise.
   bool neighbours_have_more(const std::vector<WhiteRest>& beyond, size_t lane) const;
   // Writes a lane's fits into the matte.
   void store(const Tile& tile, int block, int lane, int y, Matte& matte) const;

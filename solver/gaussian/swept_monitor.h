@@ -1,4 +1,4 @@
-// One monitor's sweeps, white and bars: what all tiles share.
+// One monitor's sweeps, white and bars: shared by all tiles.
 #pragma once
 
 #include <optional>

@@ -19,8 +19,8 @@ namespace {
 
 // The largest error of a synthesized pattern at any point of the monitor, as a share of white.
 constexpr double kMaxError = 2e-3;
-// Ridge, as a share of the trace of the stripes' products. It suppresses periods much shorter than a stripe
-// is wide.
+// Ridge, as a share of the trace of the stripes' products. It suppresses periods much shorter than a stripe's
+// width.
 constexpr double kRidge = 1e-9;
 constexpr double kPointStep_px = 0.5;
 // Below this weight a saturated summand does not matter.
@@ -180,7 +180,8 @@ absl::StatusOr<std::vector<Part>> StripeSums::parts(const v1::Stimulus& wanted, 
   }
   if (error > kMaxError) {
     return absl::FailedPreconditionError(
-        fmt::format("of stripes as they were recorded at {} deg, {} can be made within {:.2g} of white only",
+        fmt::format("of stripes as they were recorded at {} deg, {} can be made only to within {:.2g} of "
+                    "white",
                     phi_deg, wanted.ShortDebugString(), error));
   }
   std::vector<Part> parts;

@@ -30,7 +30,7 @@ struct SynthesizedCapture {
   void add(const v1::Frame& frame, std::vector<Part> summands);
 };
 
-// The recorded capture, or those of its frames that are wanted.
+// The recorded capture, or only the requested frames.
 SynthesizedCapture as_recorded(const v1::CaptureManifest& recorded);
 SynthesizedCapture part_of(const v1::CaptureManifest& recorded,
                            const std::function<bool(const v1::Frame&)>& wanted);
@@ -38,8 +38,8 @@ SynthesizedCapture part_of(const v1::CaptureManifest& recorded,
 // The recorded frames that these synthesized ones sum.
 std::vector<int> frames_of(const SynthesizedCapture& capture, const std::vector<int>& synthesized);
 
-// These synthesized frames on 16 bits, for the same rows as the recorded ones. A sample is saturated where
-// one of its summands is.
+// These synthesized frames as 16-bit samples, for the same rows as the recorded ones. A sample is saturated
+// where one of its summands is.
 FrameStack synthesized_stack(const FrameStack& recorded, const SynthesizedCapture& capture,
                              const std::vector<int>& synthesized);
 

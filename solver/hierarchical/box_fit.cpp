@@ -15,28 +15,28 @@ constexpr double kMuch = 0.1;      // of the strongest weight
 // shares. It is accepted if it reduces n log chi-square by as much as four more parameters must.
 constexpr double kPoor = 2.0;
 constexpr std::array<double, 4> kStraightStarts{0.5, 0.25, 0.75, 0.0};
-constexpr double kHopeless = 5.0;  // a start that ends beyond this multiple of what is accepted is the last
+constexpr double kHopeless = 5.0;  // a start that ends above this multiple of the accepted value is the last
 constexpr std::array<double, 7> kStraightSteps{0.05, 0.1, -0.05, 0.15, 0.2, 0.25, -0.1};
-constexpr size_t kFirstSteps = 2;  // that must halve chi-square
+constexpr size_t kFirstSteps = 2;  // must halve chi-square
 constexpr double kCriterion = 4.0;
-// Without it, at least this much is left of the background's contrast, though a box stands in for most of it:
-// a fifth and more of the background, beside a box of any place and size, left 0.036.
+// Without it, at least this much of the background's contrast remains, though a box replaces most of it: a
+// fifth or more of the background, with a box of any place and size, left 0.036.
 constexpr double kLeastLeft = 0.012;
 constexpr double kAlike = 0.07;      // of the strongest weight: waves that differ by less look alike
-constexpr double kCoverError = 0.1;  // of alpha, beyond which it is not certain
+constexpr double kCoverError = 0.1;  // of alpha, above which it is uncertain
 
 constexpr double kHaloStep = 4.0;   // from the finest bar to the narrowest halo, and on to the next
-constexpr double kMinCore = 0.1;    // of the light: what the box keeps beside halos
+constexpr double kMinCore = 0.1;    // of the light: the box's part when there are halos
 constexpr double kBeyond = 3.0;     // standard deviations of chi-square that noise explains
-constexpr double kSurely = 9.0;     // chi-square by which a misreading is excluded
+constexpr double kSurely = 9.0;     // chi-square that excludes a misreading
 constexpr double kSoftPrice = 1.4;  // of a soft box and of each halo, in log n
-constexpr double kClearly = 2.0;    // in n log chi-square: less says nothing (Kass and Raftery 1995)
-constexpr double kSeparable = 0.7;  // by which lit shares must differ to tell F from R
+constexpr double kClearly = 2.0;    // in n log chi-square: less is not evidence (Kass and Raftery 1995)
+constexpr double kSeparable = 0.7;  // by which lit shares must differ to separate F from R
 constexpr double kUnlit = 0.1;      // where they differ by less, all light is F
 constexpr double kMaxSoft = 4.0;    // finest bars: wider footprints are boxes only
 constexpr double kNarrow = 2.0;     // finest bars: wider ones may be boxes elsewhere
 constexpr double kLeash = 0.375;    // finest bars by which a soft box may leave the decoded position
-constexpr double kApart = 0.75;     // finest bars between readings that are not the same
+constexpr double kApart = 0.75;     // finest bars between readings that differ
 
 constexpr double kSidePerSigma = 3.09;  // of the box whose response to an edge is nearest to a Gaussian's
 
@@ -61,7 +61,7 @@ bool has_complement(const BoxMonitor& monitor, const std::vector<BoxSample>& sam
          own.light[c] > 0.0 && samples[p].information[c] > 0.0 && samples[p + 1].information[c] > 0.0;
 }
 
-// Chi-square around their mean of what all waves show, `light`.
+// Chi-square, around their mean, of the light of all waves, `light`.
 double spread_of(const BoxMonitor& monitor, const std::vector<BoxSample>& samples, size_t c,
                  Samples3 BoxSample::*light) {
   double sum = 0.0, squares = 0.0, information = 0.0;
@@ -75,7 +75,7 @@ double spread_of(const BoxMonitor& monitor, const std::vector<BoxSample>& sample
   return information > 0.0 ? squares - sum * sum / information : 0.0;
 }
 
-// The brightest less the darkest wave.
+// The brightest minus the darkest wave.
 double range_of(const BoxMonitor& monitor, const std::vector<BoxSample>& samples, size_t c) {
   double least = INFINITY, most = -INFINITY;
   for (size_t p = 0; p < samples.size(); ++p) {
@@ -295,7 +295,7 @@ void solve_amounts(const std::array<Amounts, kMaxParts>& normal, const Amounts& 
   }
   for (size_t solves = 0; solves < kMaxSolves; ++solves) {
     const Amounts next = solve_free(normal, right, parts, free);
-    // As far towards the solution as no amount is negative.
+    // As far towards the solution as all amounts stay non-negative.
     double reach = 1.0;
     size_t first = parts;
     for (size_t i = 0; i < parts; ++i) {
@@ -348,7 +348,7 @@ void BoxFitter::spread(size_t m, PixelBox& box) {
   solve_amounts(normal, right, parts, amount);
   double sum = 0.0;
   for (size_t i = 0; i < parts; ++i) sum += amount[i];
-  // Without light of its own a box has no place.
+  // A box without light has no position.
   if (!(amount[0] > kMinCore * sum)) return;
   for (size_t j = 1; j < parts; ++j) box.halo[j - 1] = amount[j] / sum;
   for (size_t a = 0; a < 2; ++a) {
@@ -410,7 +410,7 @@ double BoxFitter::misfit_of(const BoxPixel& pixel, const BoxFit& fit) const {
 }
 
 // The same for standard errors: of a wave and its complement only the difference shows the footprint's shape,
-// and fitted parameters take residuals away.
+// and fitted parameters reduce the residuals.
 double BoxFitter::shape_error_of(const BoxPixel& pixel, const BoxFit& fit) const {
   double squares = 0.0, noise = 0.0, count = 0.0, parameters = halo_count(fit);
   for (size_t m = 0; m < monitors_.size(); ++m) {
@@ -472,7 +472,7 @@ void BoxFitter::settle(bool anew, bool straight_is_free, BoxFit& fit) {
     place(anew, next);
     see(next);
     sums_.fit_light(v_, straight_is_free, next);
-    // The first guess of the light may be far off without solids, or where 1 - alpha changes.
+    // The first guess of the light may be very wrong without solids, or where 1 - alpha changes.
     anew = anew && round == 0 && changed(before, next.boxes);
     if (!(next.chi_square < fit.chi_square)) break;
     const bool enough = next.chi_square > (1.0 - kMinGain) * fit.chi_square;
@@ -573,7 +573,7 @@ void BoxFitter::read_again(const BoxPixel& pixel, BoxFit& fit) {
   for (size_t m = 0; m < monitors_.size(); ++m) {
     PixelBox& box = fit.boxes[m];
     if (!box.seen) continue;
-    // At a wrong place nothing is left.
+    // At a wrong place no light remains.
     box.misread = *std::ranges::max_element(box.weight) <= 0.0 || lit_range(pixel, m) < kSeparable ||
                   reads_otherwise(fit, m);
   }
@@ -606,17 +606,18 @@ void BoxFitter::start_from(const BoxFit& other, BoxFit& fit) const {
 BoxFit BoxFitter::fit_whole(const BoxFit& start) {
   const std::optional<BoxFit> soft = decoded(start);
   BoxFit box = start;
-  // Of a wide footprint, a box in the matte shows more than the box that is nearest to a Gaussian.
+  // For a wide footprint, a box in the matte shows more than the box that is closest to a Gaussian.
   const bool wide = soft && !narrower(*soft, kMaxSoft);
-  // The decoded position is right unless noise decides it, the footprint is wide, or there are several.
+  // The decoded position is right unless it is dominated by noise, the footprint is wide, or there are
+  // several.
   const bool certain = soft && !wide && is_certain(*soft), enough = certain && explains(*soft);
   const bool explained = enough && narrower(*soft, kNarrow);
   if (soft) start_from(*soft, box);
   settle(!explained, false, box);
   if (!soft || wide) return box;
-  // The matte shows a Gaussian as a box, so that it and its halos have to explain more than one at the same
-  // place. A box that was looked for everywhere has to explain more than one at a certain position, unless
-  // neither explains the pixel.
+  // The matte shows a Gaussian as a box, so it and its halos must explain more than one at the same place. A
+  // box that was searched for everywhere must explain more than one at a known position, unless neither
+  // explains the pixel.
   const bool same_place = near(box, *soft), refuted = !explains(*soft) && explains(box);
   const double count = box.sample_count;
   const double gain = count * std::log(box.chi_square) - count * std::log(soft->chi_square);
@@ -737,7 +738,7 @@ std::optional<double> BoxFitter::leftover(const BoxPixel& pixel) {
   if (seen == 0.0) return std::nullopt;
   sums_.gather(pixel, 0.0);
   const BoxFit fit = fit_whole(start);
-  // Of a box its sides, of each channel F and R.
+  // The sides of each box, and F and R of each channel.
   const double parameters =
       4.0 * seen + (1.0 + seen) * static_cast<double>(pixel.channel_count()) + halo_count(fit);
   return fit.chi_square / std::max(fit.sample_count - parameters, 1.0);

@@ -9,7 +9,7 @@
 // F, R and alpha are linear. The box's two sides are independent, so each is searched separately, in turn
 // with the linear part until neither improves.
 //
-// Lenses, projectors and the scene itself scatter: a part of the light comes from around the box. Where that
+// Lenses, projectors and the scene itself scatter light: a part of it comes from around the box. If that
 // explains the samples better, v is
 //
 //   v_k = (1 - sum_j g_j) v_k(box) + sum_j g_j v_k(halo j),     g_j >= 0
@@ -17,7 +17,7 @@
 // with squares of fixed widths around the box's centre, halos, and a Gaussian instead of the box: lenses make
 // edges soft. Wide bars are then seen at full contrast and
 // narrow ones at less, which one box of any size contradicts. Such a fit starts at the position that a plain
-// decode of the waves' signs gives, so that it is no further off than that.
+// decode of the waves' signs gives, so it is no less accurate than that.
 #pragma once
 
 #include <array>
@@ -42,7 +42,7 @@ class BoxFitter {
   BoxFitter(std::span<const BoxMonitor> monitors, size_t halos);
 
   BoxFit fit(const BoxPixel& pixel);
-  // Chi-square of the best fit for a degree of freedom; none where no monitor is seen.
+  // Chi-square of the best fit per degree of freedom; none if no monitor is seen.
   std::optional<double> leftover(const BoxPixel& pixel);
 
   const WaveAxis& axis(size_t monitor, size_t axis) const { return axes_[monitor][axis]; }
@@ -58,39 +58,40 @@ class BoxFitter {
   void place(bool anew, BoxFit& fit);
   // Sets seen_.
   void observe(const BoxFit& fit, size_t monitor);
-  // Fits the shares of box and halos to seen_, then takes the halos out of seen_. Needs parts_.
+  // Fits the shares of box and halos to seen_, then removes the halos from seen_. Needs parts_.
   void spread(size_t monitor, PixelBox& box);
-  // v of a box with its halos; of a soft one also of its parts: itself alone, then each halo.
+  // v of a box with its halos; of a soft one also of its parts: the box alone, then each halo.
   using Parts = std::array<std::array<double, WaveAxis::kMaxWaves>, kMaxParts>;
   void means(size_t monitor, size_t axis, const PixelBox& box, Parts& parts, std::span<double> v) const;
-  // Whether no side is longer than so many finest bars.
+  // Whether no side is longer than this many finest bars.
   bool narrower(const BoxFit& fit, double bars) const;
   // Whether all boxes are within a finest bar of the decoded positions.
   bool near(const BoxFit& fit, const BoxFit& soft) const;
-  // The best soft fit with halos, from the decoded position; none if that cannot be told.
+  // The best soft fit with halos, from the decoded position; none if that cannot be determined.
   std::optional<BoxFit> decoded(const BoxFit& start);
   // By how much the lit shares h of a box differ between the patterns, black included.
   double lit_range(const BoxPixel& pixel, size_t monitor) const;
-  // Takes back boxes that every pattern lit alike, as a static surround does: the light is F.
+  // Removes boxes that every pattern lit equally, as with a static surround: their light is F.
   void drop_unlit(const BoxPixel& pixel, BoxFit& fit) const;
-  // Sets the sides of boxes to those that look most like another fit's, soft ones and halos included.
+  // Sets the sides of boxes to those most similar to another fit's, soft ones and halos included.
   void start_from(const BoxFit& other, BoxFit& fit) const;
   // The better of a box and a soft one, without partial cover.
   BoxFit fit_whole(const BoxFit& start);
-  // From boxes like another fit's, with this part of the background beside them.
+  // From boxes like another fit's, together with this part of the background.
   BoxFit partly_covered(const BoxPixel& pixel, const BoxFit& start, const BoxFit& like, double straight);
-  // Whether a fit without partial cover leaves so much that the background may be behind it.
+  // Whether a fit without partial cover leaves a residual so large that the background may explain it.
   bool may_be_covered(const BoxPixel& pixel, const BoxFit& fit) const;
-  // Replaces `best` by a fit with alpha below 1 where that explains enough more.
+  // Replaces `best` by a fit with alpha below 1 if that explains enough more.
   void try_partial_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best);
-  // Replaces a fit with alpha below 1 by one nearby that leaves only noise, if there is one: weighed by their
-  // noise alone, samples show a box only with nearly the right alpha beside it.
+  // Replaces a fit with alpha below 1 by one nearby that leaves only noise, if there is one: weighted by
+  // their noise alone, samples show a box only together with nearly the right alpha.
   bool find_exact_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best);
-  // Takes the shortest boxes of those that the samples hardly tell apart: bars that share edges leave some.
+  // Takes the shortest boxes among those that the samples hardly distinguish: bars that share edges leave
+  // some.
   void shorten(const BoxPixel& pixel, BoxFit& best);
   // Derivatives of v of each wave by the ends of the box's side across its bars.
   void slopes(size_t monitor, const PixelBox& box, WaveSums::Slopes& slopes) const;
-  // Whether the waves of a monitor may be read at another place at hardly less likelihood.
+  // Whether the waves of a monitor can be read at another place with hardly less likelihood.
   bool reads_otherwise(const BoxFit& fit, size_t monitor);
   bool is_certain(const BoxFit& fit);
   // Sets PixelBox::misread.

@@ -17,7 +17,7 @@ namespace {
 constexpr size_t kMinWaves = 4;
 
 using Light = std::array<double, 3>;
-using Key = std::tuple<double, double, Light>;  // minus the width of bars; offset; light
+using Key = std::tuple<double, double, Light>;  // minus the width of the bars; offset; light
 
 struct Wave {
   Shot lit, complement;
@@ -45,13 +45,14 @@ absl::Status add_wave(const v1::Frame& frame, const ExposedFrame& exposed, Shown
   const bool vertical = stimulus.orient() == "vertical_bars";
   if (!vertical && stimulus.orient() != "horizontal_bars") {
     return absl::FailedPreconditionError(
-        fmt::format("{} shows bars of orient \"{}\"; there is: vertical_bars, horizontal_bars", frame.file(),
+        fmt::format("{} shows bars of orient \"{}\"; available: vertical_bars, horizontal_bars", frame.file(),
                     stimulus.orient()));
   }
   const double bar_px = stimulus.bar_width_px();
   if (!(bar_px >= 1.0 && bar_px <= 1e5) || !std::isfinite(stimulus.offset_px())) {
     return absl::FailedPreconditionError(
-        fmt::format("{} shows bars of {} px from {} px on; accepted are 1 to 100000 px wide, and a number",
+        fmt::format("{} shows bars of {} px from {} px on; accepted are 1 to 100000 px wide, at a finite "
+                    "position",
                     frame.file(), bar_px, stimulus.offset_px()));
   }
   const double offset_px =
@@ -91,7 +92,7 @@ absl::StatusOr<BoxMonitor> monitor_of(const Shown& shown, const v1::Monitor& mon
       }
     }
   }
-  // Several waves are their own black and white, where a pixel sees lit and dark bars.
+  // Several waves are their own black and white, if a pixel sees lit and dark bars.
   const size_t fewest = std::min(result.waves[0].size(), result.waves[1].size());
   if (!complements && fewest < kMinWaves && (!has_black || shown.solids.empty())) {
     return absl::FailedPreconditionError(fmt::format(

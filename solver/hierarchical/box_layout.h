@@ -35,12 +35,12 @@ struct BoxLayout {
   std::vector<std::string> warnings;  // for users: positions that the waves cannot distinguish
 };
 
-// An archive of the empty stage alone has its matte too: where each pixel looks (docs/rays.md).
+// An archive of only the empty stage also has a matte: where each pixel looks (docs/rays.md).
 // FAILED_PRECONDITION says what is missing or invalid: waves along one axis only, F and R not separable
 // (no complements, neither black and a solid nor four waves along either axis), invalid numbers.
 absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest);
 
-// Every frame that the layout names.
+// Every frame listed in the layout.
 std::vector<int> frames_of(const BoxLayout& layout);
 
 }  // namespace glasswing

@@ -19,7 +19,7 @@ struct BoxPixel {
   BoxSample black;
   std::vector<std::vector<BoxSample>> samples;  // [monitor][pattern] of the layout
   bool has_straight = false;                    // otherwise alpha is 1
-  // All channels are alike, as in a picture without colour, with the same noise: the first stands for all.
+  // All channels are equal, as in a picture without colour, with the same noise: the first stands for all.
   bool gray = false;
   size_t channel_count() const { return gray ? 1 : kChannels; }
 };

@@ -12,11 +12,11 @@ namespace {
 // In units of the noise and of the strongest weight: a residual above both is a poor fit.
 constexpr double kPoorNoise = 4.0, kPoorShare = 0.05;
 constexpr size_t kMinSums = 4;
-// Pixels of a row whose fits tell its noise.
+// Pixels of a row whose fits measure its noise.
 constexpr size_t kFewestFits = 8, kMostFits = 64;
 constexpr float kCorrection = 0.25f;  // of a change of brightness that is not corrected
 
-// How many halos of each monitor a matte's modes leave room for.
+// The number of halos per monitor that fit into a matte's modes.
 size_t halo_count(size_t monitors, bool partial_cover) {
   const size_t others = partial_cover ? 2 * monitors : monitors;
   return others < kMaxModes ? std::min((kMaxModes - others) / monitors, kMaxHalos) : 0;
@@ -65,7 +65,7 @@ void BoxSolver::load(int y, const Shot& shot, std::vector<Sample>& row) const {
                  .variance = static_cast<float>(merged.variance),
                  .saturated = merged.saturated};
     if (!stack_.brightness.empty()) {
-      // What was corrected is not exact.
+      // Corrections are not exact.
       const float change = 1.0f - stack_.brightness[shot.front().frame][lane % kChannels];
       row[lane].variance += std::pow(kCorrection * change * row[lane].radiance, 2.0f);
     }
@@ -121,7 +121,7 @@ double BoxSolver::estimate_noise_by_fits(const std::vector<bool>& object) {
   }
   const double usual = std::sqrt(surroundings_.noise().variance(0.0));
   if (leftovers.size() < kFewestFits) return usual;
-  // Not the median: most of a row may look at several places, which noise does not explain.
+  // Not the median: most of a row may look at several places, which is not explained by noise.
   const auto quarter = leftovers.begin() + leftovers.size() / 4;
   std::ranges::nth_element(leftovers, quarter);
   return std::max(usual * std::sqrt(*quarter), sample_noise(layout_.stage.camera, 0.0).read_sd);

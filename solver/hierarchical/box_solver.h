@@ -11,7 +11,7 @@
 
 namespace glasswing {
 
-// The modes of a channel: a box for each monitor, its halos, and what lies straight behind.
+// The modes of a channel: a box for each monitor, its halos, and the background straight behind.
 int modes_needed(int monitors, bool partial_cover);
 
 class BoxSolver {
@@ -35,14 +35,14 @@ class BoxSolver {
   // Standard deviation of a sample, by pixel, from the sums of waves and their complements, which all equal 2
   // F + R.
   std::vector<double> estimate_noise() const;
-  // The same of a whole row without complements, from what the better fits leave.
+  // The same of a whole row without complements, from the residuals of the better fits.
   double estimate_noise_by_fits(const std::vector<bool>& object);
   // Loads pixel x of the row with its variance scaled by `noise_factor`; returns whether a sample was
   // saturated.
   bool gather(int x, double noise_factor);
   void add_straight(std::span<const BackgroundPoint> background);
-  // Of places that all waves show alike, takes the one next to what lies straight behind the pixel, if that
-  // is known. It stays a guess: `misread`.
+  // Among places that all waves show equally, takes the one nearest to the background straight behind the
+  // pixel, if that is known. It stays a guess: `misread`.
   void choose_places(std::span<const BackgroundPoint> background, BoxFit& fit) const;
   void write(int x, int y, std::span<const BackgroundPoint> background, const BoxFit& fit, double noise_sd,
              Matte& matte) const;

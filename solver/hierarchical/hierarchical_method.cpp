@@ -40,7 +40,7 @@ class PreparedBoxes final : public PreparedMethod {
 
   const v1::MatteMetadata metadata_;
   const BoxLayout layout_;
-  // A pixel may also show what lies straight behind; needs frames of the empty stage.
+  // A pixel may also show the background straight behind; needs frames of the empty stage.
   const bool straight_;
   const double silhouette_tolerance_;
   const std::vector<int> needed_;

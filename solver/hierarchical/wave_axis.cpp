@@ -88,7 +88,7 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
     readings_.resize(size_t{1} << wave_count_);
     for (int pixel = 0; pixel < extent_px; ++pixel) {
       Reading& reading = readings_[signs_at(pixel + 0.5)];
-      // Positions that all waves show alike: the first is as good as any.
+      // Positions that all waves show equally: the first is as good as any.
       if (reading.to_px >= 0.0f && reading.to_px != static_cast<float>(pixel)) continue;
       if (reading.to_px < 0.0f) reading.from_px = static_cast<float>(pixel);
       reading.to_px = static_cast<float>(pixel + 1);
@@ -240,7 +240,7 @@ WaveAxis::SoftSide WaveAxis::refine_soft(std::span<const Seen> seen, const SoftS
     const double reach_px = 0.5 * finest_bar_px_;
     const double dt = std::clamp((ss * at.t - at.ts * at.s) / rest, -reach_px, reach_px);
     const double ds = std::clamp((tt * at.s - at.ts * at.t) / rest, -0.5 * best.sigma_px, reach_px);
-    // What the step would gain, were the means linear; a long one may leave a plateau.
+    // What the step would gain, if the means were linear; a long one may leave a plateau.
     const double step = std::max(std::abs(dt), std::abs(ds)), gain = dt * at.t + ds * at.s;
     if (step < kShort * best.sigma_px && gain < kEnough * at.cost) break;
     const SoftSide next{.t_px = std::clamp(best.t_px + dt, 0.0, extent_px_),

@@ -50,10 +50,10 @@ class WaveAxis {
   // one pixel.
   double grid_px() const { return 1.0 / per_px_; }
 
-  // Two positions further apart than the finest bar that all waves show alike, for example because one wave
+  // Two positions further apart than the finest bar that all waves show equally, for example because one wave
   // was left out; none if all can be distinguished.
   std::optional<std::array<double, 2>> alike_px() const;
-  // After so many pixels all waves begin anew; none if that is not on the monitor.
+  // After this many pixels all waves repeat; none if that is not on the monitor.
   std::optional<double> period_px() const { return period_px_; }
 
   struct Seen {
@@ -63,7 +63,7 @@ class WaveAxis {
 
   // Where the waves are read as u. As a rule the middle of the positions at which each has the sign of its u:
   // the plain decode of a Gray or binary code. Where the edges of several waves coincide, as in a binary
-  // code, signs near such an edge are of no use: there it is the position of the highest correlation of u and
+  // code, signs near such an edge are useless: there it is the position of the highest correlation of u and
   // v_k of a finest bar. None if no position has these signs; for more than kMaxDecoded waves.
   static constexpr size_t kMaxDecoded = 12;
   std::optional<double> decode(std::span<const Seen> seen) const;
@@ -78,7 +78,7 @@ class WaveAxis {
   struct SoftSide {
     double t_px = 0.0, sigma_px = 0.0;
   };
-  // A Gaussian's means of waves that go on beyond the monitor, and their derivatives:
+  // A Gaussian's means of waves that continue beyond the monitor, and their derivatives:
   //
   //   v = erf(d / (sqrt2 sigma)) + erf((b - d) / (sqrt2 sigma)) - 1              sigma < b / 4
   //     = 4 / pi sum_{n = 1, 3} exp(-(n pi sigma / b)^2 / 2) sin(n pi d / b) / n  beyond; error < 1e-4
@@ -99,7 +99,7 @@ class WaveAxis {
   //
   // Branch and bound, coarse to fine: a pair of cells for the two ends is split while the lower bound of its
   // cost, from the minimum and maximum of P_k in each cell, is below the best known cost. A hint of where the
-  // interval may lie saves most of the splits; without length it is none.
+  // interval may lie saves most of the splits; a hint without length is ignored.
   IntervalFit search(std::span<const Seen> seen, const Interval& hint = {}) const;
   // Refines a known interval: shifts its ends in ever finer steps while that helps.
   IntervalFit refine(std::span<const Seen> seen, const Interval& start) const;
@@ -122,7 +122,7 @@ class WaveAxis {
   size_t split(const Lanes& seen, const Node& node, float enough, std::array<Node, 4>& parts) const;
   // The interval on the grid with the lowest cost around another one.
   IntervalFit on_grid(const Lanes& seen, const Interval& around) const;
-  // Shifts either end or both by a step to where the cost is lowest; false if that is here.
+  // Shifts either end or both by a step to where the cost is lowest; false if that is the current position.
   bool shift(const Lanes& seen, double step_px, IntervalFit& best) const;
   // The minimum of P over a cell, by wave; the maximum follows stride_ later.
   const float* least(int level, int cell) const {

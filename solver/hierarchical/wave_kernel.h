@@ -43,13 +43,13 @@ struct PlaceGrid {
 // The costs of the nine intervals, [low][high].
 std::array<float, 9> costs_of(const PlaceGrid& grid, const float* u, const float* weight, size_t stride);
 
-// Square waves that go on beyond the monitor, by wave.
+// Square waves that continue beyond the monitor, by wave.
 struct SoftWaves {
   const float *bar_px = nullptr, *offset_px = nullptr;
 };
 
 // A Gaussian's means of them and their derivatives (WaveAxis::soft_means). The centre's whole and fractional
-// pixels are apart so that floats are fine enough far from 0.
+// pixels are separate so that floats are precise enough far from 0.
 struct SoftPlace {
   float whole_px = 0.0f, part_px = 0.0f, sigma_px = 1.0f;
 };

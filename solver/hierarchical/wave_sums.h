@@ -5,7 +5,7 @@
 // for monitor light e; s is +1 for lit bars and -1 for their complement, v a wave's mean over the box
 // (wave_axis.h), and v = s = 1 for a solid. Chi-square is a polynomial of F, R, 1 - alpha and v, whose
 // coefficients are sums of w {1, s}, w y {1, s} and w B {1, s} over the samples of each wave, with w the
-// inverse of their variance. So a fit that tries many places touches each sample once.
+// inverse of their variance. So a fit that tries many places reads each sample once.
 #pragma once
 
 #include <array>

@@ -14,7 +14,7 @@ absl::StatusOr<RampOptions> parse(const v1::LiveStart& start) {
   GW_ASSIGN_OR_RETURN(RampOptions options,
                       parse_ramp_options(MethodOptions(start.options().begin(), start.options().end())));
   options.smoothing.causal = true;
-  // By default frames before are not used: they improve too little for their time.
+  // By default earlier frames are not used: the gain is too small for the time.
   if (!start.options().contains("smoothing_reach")) options.smoothing.reach = 0;
   return options;
 }
@@ -69,7 +69,7 @@ absl::StatusOr<LiveMatte> LiveMatte::create(const v1::LiveStart& start, const v1
   shown.set_exposure_ms(start.exposure_ms());
   GW_ASSIGN_OR_RETURN(LinearStack light, LinearStack::create(manifest));
 
-  // The manifest lists one frame, of which all frames here are repeats.
+  // The manifest lists one frame, and all frames here are repeats of it.
   VideoLayout layout;
   std::vector<FrameStack> stacks;
   std::vector<FrameView> views;

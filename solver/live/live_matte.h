@@ -26,7 +26,7 @@ class LiveMatte {
 
   // The matte of the empty stage.
   const Matte& empty_stage() const { return empty_stage_; }
-  // Extracts a frame, smooths it with the frames before and finishes it. Errors: those of
+  // Extracts a frame, smooths it with earlier frames and finishes it. Errors: those of
   // RampExtractor::extract.
   absl::StatusOr<RampFrame> next(const StreamedFrame& frame);
 

@@ -24,7 +24,7 @@ constexpr size_t kMaxPictureBytes = size_t{64} << 20;
 constexpr milliseconds kPoll(50);  // how soon a departed caller is noticed
 // How long to wait for a call that was just cancelled to release the solver.
 constexpr std::chrono::seconds kGrace(1);
-// How long frames may be refused, for example while a hand is in the picture.
+// How long frames may be rejected, for example while a hand is in the picture.
 constexpr std::chrono::seconds kPatience(5);
 
 double ms_since(nanoseconds then) {
@@ -43,7 +43,7 @@ void count_pixels(const RampFrame& matte, v1::LiveFrame& live) {
 
 }  // namespace
 
-// Reads on gRPC's threads and works on a thread of its own, which ends with Finish(); the call then deletes
+// Reads on gRPC's threads and works on its own thread, which ends with Finish(); the call then deletes
 // itself.
 class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRequest, v1::RunLiveResponse> {
  public:

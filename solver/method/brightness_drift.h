@@ -23,12 +23,12 @@ namespace glasswing {
 using RowReader =
     std::function<absl::StatusOr<std::vector<std::uint16_t>>(int row, const std::vector<int>& frames)>;
 
-// Measures FrameStack::brightness. Every tile uses the same sixteen rows, so that
-// tiles join; the median of their ratios keeps a row that sees an id patch harmless. Whites with and without
-// the object differ: each is relative to the first of its kind. Empty if no white was repeated or times are
-// unknown. Whites too dark or too bright for half a percent of accuracy are skipped. Without repeated whites,
-// changes of the camera's exposure, by channel (exposure_changes.h). FAILED_PRECONDITION: a white changed by
-// more than a fifth, or a frame's exposure by more than 30 %.
+// Measures FrameStack::brightness. Every tile uses the same sixteen rows, so that tiles join; the median of
+// their ratios makes a row that sees an id patch harmless. Whites with and without the object differ: each is
+// relative to the first of its kind. Empty if no white was repeated or times are unknown. Whites too dark or
+// too bright for half a percent of accuracy are skipped. Without repeated whites, changes of the camera's
+// exposure, by channel (exposure_changes.h). FAILED_PRECONDITION: a white changed by more than a fifth, or a
+// frame's exposure by more than 30 %.
 absl::StatusOr<std::vector<std::array<float, 3>>> measure_brightness_drift(
     const v1::CaptureManifest& manifest, const RowReader& read);
 

@@ -3,19 +3,19 @@
 //
 //   g(t) = t Phi(t) + phi(t)
 //
-// and a sample that came out as 0 was in the mean t - lambda(t),  lambda(t) = phi(t) / Phi(-t).
+// and a sample that came out as 0 was on average t - lambda(t), lambda(t) = phi(t) / Phi(-t).
 #pragma once
 
 namespace glasswing {
 
-// lambda(t) - t: how far below 0, in standard deviations, a sample was in the mean whose neighbours' recorded
-// mean is g. From 0.80 where there is no light (g <= 0.40) down to 0.
+// lambda(t) - t: how far below 0, in standard deviations, a sample was on average, if the recorded mean of
+// its neighbours is g. From 0.80 where there is no light (g <= 0.40) down to 0.
 float expected_below_zero(float g);
 
 // E(n | t + n < 0) = -lambda(t).
 double mean_noise_below(double t);
 
-// The noise's sd over that of what is left of it where a share of samples is 0, for light 0 to 3.
+// The noise's sd over the sd of the remaining noise if a share of samples is 0, for light 0 to 3.
 float sd_before_clipping(float zeros);
 
 }  // namespace glasswing

@@ -16,8 +16,8 @@ namespace {
 
 constexpr int kStillRows = 32;
 constexpr size_t kMinStill = 200;  // samples of a channel
-constexpr float kStill = 0.015f;   // what a still sample's frames differ by, but for a few frames
-constexpr size_t kOdd = 4;         // one frame in so many may differ
+constexpr float kStill = 0.015f;   // differences between a still sample's frames, except for a few frames
+constexpr size_t kOdd = 4;         // one frame in this many may differ
 constexpr float kDark = 0.05f;     // samples below are mostly noise
 constexpr float kSame = 0.005f, kMaxChange = 0.3f;
 
@@ -48,7 +48,7 @@ absl::StatusOr<std::vector<std::array<float, 3>>> measure_exposure_changes(
   std::vector<float> values(count), sorted;
   for (int k = 0; k < rows; ++k) {
     const int middle = (2 * k + 1) * height / (2 * rows);
-    // Rows of both kinds that a mosaic has.
+    // Rows of both kinds of a mosaic.
     const int y = mosaic ? std::min(middle / 2 * 2 + k % 2, height - 1) : middle;
     GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples, read(y, frames));
     const size_t row = samples.size() / count;
@@ -78,10 +78,11 @@ absl::StatusOr<std::vector<std::array<float, 3>>> measure_exposure_changes(
     for (size_t c = 0; c < 3; ++c) {
       const float gain = median(ratios[f][c]);
       if (std::abs(gain - 1.0f) > kMaxChange) {
-        return absl::FailedPreconditionError(fmt::format(
-            "{} is {:.2f} times as bright as the other photographs, where no pattern changes them; "
-            "0.7 to 1.3 can be corrected: leave it out, or lock the camera's exposure",
-            manifest.frames(static_cast<int>(f)).file(), gain));
+        return absl::FailedPreconditionError(
+            fmt::format("{} is {:.2f} times as bright as the other photographs, where no pattern changes "
+                        "them; 0.7 to 1.3 "
+                        "can be corrected: omit it, or lock the camera's exposure",
+                        manifest.frames(static_cast<int>(f)).file(), gain));
       }
       gains[f][c] = std::abs(gain - 1.0f) > kSame ? gain : 1.0f;
       changed = changed || gains[f][c] != 1.0f;

@@ -13,7 +13,7 @@
 
 namespace glasswing {
 
-// By index in manifest.frames and channel, 1 where the exposure is the usual one, from 32 rows; empty if all
+// By index in manifest.frames and channel, 1 if the exposure is the typical one, from 32 rows; empty if all
 // are, if the manifest has times of exposure or black frames, or too few samples are still.
 // FAILED_PRECONDITION: a frame differs by more than 30 %.
 absl::StatusOr<std::vector<std::array<float, 3>>> measure_exposure_changes(

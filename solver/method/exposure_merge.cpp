@@ -30,15 +30,15 @@ absl::StatusOr<Exposures> Exposures::of(const v1::CaptureManifest& manifest) {
     const double time_ms = frame.exposure_ms();
     if (!(time_ms >= 0.0) || !std::isfinite(time_ms)) {
       return absl::FailedPreconditionError(
-          fmt::format("{} has an exposure of {} ms; it must be a number from 0", frame.file(), time_ms));
+          fmt::format("{} has an exposure of {} ms; it must be 0 or more", frame.file(), time_ms));
     }
     if (std::ranges::find(exposures.times_ms_, time_ms) == exposures.times_ms_.end())
       exposures.times_ms_.push_back(time_ms);
     const double reference_ms = exposures.times_ms_.front();
     if (time_ms != reference_ms && !(time_ms > 0.0 && reference_ms > 0.0)) {
-      return absl::FailedPreconditionError(fmt::format(
-          "{} has an exposure of {} ms and others {} ms; where they differ every one must be known",
-          frame.file(), time_ms, reference_ms));
+      return absl::FailedPreconditionError(
+          fmt::format("{} has an exposure of {} ms and others {} ms; if they differ, each must be known",
+                      frame.file(), time_ms, reference_ms));
     }
   }
   return exposures;

@@ -19,7 +19,7 @@ namespace glasswing {
 // Whether all monitors were black.
 bool is_black(const v1::Frame& frame);
 
-// Whether methods solve from this frame: a pattern on one monitor that is no reference.
+// Whether methods solve from this frame: a pattern on one monitor, not a reference.
 bool is_pattern(const v1::Frame& frame);
 
 // A frame and the factor from its values to radiance at the reference exposure.

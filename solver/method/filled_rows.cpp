@@ -8,9 +8,9 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRounds = 3;  // of pixels that have bad ones all around: those filled before count as good
+constexpr int kRounds = 3;  // of pixels surrounded by bad ones: those already filled count as good
 
-// What a pixel is made of: pixels of the stack.
+// The pixels of the stack that a pixel is computed from.
 struct Recipe {
   size_t pixel = 0;
   std::vector<std::pair<size_t, float>> parts;
@@ -51,7 +51,7 @@ class Neighbours {
  private:
   size_t index(int x, int y) const { return static_cast<size_t>(y) * width_ + x; }
 
-  // The good pixel so many steps away.
+  // The good pixel this many steps away.
   std::optional<size_t> good_at(size_t pixel, int dx, int dy) const {
     const int x = static_cast<int>(pixel) % width_ + step_ * dx,
               y = static_cast<int>(pixel) / width_ + step_ * dy;
@@ -105,7 +105,7 @@ class Neighbours {
   std::vector<size_t> left_;  // to be filled
 };
 
-// What is saturated on average stays so.
+// Samples that are saturated on average stay saturated.
 std::uint16_t mix_of(const std::vector<std::uint16_t>& samples, const Recipe& recipe, size_t lanes,
                      size_t lane) {
   float sum = 0.5f, saturated = 0.0f;

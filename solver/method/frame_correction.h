@@ -1,9 +1,9 @@
-// What is taken off the frames of a session before they are solved:
+// What is removed from the frames of a session before they are solved:
 //
 //   light'_f = (light_f - sum over k of ghost_k light_(f-k) - offset_f) / gain_f
 //
-// where f - k is the k-th frame before f in time. What is saturated in a picture of white is as light as a
-// gray picture of the same says: black' + (gray' - black') / level. Then frames are moved back
+// where f - k is the k-th frame before f in time. The light of samples saturated in a picture of white is
+// taken from a gray picture of the same: black' + (gray' - black') / level. Then frames are moved back
 // (frame_registration.h).
 #pragma once
 
@@ -22,7 +22,7 @@ struct FrameCorrection {
   std::array<float, 3> gain{1.0f, 1.0f, 1.0f}, offset{};  // by channel
   std::array<int, 3> before{-1, -1, -1};                  // frames whose ghosts it has, the latest first
   GrayFrames grays;                                       // tell what is saturated; none: it stays so
-  // What other frames have at (x, y) lies at (x + dx - turn y, y + dy + turn x), px from the top left one.
+  // What other frames have at (x, y) is at (x + dx - turn y, y + dy + turn x), px from the top left one.
   float dx_px = 0.0f, dy_px = 0.0f, turn_rad = 0.0f;
   bool is_moved() const { return dx_px != 0.0f || dy_px != 0.0f || turn_rad != 0.0f; }
 };

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kLobes = 5;
 constexpr size_t kTaps = 2 * kLobes;
-constexpr float kOwn = 0.5f;                  // weight of a sample that the moved one is, for the most part
+constexpr float kOwn = 0.5f;                  // weight at which a sample makes up most of the moved one
 constexpr std::uint16_t kBrightCode = 63500;  // light that noise may lift to full scale
 
 // Samples at `first`, first + 1, ... from a pixel's own.
@@ -35,8 +35,8 @@ Kernel kernel_of(double shift_px) {
   return kernel;
 }
 
-// Whether light beyond full scale is no more than noise there: a sample beside it has nearly as much, and is
-// not saturated. What counts as full scale then does no harm to the pixels around.
+// Whether light above full scale is only noise: a neighbouring sample has nearly as much, and is not
+// saturated. Treating it as full scale then does not affect the pixels around.
 bool is_barely_saturated(const FrameStack& stack, std::span<const std::uint16_t> samples, int row,
                          size_t at) {
   const size_t row_samples = static_cast<size_t>(stack.width_px) * kChannels,

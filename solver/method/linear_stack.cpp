@@ -19,12 +19,12 @@ namespace {
 // Removing the drift raises light above 1 by at most this much, and noise around black below 0 by that much.
 constexpr float kDriftAbove = 0.25f, kDriftBelow = 0.05f;
 
-constexpr float kGraysAbove = 1.5f;  // of white that grays tell of
+constexpr float kGraysAbove = 1.5f;  // of white, above which grays are used
 
 constexpr float kMaxPedestal = 0.25f;
 constexpr double kSameCrosstalk = 0.02;
 
-// The light of the lowest unsaturated sample, but no lower than noise reaches: a curve's end may run far
+// The light of the lowest unsaturated sample, but not below the reach of noise: a curve's end may run far
 // below that.
 float lowest(const FrameLight& light) {
   float darkest = 0.0f;
@@ -45,14 +45,14 @@ std::vector<std::string> warnings_of(const v1::CaptureManifest& manifest, const 
   if (mix.spread() > kSameCrosstalk) {
     warnings.push_back(
         fmt::format("the monitors' primaries differ by up to {:.1f} % of white as the camera sees them; "
-                    "composites are in their mean",
+                    "composites use their mean",
                     100.0 * mix.spread()));
   }
   if (!manifest.has_camera_calibration()) {
     if (manifest.camera().response() == "unknown") {
       warnings.push_back(
-          fmt::format("camera \"{}\" was not calibrated: its samples were taken for linear light, which "
-                      "they may not be; `glasswing calibrate camera` measures it",
+          fmt::format("camera \"{}\" was not calibrated: its samples were treated as linear light, which may "
+                      "be wrong; `glasswing calibrate camera` measures it",
                       manifest.camera().name()));
     }
     return warnings;
@@ -144,7 +144,7 @@ std::vector<float> LinearStack::corrected(const FrameStack& stack, size_t frame)
 FrameStack LinearStack::of(FrameStack stack) const {
   const bool drifts = !stack.brightness.empty() || stack.corrections != nullptr;
   if (light_.is_identity() && !drifts) return stack;
-  // What is saturated keeps the light of full scale: monitors' white often is just that.
+  // Saturated samples keep the light of full scale: a monitor's white is often exactly that.
   const float low = lowest(light_) - (drifts ? kDriftBelow : 0.0f),
               high = has_grays(stack.corrections.get()) ? kGraysAbove
                      : stack.brightness.empty()         ? 1.0f

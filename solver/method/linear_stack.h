@@ -4,8 +4,8 @@
 //   light = black + (seen - black) / brightness
 //         = seen / brightness                      in archives without black frames (exposure_changes.h)
 //
-// where black is the same pixel before black monitors, with the same object and exposure. What the rig did to
-// the frames is taken off first (frame_correction.h).
+// where black is the same pixel in front of black monitors, with the same object and exposure. Effects of the
+// rig on the frames are removed first (frame_correction.h).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -26,13 +26,13 @@ class LinearStack {
   // Converts every stack of this session. INVALID_ARGUMENT: an invalid calibration.
   static absl::StatusOr<LinearStack> create(const v1::CaptureManifest& manifest);
 
-  // Takes samples for codes of this response (core/import/photograph_response.h) from now on, whatever the
+  // Treats samples as codes of this response (core/import/photograph_response.h) from now on, whatever the
   // manifest says. INVALID_ARGUMENT: no such response.
   absl::Status decode(const std::string& response);
 
-  // The same rows as light on 16 bits, above a pedestal that keeps what noise brings below 0: without it
-  // means around black would be too bright. A stack whose samples are already light and that has no drift is
-  // returned as it is, without a copy.
+  // The same rows as light as 16-bit samples, above a pedestal that preserves noise below 0: without it means
+  // near black would be too bright. A stack whose samples are already light and that has no drift is returned
+  // as it is, without a copy.
   FrameStack of(FrameStack stack) const;
 
   // The manifest with its camera's noise on the scale of light instead of codes.

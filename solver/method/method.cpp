@@ -13,7 +13,7 @@ absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& mani
     const size_t found = at < stack.rows.size() ? stack.rows[at].size() : 0;
     if (found != samples) {
       return absl::InvalidArgumentError(
-          fmt::format("{} has {} samples in {} rows; the manifest's width of {} px makes that {}",
+          fmt::format("{} has {} samples in {} rows; the manifest's width of {} px requires {}",
                       manifest.frames(frame).file(), found, stack.row_count, stack.width_px, samples));
     }
   }

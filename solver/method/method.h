@@ -1,4 +1,4 @@
-// The seam between reading frames and turning them into a matte.
+// The interface between reading frames and turning them into a matte.
 #pragma once
 
 #include <absl/status/status.h>
@@ -56,12 +56,12 @@ struct FrameStack {
   // Radiance = (sample - zero) * unit.
   float zero = 0.0f, unit = 1.0f / 65535.0f;
   float full = INFINITY;  // the light of what is saturated, where codes reach beyond
-  // The camera cuts off noise below this light: samples down here are at most that.
+  // The camera clips noise below this light, so samples at this value are upper bounds.
   float cut_off = 0.0f;
   // By index in manifest.frames and channel: the brightness of its monitor relative to the session's first
   // white (brightness_drift.h). Empty: constant.
   std::vector<std::array<float, 3>> brightness = {};
-  // Of the whole session; the frames before those of `rows` that ghosts come from are in `rows`, too. Null:
+  // Of the whole session; the frames before those of `rows` from which ghosts come are also in `rows`. Null:
   // nothing is corrected.
   std::shared_ptr<const FrameCorrections> corrections = nullptr;
   // Of the whole session. Null: not measured.
@@ -70,7 +70,7 @@ struct FrameStack {
   std::optional<Mosaic> mosaic = std::nullopt;  // of the camera
 
   int samples_per_pixel() const { return mosaic ? 1 : kChannels; }
-  // What was measured of a pixel.
+  // The measurements of a pixel.
   ChannelRange channels(int x, int y) const {
     if (!mosaic) return {};
     const int own = mosaic->channel(x * column_step, first_row + y);
@@ -125,8 +125,8 @@ class PreparedMethod {
 class Method {
  public:
   virtual ~Method() = default;
-  // Whether prepared methods solve stacks of a mosaic: each photosite for its own channel. If not, they get
-  // its frames interpolated.
+  // Whether prepared methods solve stacks of a mosaic: each photosite for its own channel. If not, they
+  // receive its frames interpolated.
   virtual bool solves_mosaics() const { return false; }
   // `manifest` carries the noise of light (LinearStack::manifest_of_light); the result keeps no reference to
   // it. FAILED_PRECONDITION says what the archive lacks.

@@ -55,7 +55,7 @@ HWY_INLINE V fall(V exponent) {
   return hn::Exp(D(), hn::Max(exponent, set(-80.0)));
 }
 
-// Frequencies along x and y, of which a share of each is taken: exact far from 0.
+// Frequencies along x and y, of which a share of each is used: exact far from 0.
 struct Frequencies {
   const double *fx, *fy;
   size_t k;
@@ -231,7 +231,7 @@ class CutWaves {
                                                   : turned_to(correlation, pull, kFew));
   }
 
-  // What a correlation adds, by Plackett's identity.
+  // The contribution of a correlation, by Plackett's identity.
   template <size_t N>
   HWY_INLINE Complex turned_to(double correlation, V pull, const GaussLegendre<N>& nodes) const {
     const double most = x_.sd * y_.sd, angle = std::asin(correlation);
@@ -254,7 +254,7 @@ class CutWaves {
   const double xy_;
 };
 
-// Columns of lanes k and on: half of the level, and half of what is seen of a wave.
+// Columns of lanes k and on: half of the level, and half of the visible part of a wave.
 HWY_INLINE void put(const std::array<V, 6>& wave, double weight, const NormalShare& level, V scale,
                     size_t size, float* columns) {
   const D d;

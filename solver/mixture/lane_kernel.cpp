@@ -21,7 +21,8 @@ using V = hn::Vec<D>;
 
 constexpr float kTau = 2.0f * std::numbers::pi_v<float>;
 
-// by_x x + by_y y - from; far from 0 a float would be too coarse. Of turns, the part within half a turn of 0.
+// by_x x + by_y y - from; far from 0 a float would be too coarse. The part of a number of turns within half a
+// turn of 0.
 template <bool kTurns>
 HWY_INLINE V argument(const internal::WaveLanes& lanes, const Footprint& seen, size_t k) {
 #if HWY_TARGET == HWY_SCALAR
@@ -178,7 +179,7 @@ void Multiply(std::span<float* const> columns, size_t size, float* products) {
   }
 }
 
-// Several vectors of footprints at a time share what is broadcast.
+// Several vectors of footprints at a time share broadcast values.
 void Correlate(const float* answers, std::span<const float> wanted, size_t stride, float* by_footprint) {
   const D d;
   const size_t lanes = hn::Lanes(d);

@@ -11,7 +11,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kBoundSd = 0.02;            // by which a weight may be above 1
-constexpr double kLeastInformation = 1e-10;  // of a combination of parameters, over that of one alone
+constexpr double kLeastInformation = 1e-10;  // of a combination of parameters, relative to one alone
 constexpr double kLittle = 1e-4;             // of chi2: a fit that gains no more has converged
 constexpr double kRounding = 1e-6;           // of chi2, by lanes of float
 constexpr size_t kMaxColumns = kMaxParameters + 1;
@@ -20,7 +20,7 @@ struct Equations : FootprintEquations {
   double chi2 = 0.0, floor = 0.0;  // without what weights above 1 cost
 };
 
-// The answers of all modes, and what they leave of the samples.
+// The answers of all modes, and the residual of the samples.
 struct Columns {
   Columns(const MixtureLanes& samples, const Footprints& modes, bool through_pixels)
       : size(samples.patterns->size()),
@@ -144,8 +144,8 @@ void find_errors(const MixtureLanes& samples, MixtureFit& fit) {
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
   const Eigen::Index size = 6 * fit.modes.size();
   if (size == 0) return;
-  // As wide as the monitor's pixels make them: a point that moves within a pixel changes no sample, though
-  // its place is known. Where samples tell nothing of a parameter, a footprint lies on the monitor.
+  // Widened by the monitor's pixels: a point that moves within a pixel changes no sample, though its place is
+  // known. If samples do not depend on a parameter, a footprint stays on the monitor.
   Footprints seen = fit.modes;
   for (Footprint& mode : seen) {
     mode.xx_px2 += kFlatPixel_px2;

@@ -3,8 +3,8 @@
 //   chi2 = sum_i w_i (y_i - F - sum_m y_m(pattern i))^2 + sum_m max(R_m - 1, 0)^2 / 0.02^2
 //
 // with y_m of pattern_answer.h and w_i the inverse of a sample's variance. Black is a sample like any other.
-// The minimum over F is taken at every step. No object sends more light than it gets, so weights above 1
-// cost.
+// The minimum over F is taken at every step. No object emits more light than it receives, so weights above 1
+// are penalised.
 #pragma once
 
 #include <Eigen/Dense>
@@ -16,7 +16,7 @@
 
 namespace glasswing {
 
-// The samples of one channel on one monitor, by pattern; the last is black, to which no footprint answers.
+// The samples of one channel on one monitor, by pattern; the last is black, to which no footprint responds.
 struct MixtureSamples {
   const PatternLanes* patterns = nullptr;
   Eigen::VectorXd y, weight;
@@ -54,8 +54,8 @@ Residual residual_of(const MixtureLanes& samples, const Footprints& modes, bool 
 // sum_m y_m by pattern, black included.
 std::vector<double> model_of(const MixtureSamples& samples, const Footprints& modes, bool through_pixels);
 
-// Levenberg-Marquardt from `start`; Sigma stays positive semi-definite (minimise.h). Converged where a step
-// promises to lower chi2 by no more than `enough` of one sample's residual, or of its noise.
+// Levenberg-Marquardt from `start`; Sigma stays positive semi-definite (minimise.h). Converged if a step is
+// predicted to lower chi2 by no more than `enough` of one sample's residual, or of its noise.
 MixtureFit fit_mixture(const MixtureLanes& samples, const Footprints& start, bool through_pixels,
                        int max_steps, double enough = 0.01);
 

@@ -37,7 +37,7 @@ absl::Status check_numbers(const v1::Frame& frame) {
                   stimulus.peak(), stimulus.phi_deg(), stripe ? 0.01 : 2));
 }
 
-// Nothing for a pattern that is not solved from.
+// Nothing for a pattern that is not used.
 std::optional<ShownPattern> shown(const v1::Stimulus& stimulus) {
   ShownPattern pattern;
   const double phi_rad = stimulus.phi_deg() * std::numbers::pi / 180.0;
@@ -94,7 +94,7 @@ absl::StatusOr<MixtureLayout> lay_out_mixture(const v1::CaptureManifest& manifes
     std::array<double, 3> peak;
     Shot shot;
   };
-  // By texture; then by what was shown, sinusoids of one frequency side by side.
+  // By texture; then by what was shown, sinusoids of one frequency adjacent.
   using Key = std::tuple<int, double, double, double, double, double, std::array<double, 3>>;
   std::map<int, std::map<Key, Sample>> samples;
   std::map<int, std::set<double>> directions;

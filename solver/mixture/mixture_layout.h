@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-// What one monitor showed while the others were black. Samples of one sinusoid lie side by side.
+// What one monitor showed while the others were black. Samples of one sinusoid are adjacent.
 struct MixtureMonitor {
   int texture = 0;
   MonitorExtent extent;
@@ -33,7 +33,7 @@ absl::StatusOr<MixtureLayout> lay_out_mixture(const v1::CaptureManifest& manifes
 
 inline constexpr int kMinPatterns = 12;  // stripes and sinusoids on a monitor
 
-// Every frame that the layout names.
+// Every frame listed in the layout.
 std::vector<int> frames_of(const MixtureLayout& layout);
 
 }  // namespace glasswing

@@ -7,12 +7,13 @@
 namespace glasswing {
 namespace {
 
-constexpr double kPointsAPeriod = 5.0;  // of the finest sinusoid, or of as much as a stripe is wide
+constexpr double kPointsAPeriod = 5.0;  // of the finest sinusoid, or of a stripe's width
 constexpr double kMaxPoints = 64.0;     // along the longer side
 constexpr double kWide[] = {1.0 / 20.0, 1.0 / 7.0};  // sigmas of wide footprints, of the longer side
 constexpr int kFirstSteps = 2, kFurther = 3, kFurtherSteps = 6, kSteps = 60;
 constexpr int kNearSteps = 8;        // from a neighbour's footprints
-constexpr double kNearEnough = 0.5;  // whether they explain the samples is then told; MixtureSolver goes on
+constexpr double kNearEnough =
+    0.5;  // whether they explain the samples is judged then; MixtureSolver continues
 constexpr int kSplits = 2;           // of the strongest modes
 
 // The period of the finest pattern.
@@ -149,7 +150,7 @@ MixtureFit MixtureSearch::best_of(const MixtureLanes& samples, int size,
     if (start.size() == size) fits.push_back(fit_mixture(samples, start, false, kFirstSteps));
   }
   if (fits.empty()) return {};
-  // The best few get further steps, and the best of these all that it needs.
+  // The best few get more steps, and the best of these as many as it needs.
   const auto go_on = [&](std::ptrdiff_t count, int steps) {
     count = std::min(count, std::ssize(fits));
     std::ranges::partial_sort(fits, fits.begin() + count, {}, &MixtureFit::chi2);
@@ -216,7 +217,7 @@ MixtureFit MixtureSearch::search(const MixtureLanes& samples, const FootprintDic
          earns_its_place(best.chi2, 0.0, samples.count)) {
     const int size = best.modes.size() + 1;
     starts.assign(1, with_best(samples, norms, best.modes));
-    // From the dictionary alone: where two places are wanted, one mode may have settled between them.
+    // From the dictionary alone: if there are two places, one mode may have settled between them.
     if (size > 1) {
       pursued = with_best(samples, norms, pursued);
       starts.push_back(pursued);

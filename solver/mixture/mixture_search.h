@@ -1,11 +1,11 @@
-// Finds how many footprints a pixel's channel has, and where they lie, from a mixture of patterns of any
+// Finds how many footprints a pixel's channel has, and where they are, from a mixture of patterns of any
 // kind.
 //
-// What a neighbour has is tried first: most pixels look where their neighbours do. Otherwise a dictionary of
-// footprints all over the monitor, narrow and wide ones, tells by one product with the residual which one
-// more would explain most of it (matching pursuit): no peaks, phases or decodes of a kind of pattern are
-// needed. From there, from the last fit with a mode split, and from what neighbours have, the fit goes to its
-// minimum. One more mode must lower n log chi2 by 4 log n.
+// The neighbours' footprints are tried first: most pixels look where their neighbours do. Otherwise a
+// dictionary of footprints all over the monitor, narrow and wide ones, tells by one product with the residual
+// which one more would explain most of it (matching pursuit): no peaks, phases or decodes of a kind of
+// pattern are needed. From there, from the last fit with a mode split, and from what neighbours have, the fit
+// goes to its minimum. One more mode must lower n log chi2 by 4 log n.
 #pragma once
 
 #include <span>
@@ -44,12 +44,12 @@ class MixtureSearch {
   MixtureSearch(const FootprintDictionary& dictionary, int max_modes)
       : dictionary_(dictionary), max_modes_(max_modes) {}
 
-  // `neighbours`: footprints of pixels or channels nearby. Where the likeliest of them lead to a fit that
-  // leaves only noise, and no fewer would, that is it; else they are further starts. Modes in order of
+  // `neighbours`: footprints of pixels or channels nearby. If the likeliest of them lead to a fit that leaves
+  // only noise, and fewer would not, it is accepted; otherwise they are additional starts. Modes in order of
   // weight.
   MixtureFit run(const MixtureSamples& samples, std::span<const Footprints> neighbours) const;
 
-  // Whether nothing but noise is left.
+  // Whether only noise remains.
   static bool explains(const MixtureFit& fit, int samples);
 
  private:

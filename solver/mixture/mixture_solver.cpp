@@ -12,18 +12,18 @@ namespace glasswing {
 namespace {
 
 constexpr double kLeastNoise = 1e-4;  // the shape of pixels and footprints leaves as much
-constexpr int kRounds = 3;            // of weighing white and bars, and what was cut off at black, anew
+constexpr int kRounds = 3;            // of reweighting white and bars, and samples clipped at black
 constexpr int kPolish = 20;           // steps of a round
 constexpr double kQuarterOfNormal = 0.31864;  // of |x|, in standard deviations
 constexpr int kNoiseFits = 9;                 // pixels of a row, of one channel each
-constexpr double kPoorFit = 0.1;              // of the strongest weight: rms of what is left
+constexpr double kPoorFit = 0.1;              // of the strongest weight: rms of the residual
 constexpr double kLeastLight = 1e-4;          // of a mode, on the monitor
 
 bool is_finite(const Footprint& mode) {
   return std::isfinite(mode.weight + mode.x_px + mode.y_px + mode.xx_px2 + mode.xy_px2 + mode.yy_px2);
 }
 
-// By so little that white and bars would be weighed as before.
+// Changes so small that white and bars would get the same weights as before.
 bool stayed(const Footprints& before, const Footprints& after) {
   constexpr double kShare = 0.02;
   for (int m = 0; m < after.size(); ++m) {
@@ -90,7 +90,7 @@ double MixtureSolver::noise_of_pairs(int y) const {
         const size_t index = stack_.sample_index(x, y, channel);
         const double object = merge(stack_, pair.object, index, noise_).radiance,
                      empty = merge(stack_, pair.empty, index, noise_).radiance;
-        // What the camera cut off at black has less noise.
+        // Samples clipped at black have less noise.
         if (object > 0.0 && empty > 0.0) off.push_back(std::abs(object - empty));
       }
     }
@@ -130,7 +130,7 @@ void MixtureSolver::load(size_t m, int x, int y, int channel) {
     samples_.peak[i] = i < count ? monitor.peaks[at][channel] : 0.0;
     if (merged.saturated) {
       variance_[i] = INFINITY;
-      // White tells no more than that the weight is 1.
+      // White shows only that the weight is 1.
       saturated_ = saturated_ || i == count || monitor.patterns[at].kind != ShownPattern::Kind::kArea;
     }
     clipped_ = clipped_ || merged.radiance <= 0.0;
@@ -164,7 +164,7 @@ double MixtureSolver::noise_left(const MixtureFit& fit) const {
 
 MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours) {
   const MixtureSearch& search = searches_[m];
-  // Edges of bars would tell a footprint's shape too exactly.
+  // Edges of bars would constrain a footprint's shape too much.
   for (Eigen::Index i = 0; i + 1 < samples_.size(); ++i) {
     const ShownPattern& pattern = layout_.monitors[m].patterns[i];
     if (pattern.kind == ShownPattern::Kind::kArea && pattern.lit.bars) {
@@ -181,7 +181,7 @@ MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours
         stayed(fit.modes, next.modes) || (round > 0 && std::abs(next.chi2 - fit.chi2) < 0.01 * next.chi2);
     fit = next;
     if (!settled) continue;
-    // Along flat valleys, where several modes share light, steps go on that change nothing that is seen.
+    // Along flat valleys, where several modes share light, steps continue that change nothing visible.
     fit.converged = true;
     break;
   }
@@ -210,10 +210,10 @@ void MixtureSolver::solve_channel(int x, int y, int channel, Matte& matte) {
         flags |= kFlagNotConverged;
         continue;
       }
-      // A mode beyond the monitor changes no sample, so its light may be any.
+      // A mode beyond the monitor changes no sample, so its light is arbitrary.
       if (!(seen_part(fit.modes[k], layout_.monitors[m].extent).weight > kLeastLight)) continue;
       strongest = std::max(strongest, fit.modes[k].weight);
-      // What is left beyond noise makes everything less certain.
+      // Residuals beyond noise make everything less certain.
       const double excess = std::sqrt(std::max(noise_left(fit), 1.0));
       found.push_back(mode_of(fit.modes[k], excess * fit.weight_sd[i], excess * fit.centre_sd_px[i],
                               layout_.monitors[m].texture));

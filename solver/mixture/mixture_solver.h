@@ -11,7 +11,7 @@
 
 namespace glasswing {
 
-// What depends on the layout alone. Thread-safe.
+// Data that depends only on the layout. Thread-safe.
 struct MixtureTables {
   explicit MixtureTables(const MixtureLayout& layout);
 
@@ -32,16 +32,16 @@ class MixtureSolver {
 
  private:
   // Standard deviation of a row's samples, if neither the camera's noise is known nor bars have complements:
-  // what the quarter of them that differ least do between the stage with and without the object.
+  // from the quarter of them with the smallest differences between the stage with and without the object.
   double noise_of_pairs(int y) const;
-  // The same: what fits of some of the row's pixels leave. Where a row is all object, what differs from the
-  // empty stage is no noise.
+  // The same, from the residuals of fits of some of the row's pixels. Where a row is all object, differences
+  // from the empty stage are not noise.
   double noise_of_fits(int y);
   // chi2 of a degree of freedom.
   double noise_left(const MixtureFit& fit) const;
   void load(size_t monitor, int x, int y, int channel);
-  // Replaces what the camera cut off at black by what is expected there, and weighs white and bars by how
-  // much they may be off.
+  // Replaces samples that the camera clipped at black by their expected values, and weights white and bars by
+  // their possible errors.
   void reweigh(size_t monitor, const Footprints& modes, double floor);
   MixtureFit solve(size_t monitor, std::span<const Footprints> neighbours);
   void solve_channel(int x, int y, int channel, Matte& matte);

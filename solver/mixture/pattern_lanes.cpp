@@ -14,7 +14,7 @@ size_t padded(size_t count) {
   return (count + PatternLanes::kPad - 1) / PatternLanes::kPad * PatternLanes::kPad;
 }
 
-// What of a footprint of weight 1 lies on lit pixels.
+// The part of a footprint of weight 1 on lit pixels.
 NormalShare share_of(std::span<const ReachedPixel> pixels, const LitArea& lit) {
   NormalShare sum{};
   for (const ReachedPixel& pixel : pixels) {
@@ -123,7 +123,7 @@ void PatternLanes::answer_areas(const ShareOf& share_of, const Footprint& mode, 
 }
 
 bool PatternLanes::cut_in_lanes(const Footprint& mode) const {
-  // As in wave_answer.cpp: where edges of both axes cut, Plackett's identity is of no use beyond this.
+  // As in wave_answer.cpp: if edges of both axes clip it, Plackett's identity is useless beyond this.
   constexpr double kMaxTurn = 6.0, kWaveReach = 5.0;
   const auto cut_across = [](double centre_px, double variance_px2, double size_px) {
     const double reach_px = kWaveReach * std::sqrt(std::max(variance_px2, 0.01));

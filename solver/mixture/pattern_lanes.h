@@ -1,6 +1,6 @@
-// What a footprint answers to the patterns of a monitor (pattern_answer.h), in lanes of float: sinusoids and
-// stripes are computed side by side. Areas, and stripes and points that an edge of the monitor cuts, come
-// from core/footprint one by one.
+// The response of a footprint to the patterns of a monitor (pattern_answer.h), in lanes of float: sinusoids
+// and stripes are computed together. Areas, and stripes and points that are clipped by an edge of the
+// monitor, come from core/footprint one by one.
 #pragma once
 
 #include <cstddef>
@@ -31,13 +31,13 @@ class PatternLanes {
 
   const PatternAnswers& answers() const { return answers_; }
   size_t pattern_count() const { return static_cast<size_t>(answers_.size()); }
-  // Of a column, padding included; a pattern's place in it; and that of black, to which nothing answers.
+  // Of a column, padding included; a pattern's place in it; and that of black, to which nothing responds.
   size_t size() const { return size_; }
   size_t lane(size_t pattern) const { return lane_[pattern]; }
   size_t black_lane() const { return black_lane_; }
 
   // kColumns columns of size() numbers: PatternAnswers::of(), times `scale` by lane. Lanes without a pattern
-  // are to have scale 0.
+  // must have scale 0.
   void answer(const Footprint& mode, bool through_pixels, const float* scale, float* columns) const;
 
  private:
@@ -45,7 +45,7 @@ class PatternLanes {
   // `share_of(lit)`: NormalShare of the footprint.
   template <typename ShareOf>
   void answer_areas(const ShareOf& share_of, const Footprint& mode, const float* scale, float* columns) const;
-  // Of waves whose cut answers may be computed in lanes; others are few.
+  // Of waves whose clipped responses may be computed in lanes; others are few.
   bool cut_in_lanes(const Footprint& mode) const;
   void answer_cut(const Footprint& mode, bool through_pixels, const float* scale, float* columns) const;
 
@@ -54,8 +54,8 @@ class PatternLanes {
   double most_turn_ = 0.0;            // |wx wy| of a wave, at most
   size_t wave_end_ = 0, stripe_end_ = 0, size_ = 0, black_lane_ = 0;
   // By lane of waves and stripes. The argument of a wave in turns and of a stripe in px is by_x x + by_y y -
-  // from; its variance by the footprint's is xx, xy and yy, beside that of the stripe itself. `height` of a
-  // wave is half of sinc(fx) sinc(fy), of a stripe sigma_s.
+  // from; its variance by the footprint's is xx, xy and yy, in addition to that of the stripe itself.
+  // `height` of a wave is half of sinc(fx) sinc(fy), of a stripe sigma_s.
   std::vector<double> by_x_, by_y_, from_;
   std::vector<float> xx_, xy_, yy_, own_px2_, height_, fx_, fy_;
 };
@@ -74,10 +74,10 @@ void answer_waves(const WaveLanes& lanes, const Footprint& seen, const SeenSlope
 void answer_stripes(const WaveLanes& lanes, const Footprint& seen, const SeenSlopes& slopes, size_t begin,
                     size_t end, size_t size, const float* scale, float* columns);
 
-// Of waves from lane 0, before which an edge of the monitor cuts the footprint. `level`: H(0) of weight 1.
+// Of waves from lane 0, for which an edge of the monitor clips the footprint. `level`: H(0) of weight 1.
 void answer_cut_waves(const WaveLanes& lanes, const Footprint& mode, const MonitorExtent& extent,
                       const NormalShare& level, size_t end, size_t size, const float* scale, float* columns);
-// Of a narrow footprint, of which these pixels see something.
+// Of a narrow footprint, partly seen by these pixels.
 void answer_reached_waves(const WaveLanes& lanes, double weight, std::span<const ReachedPixel> pixels,
                           const NormalShare& level, size_t end, size_t size, const float* scale,
                           float* columns);

@@ -27,7 +27,7 @@ struct Best {
   size_t edge = 0;
   double cost = INFINITY;
 };
-// `leant_on`: the distance that others lean to; null: none.
+// `leant_on`: the distance to which others are drawn; null: none.
 Best best_of(const Costs& costs, const Best* leant_on) {
   Best best;
   for (size_t e = 0; e < kEdges; ++e) {

@@ -2,9 +2,9 @@
 //
 //   part_c(q) = ramp(n . q - d_c),    ramp(t) = clamp(1/2 + t / (|n_x| + |n_y|), 0, 1)
 //
-// the part of a square pixel on one side of a line, but for its corners. The sites of a mosaic give few
-// samples of a channel; together they tell the edge's direction, which is the same in all. Dispersion moves
-// it from channel to channel: each has its own d, with a leaning to that of the pixel's own channel.
+// the part of a square pixel on one side of a line, except for its corners. The sites of a mosaic give few
+// samples of a channel; together they determine the edge's direction, which is the same in all. Dispersion
+// moves it from channel to channel: each has its own d, drawn towards that of the pixel's own channel.
 #pragma once
 
 #include <span>

@@ -1,5 +1,5 @@
-// Rows of a mosaic's frames with all colours at every pixel, for methods that do not solve photosites by
-// themselves.
+// Rows of a mosaic's frames with all colours at every pixel, for methods that do not solve photosites
+// individually.
 #pragma once
 
 #include <vector>
@@ -8,11 +8,11 @@
 
 namespace glasswing {
 
-// How many rows beside a pixel its colours are interpolated from.
+// The number of rows around a pixel from which its colours are interpolated.
 inline constexpr int kInterpolationReach = 1;
 
 // Rows [first, first + count) of the frames `needed` of a mosaic's stack, interpolated (core/frame/mosaic).
-// Beyond its first and last row the stack is mirrored, as at the edge of the picture.
+// Beyond its first and last rows the stack is mirrored, as at the edge of the picture.
 FrameStack interpolated_rows(const FrameStack& stack, const std::vector<int>& needed, int first, int count);
 
 }  // namespace glasswing

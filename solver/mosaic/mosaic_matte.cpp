@@ -19,18 +19,18 @@ constexpr int kRounds = 6;        // of a robust fit
 constexpr double kFirstPx = 6.0,
                  kTighter = 0.4;    // off the plane: of its first round, and from round to round
 constexpr double kNearness = 0.35;  // sites count exp(-that r^2), r in px
-constexpr double kRidge = 1e-3;     // of slopes: 0 where nothing tells of them
+constexpr double kRidge = 1e-3;     // of slopes: 0 if nothing determines them
 constexpr double kNoLight = 1e-9;
 // Between modes of one path: at once, and per pixel of the picture; between those of two channels.
 constexpr double kNearPx = 4.0, kFarPx = 6.0, kDispersionPx = 48.0;
 constexpr double kOnPlanePx = 0.7, kOnPlane = 0.1;  // places about their plane; the latter in widths
 constexpr double kOff = 3.0, kApart = 2.0;      // a path's modes about its plane: in the above, and in widths
 constexpr double kWider = 3.0, kWiderPx = 2.0;  // a path's modes than one another
-// Paths of two channels are the same by the sites that both take over those that either takes, less their
-// distance over kUnlikePx.
+// The similarity of the paths of two channels: the sites that both take divided by those that either takes,
+// minus their distance over kUnlikePx.
 constexpr double kUnlikePx = 24.0, kLeastAlike = -0.5;
 constexpr double kFaint = 0.01;  // of a site's light: an edge is not worth finding
-constexpr double kEven = 0.1;    // sites beside a pixel agree: their light differs by this part of the most
+constexpr double kEven = 0.1;  // sites beside a pixel agree: their light differs by this part of the maximum
 
 struct Place {
   double x_px = 0.0, y_px = 0.0;
@@ -81,7 +81,8 @@ struct Site {
   }
 };
 
-// A path of light around a pixel, as one channel sees it: place + slope times the way in the picture.
+// A path of light around a pixel, as one channel sees it: place + slope times the displacement in the
+// picture.
 struct Path {
   int texture = 0;
   Place place;
@@ -96,7 +97,7 @@ struct Path {
   }
 };
 
-// Weighted least squares of a plane through places. Slopes that these do not tell are those of `guess`.
+// Weighted least squares of a plane through places. Slopes that these do not determine are those of `guess`.
 class PlaneFit {
  public:
   explicit PlaneFit(const std::array<double, 4>& guess) : guess_(guess) {}
@@ -137,7 +138,7 @@ class PlaneFit {
   std::array<std::array<double, 2>, 3> right_{};
 };
 
-// What arrives of each mode that was measured, before a white monitor.
+// The light that arrives from each measured mode, in front of a white monitor.
 class Lights {
  public:
   Lights(const Matte& matte, const Mosaic& mosaic)
@@ -303,7 +304,7 @@ class Filler {
       for (size_t m = 0; m < site.modes.size(); ++m) {
         const Mode& mode = site.modes[m];
         if (!(mode.weight > 0.0f) || site.path[m] >= 0 || mode.texture != path.texture) continue;
-        // Fits split a path into modes side by side.
+        // Fits split a path into adjacent modes.
         const double near_px = kOff * tolerance_px(mode) + kApart * width_px(mode);
         const bool near =
             between(place_of(mode), place) <= near_px && are_alike_wide(width_px(mode), width_px(start));
@@ -318,7 +319,7 @@ class Filler {
     paths.push_back(path);
   }
 
-  // The path of another channel that is the same; null: none is alike.
+  // The path of another channel that is the same; null: none is similar.
   const Path* same_path(const Path& path, int c, int other_channel) const {
     const Path* same = nullptr;
     double best = kLeastAlike;
@@ -419,7 +420,7 @@ class Filler {
   }
 
   void store(std::span<Mode> to) {
-    // Donors' modes of one path lie side by side.
+    // Donors' modes of one path are adjacent.
     std::ranges::stable_sort(found_, std::ranges::greater{}, &Mode::weight);
     std::vector<Mode>& kept = kept_;
     kept.clear();
@@ -455,7 +456,7 @@ class Filler {
 
 void fill_channels(Matte& matte, const Mosaic& mosaic, int thread_count) {
   const Lights lights(matte, mosaic);
-  // What a pixel gets is read by no other.
+  // The values filled into a pixel are not read by others.
   for_rows(matte.height_px(), thread_count, [&](int first, int last) {
     Filler filler(matte, mosaic, lights);
     for (int y = first; y < last; ++y) {

@@ -2,7 +2,7 @@
 // colour's direction from black determines.
 //
 //   T_c(x, y) = (ramp's plane)_c + sum_ij k_cij P_i(s) P_j(t),  i + j <= 6, P Legendre's polynomials, s and t
-//   over the part of the monitor that was measured; beyond it they go straight on.
+//   over the part of the monitor that was measured; beyond it they continue linearly.
 //
 // A line from black through a colour C meets the plane n . C = 2 at (a, b), its light of the ramp's red and
 // green. A table over (a, b) holds, for each direction D with n . D = 2, the position c whose colour is

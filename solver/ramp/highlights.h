@@ -22,7 +22,7 @@ struct HighlightRule {
   double rho_sd = 0.0;  // standard deviation of rho, from the noise
   int reach_px = 6;     // the disc's radius
 
-  // A pixel above this certainly lies in a highlight.
+  // A pixel above this is certainly in a highlight.
   float sure_rho() const { return static_cast<float>(1.0 + std::max(delta, 3.0 * rho_sd)); }
 };
 

@@ -25,7 +25,7 @@ size_t step_of(const RampStage& stage, size_t most) {
   return stage.behind.size() / most + 1;
 }
 
-// The common motion of pixels off the object, none of which shows a change by itself.
+// The common motion of pixels off the object, none of which shows a change individually.
 absl::Status check_surroundings(const RampStage& stage, const RampLight& light, const RampFrame& frame) {
   constexpr int kArm_px = 4;  // for the slope of the average
   const size_t row = stage.width_px;

@@ -4,7 +4,7 @@
 //   C = (1 - alpha) B + alpha O,   alpha = (B - C) . (B - O) / (B - O)^2
 //
 // O is the mean of pixels just inside, weighted 1 / distance^2. Where O differs from B by little more than
-// the noise, alpha is 1, which does no harm.
+// the noise, alpha is 1, which is harmless.
 #pragma once
 
 #include <cstdint>

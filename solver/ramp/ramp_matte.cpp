@@ -64,8 +64,8 @@ Matte matte_of(const RampStage& stage, const v1::MatteMetadata& metadata, const 
   });
   if (static_cast<double>(covered.load()) > kCovered * static_cast<double>(ramp.load())) {
     matte.metadata.add_warnings(
-        "the object covers all of the background: nothing tells whether that still is where it was without "
-        "the object");
+        "the object covers the whole background, so it cannot be checked whether that has moved since the "
+        "empty stage was captured");
   }
   return matte;
 }

@@ -161,8 +161,8 @@ absl::StatusOr<RampStage> RampStage::measure(const v1::CaptureManifest& manifest
   Mean mean = mean_of(empties);
   if (mean.saturated > kMaxSaturated) {
     return absl::FailedPreconditionError(
-        fmt::format("the ramp is saturated in {:.1f} % of the empty stage; it must be in no more than {:.0f} "
-                    "%: expose less",
+        fmt::format("the ramp is saturated in {:.1f} % of the empty stage; the maximum is {:.0f} %: reduce "
+                    "the exposure",
                     100.0 * mean.saturated, 100.0 * kMaxSaturated));
   }
   std::vector<float> dark;

@@ -75,8 +75,8 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
   return solved;
 }
 
-// A survey solves one column in so many: methods solve each pixel by itself, so the time scales with columns.
-// Odd, so that the columns have all colours of a mosaic.
+// A survey solves one column in this many: methods solve each pixel by itself, so the time scales with
+// columns. Odd, so that the columns have all colours of a mosaic.
 constexpr int kSurveyColumnStep = 5, kMinSurveyColumns = 64;
 
 FrameStack some_columns(const FrameStack& row) {

@@ -26,7 +26,7 @@ glasswing nodes | grep -q "folder 96x72" || fail "the list of nodes does not say
 
 echo "== doctor, plan, check"
 glasswing doctor >"$work/doctor" || true
-grep -q "takes a picture when a capture asks for one" "$work/doctor" || fail "doctor: $(cat "$work/doctor")"
+grep -q "takes a picture when a capture requests one" "$work/doctor" || fail "doctor: $(cat "$work/doctor")"
 glasswing plan make --for-rig --quality draft --images 26 -o "$work/plan.txtpb"
 glasswing capture "$work/plan.txtpb" --dry-run >"$work/dry" || fail "the plan does not fit"
 

@@ -70,7 +70,7 @@ mistake 2 'gausian not in {gaussian' solve vase --method gausian
 mistake 1 'the plan uses monitor "left"; the rig has: back' capture "$plans/two-monitors.txtpb"
 mistake 1 'README.md:3: ' capture "$root/README.md"
 mistake 1 'cannot open nowhere.txtpb' capture nowhere.txtpb
-mistake 1 'there is a session "vase" already' capture "$plans/quick.txtpb" --session vase
+mistake 1 'session "vase" already exists' capture "$plans/quick.txtpb" --session vase
 mistake 1 'there is no session "vaes"' fetch vaes -o vaes.exr
 mistake 1 'server at 127.0.0.1:1 does not answer' nodes --server 127.0.0.1:1
 mistake 1 'the CA is vase.png; it must be a certificate in PEM' nodes --ca vase.png

@@ -39,7 +39,7 @@ echo "== a part that fails is named, and the same command solves it alone"
 refused "parts 3 of job" on_slurm
 [[ $(shown s state) == SESSION_STATE_CAPTURED ]] || fail "the session is $(shown s state)"
 grep -q "part 3 fails once" "$work/desk/part-3.log" || fail "its log does not say why"
-refused "holds parts of another solve" on_slurm --set modes=1
+refused "contains parts of another solve" on_slurm --set modes=1
 on_slurm 2>&1 | tee "$work/said"
 grep -q "submitted 1 of 6 parts" "$work/said" || fail "not just the failed part was submitted"
 check_matte
@@ -60,7 +60,7 @@ echo "== broken off, and taken up"
 rm "$work/hung"
 timeout --foreground --signal=INT 8 "$bin/glasswing" solve s --on slurm --parts 6 --directory "$work/desk" --sbatch=--hold 2>"$work/on.log" &&
   fail "it ended without its parts"
-grep -q "the same command takes its result" "$work/on.log" || fail "$(cat "$work/on.log")"
+grep -q "the same command fetches its result" "$work/on.log" || fail "$(cat "$work/on.log")"
 scontrol release "$(cat "$work/desk/job")"
 glasswing solve s --on slurm --parts 6 --directory "$work/desk" --sbatch=--hold 2>&1 | tee "$work/said"
 ! grep -q submitted "$work/said" || fail "the array was submitted once more"
@@ -68,5 +68,5 @@ check_matte
 
 echo "== an archive that is not the session's"
 glasswing import "$work/archive" --session t >/dev/null
-refused "is not the archive that session t has now" glasswing solve t --on slurm --archive "$work/archive" --directory "$work/desk"
+refused "is not the current archive of session t" glasswing solve t --on slurm --archive "$work/archive" --directory "$work/desk"
 echo "all checks passed"

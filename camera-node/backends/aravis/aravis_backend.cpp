@@ -24,28 +24,27 @@ std::optional<nanoseconds> of_ms(const std::optional<double>& ms) {
 
 void add_options(CLI::App& app, Options& options) {
   app.add_option("--device", options.aravis.device,
-                 "aravis: the camera's id, model, serial number or address, or a part of it");
+                 "aravis: the camera's id, model, serial number or address, or part of it");
   app.add_option("--offset", options.offset,
-                 "aravis: X,Y of the picture's corner on the sensor; centred if left out");
+                 "aravis: X,Y of the picture's corner on the sensor; default: centred");
   app.add_option(
          "--packet-size", options.aravis.packet_bytes,
-         "aravis: bytes of a network packet; 1400 passes every network, 8000 needs one with jumbo frames")
+         "aravis: bytes of a network packet; 1400 passes through every network, 8000 needs jumbo frames")
       ->check(CLI::Range(576, 16000))
       ->capture_default_str();
   app.add_option("--trigger", options.aravis.trigger,
                  "aravis: what starts the exposures of a capture: software, or a line of the camera, such as "
-                 "Line1; the camera runs freely if left out");
+                 "Line1; default: free-running");
   app.add_option("--trigger-delay-ms", options.trigger_delay_ms,
                  "aravis: longest time from a software trigger to the exposure that it starts")
       ->check(CLI::Range(0.01, 1000.0))
       ->capture_default_str();
   app.add_option("--line-delay-ms", options.line_delay_ms,
-                 "aravis: time from the line's edge to the exposure, which the camera waits; as it is set if "
-                 "left out")
+                 "aravis: delay from the line's edge to the exposure; default: as set on the camera")
       ->check(CLI::Range(0.0, 10000.0));
   app.add_option("--arrival-delay-ms", options.arrival_delay_ms,
-                 "aravis: of a camera without software triggers: longest time from an exposure's end to its "
-                 "data's arrival; one frame if left out")
+                 "aravis: for a camera without software triggers: longest time from an exposure's end to its "
+                 "data's arrival; default: one frame")
       ->check(CLI::Range(0.0, 10000.0));
 }
 

@@ -17,9 +17,9 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kNoFrames(5000);  // the camera is considered dead after this
 constexpr int kRateFrames = 12;
-constexpr int kMinTriggered = 8;               // frames that relate the stamps
-constexpr int kMaxTriggers = 60;               // for so many; with lost packets some come to nothing
-constexpr milliseconds kTriggerPatience(300);  // beside exposure and readout
+constexpr int kMinTriggered = 8;               // frames that relate the timestamps
+constexpr int kMaxTriggers = 60;               // for this many; with lost packets some fail
+constexpr milliseconds kTriggerPatience(300);  // in addition to exposure and readout
 constexpr std::chrono::seconds kTemperatureInterval(10);
 
 bool same_setting(double is, double asked) {
@@ -30,7 +30,7 @@ nanoseconds of_ms(double ms) {
   return nanoseconds(std::llround(ms * 1e6));
 }
 
-// Linear, where the camera counts in decibel.
+// Linear, if the camera uses decibels.
 double linear_gain(const AravisDevice& device, double gain) {
   ArvGcNode* const node = arv_device_get_feature(arv_camera_get_device(device.get()), "Gain");
   const char* const unit =
@@ -57,7 +57,7 @@ absl::Status AravisCamera::connect() {
   GW_ASSIGN_OR_RETURN(device_, AravisDevice::open(options_.device));
   ArvCamera* const camera = device_->get();
   if (arv_camera_is_gv_device(camera)) {
-    // Sockets of packets need a capability, and lose the packets of this machine.
+    // Packet sockets need a capability, and lose packets from this machine.
     arv_camera_gv_set_stream_options(camera, ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
     GW_RETURN_IF_ERROR(arv_call("set its packet size", [&](GError** error) {
       arv_camera_gv_set_packet_size(camera, options_.packet_bytes, error);
@@ -214,7 +214,7 @@ absl::Status AravisCamera::learn_rate() {
   stop();
   if (intervals.empty()) {
     return absl::UnavailableError(
-        fmt::format("camera \"{}\" delivers no complete frames; does the network carry packets of {} bytes "
+        fmt::format("camera \"{}\" delivers no complete frames; does the network support packets of {} bytes "
                     "(--packet-size)?",
                     device_->id(), options_.packet_bytes));
   }
@@ -320,7 +320,7 @@ absl::Status AravisCamera::learn_stamps() {
   GW_RETURN_IF_ERROR(begin("software"));
   const auto patience =
       kTriggerPatience + std::chrono::duration_cast<milliseconds>(of_ms(exposure_ms_) + options_.readout);
-  // A camera that ran freely may still send a frame.
+  // A camera that was free-running may still send a frame.
   const auto frame_time = std::chrono::ceil<milliseconds>(period_ + of_ms(exposure_ms_));
   const nanoseconds rested = monotonic_now() + std::chrono::seconds(1);
   while (run_->next(frame_time) && monotonic_now() < rested) {
@@ -332,7 +332,7 @@ absl::Status AravisCamera::learn_stamps() {
     const nanoseconds triggered = monotonic_now();
     GW_RETURN_IF_ERROR(run_->trigger());
     const std::optional<AravisRun::Frame> frame = run_->next(patience);
-    // A frame of an earlier trigger, which came late, would show less than this one.
+    // A late frame of an earlier trigger would show less than this one.
     if (!frame || frame->fault != nullptr || frame->first < triggered) continue;
     seen.push_back(sighting_of(frame->stamp, frame->first, frame->complete));
     seen.back().triggered = triggered;

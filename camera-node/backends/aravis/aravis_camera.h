@@ -2,8 +2,8 @@
 // level.
 //
 // start() sets the exposure and reads it back, then triggers some frames by software, from which StampClock
-// learns how the camera's stamps relate to this machine's clock; of a camera without software triggers the
-// delay of arrival is an option. Frames are copied out of Aravis' buffers when they are complete; incomplete
+// learns how the camera's timestamps relate to this machine's clock; for a camera without software triggers
+// the arrival delay is an option. Frames are copied out of Aravis' buffers when they are complete; incomplete
 // ones are counted and dropped.
 #pragma once
 
@@ -45,8 +45,8 @@ class AravisCamera final : public Camera {
     std::optional<nanoseconds> delay;  // max, from exposure to arrival, without software triggers
   };
   // Runs the camera for some frames to measure its rate. NOT_FOUND: not exactly one camera matches.
-  // INVALID_ARGUMENT: an unsupported option. Both list what there is. UNAVAILABLE: another program uses the
-  // camera, or it delivers no frames.
+  // INVALID_ARGUMENT: an unsupported option. Both list what is available. UNAVAILABLE: another program uses
+  // the camera, or it delivers no frames.
   static absl::StatusOr<std::unique_ptr<AravisCamera>> open(const Options& options);
   ~AravisCamera() override;
 
@@ -61,7 +61,7 @@ class AravisCamera final : public Camera {
 
  private:
   explicit AravisCamera(const Options& options);
-  // Opens the device and sets all but the exposure.
+  // Opens the device and sets everything except the exposure.
   absl::Status connect();
   absl::Status set_format();
   absl::Status set_region();

@@ -48,7 +48,7 @@ absl::StatusOr<std::shared_ptr<AravisDevice>> AravisDevice::open(const std::stri
     if (each.id == wanted) break;
   }
   if (matching.size() != 1) {
-    // The list is of all devices up to an exact match, which leaves one.
+    // The list contains all matching devices, or only an exact match.
     return absl::NotFoundError(
         fmt::format("{}, which fits {} cameras; Aravis sees {}",
                     wanted.empty() ? "no --device is named" : fmt::format("--device is \"{}\"", wanted),
@@ -56,7 +56,7 @@ absl::StatusOr<std::shared_ptr<AravisDevice>> AravisDevice::open(const std::stri
   }
   const std::string& id = matching.front().id;
   GPtr<ArvCamera> camera;
-  GW_RETURN_IF_ERROR(arv_call("let itself be opened (another program may have it)",
+  GW_RETURN_IF_ERROR(arv_call("let itself be opened (another program may be using it)",
                               [&](GError** error) { camera.reset(arv_camera_new(id.c_str(), error)); }));
   if (camera == nullptr) return absl::UnavailableError(fmt::format("camera \"{}\" cannot be opened", id));
   return std::shared_ptr<AravisDevice>(new AravisDevice(id, std::move(camera)));

@@ -21,7 +21,7 @@ struct Unref {
 template <typename T>
 using GPtr = std::unique_ptr<T, Unref>;
 
-// Calls `f` with a GError**; its error is UNAVAILABLE. `what`: for people, "set its gain".
+// Calls `f` with a GError**; its error is UNAVAILABLE. `what`: a description, "set its gain".
 template <typename F>
 auto arv_call(const std::string& what, const F& f) {
   GError* error = nullptr;
@@ -43,8 +43,8 @@ auto arv_call(const std::string& what, const F& f) {
 
 class AravisDevice {
  public:
-  // Opens the only camera whose id, model, serial number or address `wanted` is, or is a part of. NOT_FOUND
-  // lists all cameras. UNAVAILABLE: another program uses it.
+  // Opens the only camera whose id, model, serial number or address equals or contains `wanted`. NOT_FOUND
+  // lists all cameras. UNAVAILABLE: another program is using it.
   static absl::StatusOr<std::shared_ptr<AravisDevice>> open(const std::string& wanted);
   ~AravisDevice();
   AravisDevice(const AravisDevice&) = delete;
@@ -54,7 +54,7 @@ class AravisDevice {
   const std::string& id() const { return id_; }
   bool lost() const { return lost_; }
   bool has(const char* feature) const;
-  // Sets a feature where the camera has it.
+  // Sets a feature if the camera has it.
   absl::Status set_if_there(const char* feature, const char* value) const;
   std::vector<std::string> pixel_formats() const;
   std::vector<std::string> trigger_sources() const;

@@ -15,7 +15,7 @@ const char* fault_of(ArvBufferStatus status) {
     case ARV_BUFFER_STATUS_SUCCESS:
       return nullptr;
     case ARV_BUFFER_STATUS_TIMEOUT:
-      return "its end did not come in time";
+      return "its end did not arrive in time";
     case ARV_BUFFER_STATUS_MISSING_PACKETS:
       return "packets are missing";
     case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
@@ -23,7 +23,7 @@ const char* fault_of(ArvBufferStatus status) {
     case ARV_BUFFER_STATUS_SIZE_MISMATCH:
       return "it is larger than announced";
     default:
-      return "it was broken off";
+      return "it was interrupted";
   }
 }
 
@@ -96,13 +96,13 @@ AravisRun::Frame AravisRun::copied(ArvBuffer* buffer) const {
   if (frame.fault != nullptr) return frame;
   const ArvBufferPayloadType payload = arv_buffer_get_payload_type(buffer);
   if (payload != ARV_BUFFER_PAYLOAD_TYPE_IMAGE && payload != ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA) {
-    frame.fault = "it holds no plain image";
+    frame.fault = "it does not contain a plain image";
     return frame;
   }
   if (arv_buffer_get_image_width(buffer) != blank_.width_px ||
       arv_buffer_get_image_height(buffer) != blank_.height_px ||
       arv_buffer_get_image_pixel_format(buffer) != format_) {
-    frame.fault = "it has another size or pixel format";
+    frame.fault = "its size or pixel format differs";
     return frame;
   }
   size_t size_bytes = 0;

@@ -24,8 +24,7 @@ class AravisRun {
     nanoseconds complete{};       // CLOCK_MONOTONIC: its last was
     const char* fault = nullptr;  // null: it is whole; else there is no picture
   };
-  // `trigger`: the source of triggers; empty: the camera runs freely. `blank`: the properties that all
-  // pictures share.
+  // `trigger`: the source of triggers; empty: free-running. `blank`: the properties that all pictures share.
   static absl::StatusOr<std::unique_ptr<AravisRun>> begin(std::shared_ptr<AravisDevice> device,
                                                           const RawPicture& blank,
                                                           const std::string& trigger);
@@ -38,7 +37,7 @@ class AravisRun {
   bool waits_for(std::string_view trigger) const { return trigger_ == trigger; }
   // Sends a trigger.
   absl::Status trigger() const;
-  // Packets that never came, since the run began; 0 of a camera without packets.
+  // Packets that never arrived, since the run began; 0 for a camera without packets.
   std::uint64_t missing_packets() const;
   bool lost() const { return device_->lost(); }
 

@@ -10,7 +10,7 @@ StampClock StampClock::of_triggers(std::vector<Sighting> triggered, nanoseconds 
   assert(!triggered.empty());
   const auto latest_start = [](const Sighting& each) { return each.begun_by - each.stamp; };
   const auto earliest_start = [](const Sighting& each) { return each.triggered - each.stamp; };
-  // A frame that was begun before its trigger was not exposed by it.
+  // A frame that began before its trigger was not exposed by it.
   for (;;) {
     const auto late = std::ranges::max_element(triggered, {}, earliest_start);
     if (earliest_start(*late) <= latest_start(*std::ranges::min_element(triggered, {}, latest_start))) break;

@@ -1,16 +1,16 @@
-// Relates a camera's time stamps, of an unknown clock and meaning, to the start of its exposures on this
+// Relates a camera's timestamps, with an unknown clock and meaning, to the start of its exposures on this
 // machine's clock, with a bound.
 //
-// The stamps of one exposure time differ from the start of the exposures by a constant, but for the drift of
-// the camera's clock. Of an exposure that was triggered at c, whose stamp is s and whose data shows by q that
-// it had begun,
+// The timestamps at one exposure time differ from the start of the exposures by a constant, except for the
+// drift of the camera's clock. For an exposure that was triggered at c, whose timestamp is s and whose data
+// shows by q that it had begun,
 //
 //   c <= start <= q
 //
-// so over several triggers the constant is at least L = max(c - s) and at most A = min(q - s). The trigger
-// that was obeyed fastest took at most `trigger_delay`, so the constant is at most U = min(L + trigger_delay,
-// A). From then on the least delay of many frames, min(q - s), shows the drift: it stays A - U to A - L above
-// the constant, to within kJitter. ClockModel joins all these bounds.
+// so over several triggers the constant is at least L = max(c - s) and at most A = min(q - s). The fastest
+// trigger response took at most `trigger_delay`, so the constant is at most U = min(L + trigger_delay, A).
+// From then on the minimum delay of many frames, min(q - s), shows the drift: it stays A - U to A - L above
+// the constant, to within kJitter. ClockModel combines all these bounds.
 #pragma once
 
 #include <optional>
@@ -31,7 +31,7 @@ class StampClock {
   static constexpr nanoseconds kJitter = std::chrono::microseconds(500);
   static constexpr int kBlock = 32;  // frames, of which the least delay counts
 
-  // From triggered exposures; there is at least one. Those that cannot be of their triggers are left out.
+  // From triggered exposures; at least one. Those that cannot belong to their triggers are left out.
   static StampClock of_triggers(std::vector<Sighting> triggered, nanoseconds trigger_delay);
   // Without triggers: the exposure begins at most `delay` before the data shows it.
   static StampClock of_arrivals(nanoseconds delay);
@@ -42,7 +42,7 @@ class StampClock {
   ClockReading start_of(nanoseconds stamp) const { return clock_.rig_from_node(stamp); }
 
  private:
-  // Of the least of many: how long after the exposure's start its data shows it.
+  // Minimum over many: how long after the exposure's start its data shows it.
   nanoseconds min_delay_{}, max_delay_{};
   std::optional<Sighting> least_;  // of this block
   int block_ = 0;

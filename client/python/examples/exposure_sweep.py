@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Captures one plan with several exposures, a session each, and reports which gives the best matte.
+"""Captures one plan with several exposures, one session each, and reports which gives the best matte.
 
 Try it on a simulated rig, whose camera clips white from 4.5 ms on:
 
@@ -10,8 +10,8 @@ Try it on a simulated rig, whose camera clips white from 4.5 ms on:
 If an exposure is too long, bright pixels saturate; if it is too short, noise dominates. A matte flags both. The best
 exposure has the fewest flagged pixels of the object; among equals it is the longest, which has the least noise.
 
-Sessions are named NAME-1ms, NAME-2ms, ... and tagged "exposure-sweep". The table shows the error of an exposure that the
-camera cannot make or whose steps could not be proven, and the sweep goes on.
+Sessions are named NAME-1ms, NAME-2ms, ... and tagged "exposure-sweep". If the camera cannot make an exposure or its steps
+cannot be proven, the table shows the error and the sweep continues.
 """
 
 from __future__ import annotations
@@ -102,4 +102,4 @@ if __name__ == "__main__":
     except glasswing.Error as error:
         sys.exit(f"exposure_sweep: {error}")
     except KeyboardInterrupt:
-        sys.exit("\nexposure_sweep: broken off; the session that was begun goes on")
+        sys.exit("\nexposure_sweep: interrupted; the session in progress continues")

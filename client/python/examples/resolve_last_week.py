@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Solves the sessions of the last days, or all with a tag, again by another method or with other options.
+"""Solves the sessions of the last days, or all with a tag, again with another method or with other options.
 
 First list what would be solved, then solve it:
 
@@ -7,8 +7,8 @@ First list what would be solved, then solve it:
     client/python/examples/resolve_last_week.py --set modes=2 --dry-run
     client/python/examples/resolve_last_week.py --set modes=2
 
-Completely captured sessions are solved one after another; calibration sessions are left out. If one cannot be solved,
-its previous matte stays and the others go on. A summary lists the failures; the exit status is 0 only if there are
+Completely captured sessions are solved one after another; calibration sessions are left out. If one cannot be solved, its
+previous matte stays and the others continue. A summary lists the failures; the exit status is 0 only if there are
 none.
 """
 
@@ -106,4 +106,4 @@ if __name__ == "__main__":
     except glasswing.Error as error:
         sys.exit(f"resolve_last_week: {error}")
     except KeyboardInterrupt:
-        sys.exit("\nresolve_last_week: broken off; what was begun goes on")
+        sys.exit("\nresolve_last_week: interrupted; solves in progress continue")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Captures an object from all sides: a session for each view of a turntable, on a rig of two monitors.
+"""Captures an object from all sides: one session for each view of a turntable, on a rig with two monitors.
 
 Try it on a simulated rig, whose object does not turn:
 
@@ -7,7 +7,7 @@ Try it on a simulated rig, whose object does not turn:
     export PYTHONPATH=$PWD/build/release/python
     client/python/examples/turntable.py vase --views 4 --turn-command true
 
-The rig is held for the whole series, so that no other client uses it in between. --turn-command turns the table, or a
+The rig is held for the whole series, so that no other client can use it in between. --turn-command turns the table, or a
 person does and presses return when it is at rest. While a view is captured, the previous ones are solved. The same command
 continues an interrupted series; captured views are not captured again.
 
@@ -30,7 +30,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[3]
 
 
 class Table:
-    """Turns the object: runs a command with the degrees as its last argument, or asks a person."""
+    """Turns the object: runs a command with the degrees as its last argument, or asks the operator."""
 
     def __init__(self, command: str | None) -> None:
         self._command = command
@@ -70,11 +70,11 @@ def find(rig: glasswing.Rig, view: View, plan: glasswing.Plan) -> glasswing.Sess
     except glasswing.NotFound:
         return None
     there = session.info.plan
-    # There, photos have the names of the uploads.
+    # In it, photos have the names of the uploads.
     if there is None or dataclasses.replace(there, photos=plan.photos) != plan:
-        raise glasswing.AlreadyExists(f"{view.session_name} has another plan; name the series otherwise")
+        raise glasswing.AlreadyExists(f"{view.session_name} has a different plan; choose another name for the series")
     if session.info.note and session.info.note != view.note:
-        raise glasswing.AlreadyExists(f"{view.session_name} is {session.info.note}; name the series otherwise")
+        raise glasswing.AlreadyExists(f"{view.session_name} is {session.info.note}; choose another name for the series")
     return session
 
 
@@ -84,7 +84,7 @@ def is_captured(session: glasswing.Session) -> bool:
 
 
 def wait_for_capture(session: glasswing.Session) -> None:
-    """Waits for the capture; if it pauses until a person places the object, asks them and resumes."""
+    """Waits for the capture; if it pauses until the object is placed, asks them and resumes."""
     while True:
         try:
             session.wait()
@@ -92,12 +92,12 @@ def wait_for_capture(session: glasswing.Session) -> None:
         except glasswing.Stopped as stopped:
             if stopped.info.state is not State.PAUSED or not sys.stdin.isatty():
                 raise
-            input(f"{stopped}\npress return to go on ")
+            input(f"{stopped}\npress return to continue ")
             session.resume()
 
 
 def finish_what_was_begun(rig: glasswing.Rig, views: list[View], plan: glasswing.Plan) -> None:
-    """Waits for a capture that an earlier run left: it occupies the rig."""
+    """Waits for a capture left running by an earlier run, which occupies the rig."""
     for view in views:
         session = find(rig, view, plan)
         if session is not None and session.info.state is State.CAPTURING:
@@ -105,7 +105,7 @@ def finish_what_was_begun(rig: glasswing.Rig, views: list[View], plan: glasswing
 
 
 def capture(rig: glasswing.Rig, view: View, plan: glasswing.Plan, table: Table) -> glasswing.Session:
-    """Returns the view's session, and captures it unless it is captured already."""
+    """Returns the view's session, and captures it unless it is already captured."""
     session = find(rig, view, plan)
     if session is None:
         table.turn_to(view.degrees)
@@ -166,4 +166,4 @@ if __name__ == "__main__":
     except (glasswing.Error, OSError, subprocess.CalledProcessError) as error:
         sys.exit(f"turntable: {error}")
     except (KeyboardInterrupt, EOFError):
-        sys.exit("\nturntable: broken off; what was begun goes on, and the same command takes the series up again")
+        sys.exit("\nturntable: interrupted; captures and solves in progress continue, and the same command continues the series")

@@ -16,7 +16,7 @@
 Every failure raises an ``Error`` whose text is one line and says what to do.
 """
 
-# First: a message that Python has made already would be another than the one that this module brings.
+# Imported first: a message class already made by Python would differ from the one in this module.
 try:
     from glasswing import _native as _native
     from glasswing import matte as matte

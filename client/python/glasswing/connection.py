@@ -28,12 +28,12 @@ _IS_OF_GRPC = re.compile(
     r"|cancelling all calls|stream removed|keepalive|transport closed",
     re.IGNORECASE,
 )
-"""How gRPC's own messages begin where a peer cannot be reached."""
+"""How gRPC's own messages begin when a peer cannot be reached."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Hold:
-    """A hold of the rig: the token that calls carry, and the call that keeps the hold (None: another process keeps it)."""
+    """A hold of the rig: the token that calls carry, and the call that keeps the hold alive (None: another process does)."""
 
     token: str
     reason: str = ""
@@ -58,7 +58,7 @@ class Connection:
         return Connection(dataclasses.replace(self._settings, server=address), self.timeout, what)
 
     def node(self, address: str) -> Connection:
-        """The same for all calls to a node that keeps frames, closed with this one."""
+        """One channel for all calls to a node that stores frames, closed with this one."""
         if address not in self._nodes:
             self._nodes[address] = self.to(address, "node")
         return self._nodes[address]
@@ -106,7 +106,8 @@ class Connection:
         """The error of a failed call."""
         code, details = error.code().name, error.details() or ""
         if code == "UNAVAILABLE" and (not details or _IS_OF_GRPC.match(details)):
-            # gRPC's message for an unreachable peer is about sockets; the server's own says what is away, and advises.
+            # gRPC's message for an unreachable peer is about sockets; the server's own names what is unreachable and gives
+            # advice.
             why = _why_unreachable(details, self._settings)
             if why == _SILENT and self.title.startswith("server at "):
                 why += "; start glasswing-server there, or name another"
@@ -114,7 +115,7 @@ class Connection:
         if code == "DEADLINE_EXCEEDED" and "Deadline Exceeded" in details:
             return TimedOut(f"{self.title} did not answer in time")
         if code == "UNIMPLEMENTED":
-            return NotSupported(f"{self.title} does not know this call; it is of another version than this package")
+            return NotSupported(f"{self.title} does not know this call; its version differs from this package's")
         return error_of(code, details or f"{self.title}: {code}")
 
     def close(self) -> None:
@@ -146,7 +147,7 @@ def _dial(settings: Settings) -> grpc.Channel:
         )
         return grpc.secure_channel(settings.server, credentials, options)
     if settings.certificate is not None:
-        raise InvalidInput("certificate and key need a ca, which the server's own certificate is checked against")
+        raise InvalidInput("certificate and key need a ca, against which the server's certificate is checked")
     if not _is_loopback(settings.server):
         raise InvalidInput(
             f"server is {settings.server}, another machine, which needs TLS: give ca (and certificate and key), "
@@ -163,7 +164,7 @@ def _why_unreachable(details: str, settings: Settings) -> str:
     if "is not in peer certificate" in details:
         return "shows a certificate of another host; call it by a name that its certificate has"
     if "wrong version number" in details:
-        return "does not speak TLS; leave out ca if it need not"
+        return "does not speak TLS; leave out ca if it does not need to"
     if "Socket closed" not in details:
         return _SILENT
     # gRPC's message when the other side rejects the handshake.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 
 class Error(Exception):
-    """Base of all errors. ``str(error)`` is one line for people."""
+    """Base of all errors. ``str(error)`` is one readable line."""
 
 
 class InvalidInput(Error):
@@ -23,7 +23,7 @@ class AlreadyExists(Error):
 
 
 class Refused(Error):
-    """The present state does not allow it, or another client holds the rig (FAILED_PRECONDITION, ABORTED)."""
+    """The current state does not allow it, or another client holds the rig (FAILED_PRECONDITION, ABORTED)."""
 
 
 class Unavailable(Error):
@@ -39,11 +39,11 @@ class NotAllowed(Error):
 
 
 class NotSupported(Error):
-    """The server does not have this call (UNIMPLEMENTED): it has another version."""
+    """The server does not have this call (UNIMPLEMENTED): its version differs."""
 
 
 class Damaged(Error):
-    """A file is truncated, altered, or of another kind (DATA_LOSS)."""
+    """A file is truncated, altered, or of a different kind (DATA_LOSS)."""
 
 
 _BY_CODE: dict[str, type[Error]] = {

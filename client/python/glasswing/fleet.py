@@ -9,7 +9,7 @@ from glasswing.v1 import fleet_service_pb2 as pb
 
 @dataclasses.dataclass(frozen=True)
 class Lease:
-    """A tile that a solver works on, ``seconds`` after it claimed it. ``twice``: another solver works on it too."""
+    """A tile in progress, ``seconds`` after the solver claimed it. ``twice``: another solver is also working on it."""
 
     session: str
     tile: int
@@ -31,7 +31,7 @@ class Solver:
     """The vector instructions that its kernels use: "AVX2"."""
     up: bool
     refused: str
-    """Why it gets no work; empty if it does."""
+    """Why it gets no work; empty if it gets work."""
     leases: tuple[Lease, ...]
     tiles_done: int
     tiles_failed: int
@@ -42,11 +42,11 @@ class Solver:
 
 @dataclasses.dataclass(frozen=True)
 class Solve:
-    """The solve of a session that is not done yet."""
+    """An unfinished solve of a session."""
 
     session: str
     server: str
-    """The server that owns the session; empty: the one that answered."""
+    """The server that owns the session; empty: the server that answered."""
     method: str
     tiles: int
     """0 while it is being surveyed."""
@@ -65,7 +65,7 @@ class Solve:
 
 @dataclasses.dataclass(frozen=True)
 class Fleet:
-    """Solvers by name, and solves in the order of work. ``store``: the job store, for people: "SQLite"."""
+    """Solvers by name, and solves in the order of work. ``store``: the job store, for display: "SQLite"."""
 
     solvers: tuple[Solver, ...]
     solves: tuple[Solve, ...]

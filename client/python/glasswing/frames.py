@@ -1,6 +1,6 @@
 """The captured frames of a session, as numpy arrays of the camera's codes.
 
-They come from the node that keeps the session's archive, or from one with a copy; docs/archive.md has every convention.
+They come from the node that stores the session's archive, or from one with a copy; docs/archive.md has every convention.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Frame:
     """One frame. Notebooks show it."""
 
     step: int
-    """Of the expanded plan, from 0; -1 without a plan."""
+    """Index in the expanded plan, from 0; -1 without a plan."""
     object: bool
     """The object was on the stage."""
     exposure_ms: float
@@ -47,7 +47,7 @@ class Frame:
     _black: float = dataclasses.field(repr=False)
 
     def read(self) -> Codes:
-        """All pixels: H x W x 3, or H x W of a camera with a mosaic; 65535 is full scale."""
+        """All pixels: H x W x 3, or H x W for a camera with a mosaic; 65535 is full scale."""
         return self._read()
 
     def _repr_png_(self) -> bytes:
@@ -107,27 +107,28 @@ class Frames(Sequence[Frame]):
         )
 
     def rows(self, first: int, count: int = 1) -> Codes:
-        """``count`` rows of every frame, from row ``first``: frames x rows x W x 3, without the 3 of a mosaic."""
+        """``count`` rows of every frame, from row ``first``: frames x rows x W x 3, without the 3 for a mosaic."""
         if not (0 <= first and 0 < count and first + count <= self.shape[0]):
             raise InvalidInput(f"rows {first} to {first + count - 1}; the frames have rows 0 to {self.shape[0] - 1}")
         return self._rows([frame.file for frame in self.manifest.frames], first, count)
 
     def pixel(self, x: int, y: int) -> Codes:
-        """What one pixel saw in every frame: frames x 3, or as many numbers as frames of a mosaic."""
+        """One pixel's values in every frame: frames x 3, or one per frame for a mosaic."""
         if not 0 <= x < self.shape[1]:
             raise InvalidInput(f"x is {x}; the frames have columns 0 to {self.shape[1] - 1}")
         codes: Codes = self.rows(y)[:, 0, x]
         return codes
 
     def write(self, directory: str | os.PathLike[str]) -> None:
-        """Writes an archive, as "glasswing export": manifest and all frames, each checked.
+        """Writes an archive, like "glasswing export": manifest and all frames, each checked.
 
-        AlreadyExists: ``directory`` is neither new nor empty. Refused: its disk lacks room. Damaged names the frame that does
+        AlreadyExists: ``directory`` is neither new nor empty. Refused: its disk lacks space. Damaged names the frame that
+        does
         not match its checksum.
         """
         target = pathlib.Path(directory).absolute()
         if target.exists() and not (target.is_dir() and not any(target.iterdir())):
-            raise AlreadyExists(f"{target} is there already; it must be a new or an empty directory")
+            raise AlreadyExists(f"{target} already exists; it must be a new or empty directory")
         partial = target.with_name(f"{target.name}.partial-{os.getpid()}")
         try:
             (partial / "frames").mkdir(parents=True)
@@ -137,7 +138,7 @@ class Frames(Sequence[Frame]):
             for frame in self.manifest.frames:
                 file = pathlib.PurePosixPath(frame.file)
                 if file.parent != pathlib.PurePosixPath("frames") or file.name in ("", "..", "."):
-                    raise Damaged(f'session {self._session} names a frame "{frame.file}"; it must lie in frames/')
+                    raise Damaged(f'session {self._session} names a frame "{frame.file}"; it must be in frames/')
                 (partial / "frames" / file.name).write_bytes(self._file(frame))
             text = json_format.MessageToJson(self.manifest, preserving_proto_field_name=True, ensure_ascii=False)
             (partial / "manifest.json").write_text(text, encoding="utf-8")
@@ -154,7 +155,7 @@ class Frames(Sequence[Frame]):
 
         content = self._from_any(read)
         if (checksum := f"xxh3:{_native.checksum(content):016x}") != frame.checksum:
-            raise Damaged(f"{frame.file} came damaged: its checksum is {checksum}, the manifest says {frame.checksum}")
+            raise Damaged(f"{frame.file} arrived damaged: its checksum is {checksum}, the manifest says {frame.checksum}")
         return content
 
     def _rows(self, files: Sequence[str], first: int, count: int) -> Codes:
@@ -169,7 +170,7 @@ class Frames(Sequence[Frame]):
             for answer in archive.stream(archive.stub(ArchiveServiceStub).ReadRows, request, _READ_SECONDS):
                 ends = filled + len(answer.chunk)
                 if answer.offset_bytes != filled or ends > len(room) or _native.checksum(answer.chunk) != answer.checksum:
-                    raise Damaged(f"rows of session {self._session} came damaged from the {archive.title}")
+                    raise Damaged(f"rows of session {self._session} arrived damaged from the {archive.title}")
                 room[filled:ends] = answer.chunk
                 filled = ends
             if filled != len(room):
@@ -179,7 +180,7 @@ class Frames(Sequence[Frame]):
         return self._from_any(read)
 
     def _from_any(self, ask: Callable[[Connection], Answer]) -> Answer:
-        """The answer of the first node with the frames that can be reached."""
+        """The answer of the first reachable node with the frames."""
         away = Unavailable(f"no node has frames of session {self._session}")
         for address in self._addresses:
             try:

@@ -1,4 +1,5 @@
-"""What a rig's checks and measurements tell: findings of the doctor, latencies of monitors, live pictures of a camera."""
+"""The results of a rig's checks and measurements: findings of the doctor, latencies of monitors, live pictures of a
+camera."""
 
 from __future__ import annotations
 
@@ -65,22 +66,22 @@ class Calibration:
     """The message CameraCalibration (proto/glasswing/v1/calibration.proto); None: there was nothing to measure."""
     displays: tuple[calibration_pb2.DisplayCalibration, ...]
     notes: tuple[str, ...]
-    """For people: what was left out, and what makes it less certain."""
+    """For display: what was left out, and what makes it less certain."""
 
 
 @dataclasses.dataclass(frozen=True)
 class LivePicture:
-    """A small picture of what the camera sees now. Notebooks show it."""
+    """A small picture of the camera's current view. Notebooks show it."""
 
     jpeg: bytes = dataclasses.field(repr=False)
     width_px: int
     height_px: int
     focus: float
-    """0 to 1: 1 is an edge as sharp as the pixels, 0.5 one that is blurred by about a pixel. 0 if it cannot be judged."""
+    """0 to 1: 1 is an edge as sharp as the pixels, 0.5 one blurred by about a pixel. 0 if it cannot be judged."""
     focus_hint: str
-    """Why focus cannot be judged, and what to do; else empty."""
+    """Why focus cannot be judged, and what to do; otherwise empty."""
     clipped_fraction: float
-    """Of the samples at full scale."""
+    """Fraction of the samples at full scale."""
     mean: float
     """Linear radiance."""
     exposure_ms: float

@@ -36,14 +36,14 @@ class LiveComposite:
     solve_ms: float
     """From the whole frame's arrival at the solver to the composite."""
     frames_passed_over: int
-    """That the solver had no time for, since it began."""
+    """Frames skipped by the solver since it began."""
 
     def _repr_png_(self) -> bytes:
         return pictures.encode_png8(self.codes)
 
 
 class _Questions:
-    """The requests of a call that streams both ways, one at a time."""
+    """The requests of a bidirectional call, one at a time."""
 
     def __init__(self) -> None:
         self._requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -59,7 +59,7 @@ class _Questions:
 
 
 class _Ramp:
-    """Has the server show the ramp, which holds the rig, until closed."""
+    """Makes the server show the ramp, which holds the rig, until closed."""
 
     def __init__(self, connection: Connection, monitor: str, camera: str) -> None:
         self._connection = connection
@@ -79,7 +79,7 @@ class _Ramp:
         self.shown = self._ask(rig_service_pb2.ShowRampRequest(object=True))
 
     def check(self) -> None:
-        """Raises if the ramp is no longer shown. Asks the server only now and then."""
+        """Raises if the ramp is no longer shown. Asks the server only occasionally."""
         if time.monotonic() - self._asked > _CHECK_SECONDS:
             self._ask(rig_service_pb2.ShowRampRequest(object=self._object))
 
@@ -146,7 +146,7 @@ def _picture_requests(png: bytes) -> Iterator[live_service_pb2.RunLiveRequest]:
 def _frames(
     answers: Iterator[live_service_pb2.RunLiveResponse], ramp: _Ramp, clock: Connection, ask: Callable[[str], object]
 ) -> Iterator[tuple[live_service_pb2.LiveFrame, npt.NDArray[np.uint8]]]:
-    """The frames that were exposed with the object, whole."""
+    """Frames fully exposed with the object."""
     frame = live_service_pb2.LiveFrame()
     codes = b""
     brought_ns: int | None = None  # by the camera node's clock

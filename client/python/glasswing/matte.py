@@ -33,7 +33,7 @@ class Modes:
     """
 
     weight: _Floats
-    """R, the fraction of the radiance that arrives; >= 0."""
+    """R, the fraction of the radiance that reaches the camera; >= 0."""
     x_px: _Floats
     """Centre, monitor px."""
     y_px: _Floats
@@ -83,7 +83,7 @@ class Matte(Pixels):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What may be wrong with it, in sentences for people."""
+        """What may be wrong with it, in readable sentences."""
         return tuple(self.metadata.warnings)
 
     @property
@@ -92,7 +92,7 @@ class Matte(Pixels):
         return Modes(**{field.name: getattr(self._native, field.name) for field in dataclasses.fields(Modes)})
 
     def _repr_png_(self) -> bytes:
-        """What notebooks show: F plus half of the light that white monitors would send, with coverage as alpha."""
+        """What notebooks show: F plus half of the light that white monitors would contribute, with coverage as alpha."""
         return png_of(self.foreground + 0.5 * self._native.weight.sum(axis=3), self.coverage)
 
     def composite(
@@ -110,10 +110,10 @@ class Matte(Pixels):
         return self._native.composite(self._behind(backgrounds), exact, threads).view(Picture)
 
     def error(self, backgrounds: Mapping[str, npt.ArrayLike], *, threads: int = 0) -> ErrorMap:
-        """The standard error that noise leaves in each sample of that composite: H x W x 3; NaN where it is not known.
+        """The standard error of each sample of that composite due to noise: H x W x 3; NaN where it is not known.
 
-        That is outside the object, and at flagged pixels. Arguments and errors as of ``composite()``; Refused: the matte
-        does not say how it was sampled, as those of other methods than "gaussian" do not. Releases the GIL.
+        It is unknown outside the object, and at flagged pixels. Arguments and errors as for ``composite()``; Refused: the
+        matte does not record how it was sampled, which only method "gaussian" does. Releases the GIL.
         """
         return self._native.error(self._behind(backgrounds), threads).view(ErrorMap)
 

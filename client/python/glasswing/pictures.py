@@ -24,7 +24,7 @@ class Picture(np.ndarray[Any, np.dtype[np.float32]]):
 class ErrorMap(Picture):
     """H x W x 3, the standard error of each sample of a composite; NaN: not known.
 
-    Notebooks show it with white for what 99 % of the errors are below, and nothing where they are not known.
+    Notebooks show it scaled so that 99 % of the errors are below white, and transparent where they are not known.
     """
 
     def _repr_png_(self) -> bytes | None:
@@ -89,7 +89,8 @@ _MAX_SHOWN_PX = 1024
 
 
 def png_of(light: npt.ArrayLike, alpha: npt.NDArray[np.float32] | None = None) -> bytes:
-    """What notebooks show of linear light, H x W x 3: sRGB, with ``alpha``; of large pictures every n-th row and column."""
+    """The picture that notebooks show for linear light, H x W x 3: sRGB, with ``alpha``; for large pictures every n-th row
+    and column."""
     shown = np.asarray(light)
     step = -(-max(shown.shape[:2]) // _MAX_SHOWN_PX)
     codes = linear_to_srgb(shown[::step, ::step])
@@ -100,12 +101,12 @@ def png_of(light: npt.ArrayLike, alpha: npt.NDArray[np.float32] | None = None) -
 
 
 def as_picture(array: Any, what: str) -> npt.NDArray[np.float32]:
-    """Returns the array as a picture. InvalidInput: it is not H x W x 3, or not of floats."""
+    """Returns the array as a picture. InvalidInput: it is not H x W x 3, or not floats."""
     picture = np.asarray(array)
     if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0:
         raise InvalidInput(f"{what} has the shape {picture.shape}; it must be height x width x 3")
     if not np.issubdtype(picture.dtype, np.floating):
         raise InvalidInput(
-            f"{what} is of type {picture.dtype}; it must be linear light as floats, which srgb_to_linear() makes of codes"
+            f"{what} is of type {picture.dtype}; it must be linear light as floats; srgb_to_linear() converts codes"
         )
     return np.ascontiguousarray(picture, np.float32)

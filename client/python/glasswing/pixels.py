@@ -1,4 +1,4 @@
-"""What mattes and rays have of each camera pixel."""
+"""The per-pixel data that mattes and rays share."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class PixelFlag(enum.IntFlag):
     NO_DATA = 8
     """Not solved."""
     FILLED = 16
-    """Made of its neighbours: by "glasswing matte fill", or where the camera's pixel is bad."""
+    """Filled from its neighbours: by "glasswing matte fill", or because the camera's pixel is bad."""
     DISTURBED = 32
-    """Something moved while it was photographed, which is not corrected."""
+    """Something moved during the capture, and this is not corrected."""
 
 
 class _NativePixels(Protocol):
@@ -37,7 +37,7 @@ class _NativePixels(Protocol):
 
 
 class Pixels:
-    """The arrays of H x W camera pixels that do not depend on what is known of the light behind the object.
+    """The arrays of H x W camera pixels that are independent of how the light behind the object is represented.
 
     They are read-only views into one copy of the data, which they keep alive.
     """
@@ -53,11 +53,11 @@ class Pixels:
     def coverage(self) -> _Floats:
         """H x W: 1 inside the object's silhouette, 0 outside, in between where the object covers part of the pixel.
 
-        Of rays of two mattes it is the larger of both.
+        For rays from two mattes, the larger of both.
         """
         return self._native.coverage
 
     @property
     def flags(self) -> npt.NDArray[np.uint8]:
-        """H x W: sums of ``PixelFlag``; of rays those of both mattes."""
+        """H x W: sums of ``PixelFlag``; for rays, those of both mattes."""
         return self._native.flags

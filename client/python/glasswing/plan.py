@@ -1,6 +1,6 @@
 """Capture plans: what the monitors show and how it is exposed.
 
-The fields are those of proto/glasswing/v1/plan.proto. A field that is left out (``None``) takes the default given there.
+The fields are those of proto/glasswing/v1/plan.proto. A field that is left out (``None``) has the default given there.
 The server checks a plan when it is estimated or captured; its error names the field, its value and what would be
 accepted.
 """
@@ -79,7 +79,7 @@ class SquareWaves:
 class Fringes(_Value):
     """Sinusoids along one direction: each period, 2 to 100000 px, at 2 to 32 ``phases`` (default 4).
 
-    With 2 phases, a quarter of a period apart, method "gaussian" alone solves them. ``object_only``: not shown without the
+    With 2 phases, a quarter of a period apart, only method "gaussian" solves them. ``object_only``: shown only with the
     object; solids and square waves then separate it from the stage.
     """
 
@@ -91,11 +91,11 @@ class Fringes(_Value):
 
 @dataclasses.dataclass(frozen=True)
 class Adapt:
-    """Rounds of further images are chosen until 95 % of the object's pixels are known well enough.
+    """Further rounds of images are chosen until 95 % of the object's pixels are known well enough.
 
-    ``target_db``: the error that noise leaves in a composite, in decibels below full scale, 10 to 80, default 40.
-    ``target_px``: instead of it, the standard error of a place on the monitor, 0.001 to 100. ``at_most``: images, those
-    without the object included, 30 to 20000, default 200.
+    ``target_db``: the error of a composite due to noise, in decibels below full scale, 10 to 80, default 40.
+    ``target_px``: alternatively, the standard error of a position on the monitor, 0.001 to 100. ``at_most``: images,
+    including those without the object, 30 to 20000, default 200.
     """
 
     target_db: float | None = None
@@ -105,7 +105,7 @@ class Adapt:
 
 @dataclasses.dataclass(frozen=True)
 class Round(_Value):
-    """Patterns that were chosen for what was uncertain then; ``why`` is for people. Shown with the object only."""
+    """Patterns chosen for what was uncertain at the time; ``why`` is for display. Shown only with the object."""
 
     fringes: Sequence[Fringes] = ()
     why: str = ""
@@ -113,7 +113,7 @@ class Round(_Value):
 
 @dataclasses.dataclass(frozen=True)
 class Ramp:
-    """The colour ramp of method "ramp": ``frames`` (1 to 18000) of the object, after ``empty_frames`` (1 to 1000)."""
+    """The colour ramp of method "ramp": ``frames`` (1 to 18000) with the object, after ``empty_frames`` (1 to 1000)."""
 
     empty_frames: int | None = None
     frames: int | None = None
@@ -143,8 +143,8 @@ class CalibrationFrames:
 class Plan(_Value):
     """What a session captures. Change one with ``dataclasses.replace(plan, exposure_ms=[2.0])``.
 
-    ``method``: "gaussian", "hierarchical", "fringe", "alpha" or "ramp". ``monitors``: each takes its turn while the
-    others are black; none: every monitor of the rig. ``hold_refreshes``: refreshes that a step stays on screen, 2 to 600,
+    ``method``: "gaussian", "hierarchical", "fringe", "alpha" or "ramp". ``monitors``: each is used in turn while the others
+    are black; none: every monitor of the rig. ``hold_refreshes``: refreshes that a step stays on screen, 2 to 600,
     default 2. ``exposure_ms``: 0.01 to 10000, default 4; every step is captured once with each. ``retries``: how often a
     step without proof is shown again, 0 to 100, default 10. ``skip_empty_stage``: leaves out the frames without the
     object; then no silhouette is found, and every pixel is solved. ``white_every``: repeats white and black after this
@@ -205,7 +205,7 @@ class Plan(_Value):
         return str(text_format.MessageToString(self.to_message()))
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes a .txtpb file, which ``glasswing capture`` reads, too."""
+        """Writes a .txtpb file, which ``glasswing capture`` can also read."""
         pathlib.Path(path).write_text(self.text(), encoding="utf-8")
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Rays: for every camera pixel, along which lines its light came, whatever stands behind the object.
+"""Rays: for every camera pixel, along which lines its light came, whatever is behind the object.
 
     C = F + sum over rays of weight * light of a bundle
 
@@ -42,22 +42,22 @@ class RayState(enum.IntEnum):
     """How a ray was found."""
 
     MATCHED = 0
-    """Through a place that was measured at either depth."""
+    """Through places measured at both depths."""
     AMBIGUOUS = 1
     """The same, but another match was about as likely."""
     EXTRAPOLATED = 2
     """Measured at one depth; the direction is fitted to neighbours of the same path."""
     UNKNOWN = 3
-    """Measured at one depth; no direction, but for a spread of half a radian."""
+    """Measured at one depth; no direction, only a spread of half a radian."""
     STRAIGHT = 4
     """Outside the object: the camera's own ray."""
     FAR_LIGHT = 5
-    """Of one matte: the direction from an object taken to be flat to the place on the monitor."""
+    """From one matte: the direction from the object, assumed flat, to the place on the monitor."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Correspondences:
-    """Points on the near and the far monitor that a camera pixel saw through the object, one row a ray.
+    """Points on the near and the far monitor that a camera pixel saw through the object, one row per ray.
 
     Rows are in the order of pixels, row by row, channels and rays. The line through a row's two points is the ray that left
     the object.
@@ -68,27 +68,28 @@ class Correspondences:
     channel: npt.NDArray[np.int32]
     """N: 0 red, 1 green, 2 blue."""
     ray: npt.NDArray[np.int32]
-    """N: index of the ray in its pixel and channel; 0 is the one of the most light, of all states."""
+    """N: index of the ray in its pixel and channel; 0 is the one with the most light, over all states."""
     monitor: npt.NDArray[np.int32]
     """N: index in ``Rays.monitors``."""
     weight: _Floats
-    """N: the part of the monitor's light that arrives; several rays may share one mode's."""
+    """N: the fraction of the monitor's light that reaches the camera; several rays may share one mode's."""
     near_mm: _Doubles
     """N x 3: the point on the near monitor, camera frame."""
     far_mm: _Doubles
     """N x 3: the point on the far monitor."""
     near_px: _Doubles
-    """N x 2: the near point in the monitor's pixels, from the outer corner of its top left one."""
+    """N x 2: the near point in the monitor's pixels, from the outer corner of its top-left pixel."""
     far_px: _Doubles
     """N x 2: the far point in the monitor's pixels."""
     near_sd_mm: _Doubles
-    """N: standard error of the near point, rms of two axes; 0: not known. It has the pose's, if that was calibrated."""
+    """N: standard error of the near point, rms of two axes; 0: not known. Includes the pose's error, if the pose was
+    calibrated."""
     far_sd_mm: _Doubles
-    """N: the same of the far point."""
+    """N: the same for the far point."""
     state: npt.NDArray[np.uint8]
     """N: ``RayState.MATCHED`` or ``RayState.AMBIGUOUS``."""
     camera_matrix: _Doubles
-    """3 x 3: of continuous pixels, so that OpenCV's functions take ``pixel + 0.5`` with it."""
+    """3 x 3: for continuous pixels, so use ``pixel + 0.5`` with it in OpenCV's functions."""
     distortion: _Doubles
     """k1, k2, p1, p2, k3 of OpenCV."""
 
@@ -96,7 +97,7 @@ class Correspondences:
         return len(self.pixel)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes all arrays to a compressed NumPy file under their names here; the name should end in ".npz"."""
+        """Writes all arrays to a compressed NumPy file under these names; the name should end in ".npz"."""
         np.savez_compressed(path, **{field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
 
 
@@ -127,10 +128,10 @@ class _Plane:
 
 
 class Rays(Pixels):
-    """The rays of H x W camera pixels, which "glasswing rays" wrote, or ``Rays.match()`` made.
+    """The rays of H x W camera pixels, written by "glasswing rays" or made by ``Rays.match()``.
 
-    Its arrays are read-only views into one copy of the data, which they keep alive. Rays of a pixel and channel are in the
-    order of their weights; those of weight 0 are unused.
+    Its arrays are read-only views into one copy of the data, which they keep alive. Rays of a pixel and channel are sorted
+    by weight; those of weight 0 are unused.
     """
 
     _native: NativeRays
@@ -138,16 +139,17 @@ class Rays(Pixels):
     def __init__(self, native: NativeRays) -> None:
         self._native = native
         self.metadata = rays_pb2.RayMetadata.FromString(native.metadata)
-        """The message RayMetadata (proto/glasswing/v1/rays.proto): geometry, poses, counts, approximation, first matte's."""
+        """The message RayMetadata (proto/glasswing/v1/rays.proto): geometry, poses, counts, approximation, first matte's
+        metadata."""
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Rays:
-        """Reads rays from a file. NotFound, or Damaged: truncated, altered or not of rays. Both name the path."""
+        """Reads rays from a file. NotFound, or Damaged: truncated, altered or not a rays file. Both name the path."""
         return cls(NativeRays.read(os.fspath(path)))
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Rays:
-        """Decodes rays from a file's content. Damaged: truncated, altered or not of rays."""
+        """Decodes rays from a file's content. Damaged: truncated, altered or not a rays file."""
         return cls(NativeRays.decode(content))
 
     @classmethod
@@ -159,13 +161,13 @@ class Rays(Pixels):
         *,
         poses: tuple[str, str] | None = None,
     ) -> Rays:
-        """Makes rays of mattes of one object before monitors at two depths, as "glasswing rays" does.
+        """Makes rays from mattes of one object in front of monitors at two depths, as "glasswing rays" does.
 
-        ``geometry``: what ``read_geometry()`` returns. ``poses``: names of its poses, one for each matte; None: those of
+        ``geometry``: what ``read_geometry()`` returns. ``poses``: names of its poses, one for each matte; None: the names of
         their sessions. Releases the GIL.
 
-        InvalidInput: the mattes differ in size, are of boxes or not of the geometry's camera, or their monitors stand in
-        one plane. NotFound: there is no such pose.
+        InvalidInput: the mattes differ in size, contain boxes or do not match the geometry's camera, or their monitors are
+        in one plane. NotFound: no such pose.
         """
         names = list(poses or (one.metadata.session, other.metadata.session))
         return cls(NativeRays.match(one._native, other._native, geometry.SerializeToString(), names))
@@ -179,9 +181,9 @@ class Rays(Pixels):
         *,
         pose: str | None = None,
     ) -> Rays:
-        """Makes rays of one matte, for an environment far away, as an approximation: its object is taken to be flat.
+        """Makes rays from one matte, for a distant environment, as an approximation: its object is assumed flat.
 
-        ``object_depth_mm``: how far it stands along the camera's axis. Others, and errors: as of ``match()``.
+        ``object_depth_mm``: its distance along the camera's axis. Other arguments, and errors: as for ``match()``.
         """
         name = pose or matte.metadata.session
         return cls(NativeRays.far_light(matte._native, geometry.SerializeToString(), name, object_depth_mm))
@@ -202,7 +204,7 @@ class Rays(Pixels):
 
     @property
     def poses(self) -> tuple[str, ...]:
-        """Names in ``geometry.monitors`` of the near and the far pose; one of rays of one matte."""
+        """Names in ``geometry.monitors`` of the near and the far pose; only one for rays from one matte."""
         return tuple(self.metadata.poses)
 
     @property
@@ -218,24 +220,25 @@ class Rays(Pixels):
 
     @property
     def camera_matrix(self) -> _Doubles:
-        """3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] of continuous pixels; OpenCV's cx and cy are less by 0.5."""
+        """3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] for continuous pixels; OpenCV's cx and cy are smaller by 0.5."""
         camera = self.geometry.camera
         return np.array([[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]])
 
     @property
     def distortion(self) -> _Doubles:
-        """k1, k2, p1, p2, k3, as OpenCV has them."""
+        """k1, k2, p1, p2, k3, as in OpenCV."""
         camera = self.geometry.camera
         return np.array([camera.k1, camera.k2, camera.p1, camera.p2, camera.k3])
 
     @property
     def weight(self) -> _Floats:
-        """H x W x 3 x rays: the fraction of the radiance that arrives; 0: unused."""
+        """H x W x 3 x rays: the fraction of the radiance that reaches the camera; 0: unused."""
         return self._native.weight
 
     @property
     def origin_mm(self) -> _Floats:
-        """H x W x 3 x rays x 3: the place on the near monitor; of ``STRAIGHT`` rays the camera, of ``FAR_LIGHT`` the object."""
+        """H x W x 3 x rays x 3: the place on the near monitor; for ``STRAIGHT`` rays the camera, for ``FAR_LIGHT`` the
+        object."""
         return self._native.origin_mm
 
     @property
@@ -257,7 +260,8 @@ class Rays(Pixels):
     def origin_sd_mm(self) -> _Floats:
         """H x W x 3 x rays: standard error of the origin across the ray, rms of two axes; 0: not known.
 
-        It has those of the mode's place and of the pose, if the geometry has its covariance; so has ``direction_sd``.
+        It combines those of the mode's position and of the pose, if the geometry has its covariance; so does
+        ``direction_sd``.
         """
         return self._native.origin_sd_mm
 
@@ -283,19 +287,19 @@ class Rays(Pixels):
     ) -> Picture:
         """Composites the object over pictures at any depth and in an environment: H x W x 3, linear, not clamped.
 
-        ``planes``: depths and pictures of linear light, h x w x 3. Each stands parallel to the nearest monitor, that many
-        mm from the camera along its normal, and is scaled to the monitor's size; nearer ones hide what is behind them.
-        ``environment``: all directions, equirectangular; its middle lies ahead of the camera, and moves to the right by
-        ``environment_turn_deg``. ``lossless``: light that no ray tells of is the environment's mean. ``exact`` and
-        ``threads``: as of ``Matte.composite()``. Releases the GIL.
+        ``planes``: depths and pictures of linear light, h x w x 3. Each is parallel to the nearest monitor, at this depth
+        (mm) from the camera along its normal, and is scaled to the monitor's size; nearer ones hide those behind them.
+        ``environment``: all directions, equirectangular; its centre is straight ahead of the camera, and moves to the right
+        by ``environment_turn_deg``. ``lossless``: light that no ray accounts for is taken from the environment's mean.
+        ``exact`` and ``threads``: as for ``Matte.composite()``. Releases the GIL.
 
-        InvalidInput: nothing stands behind the object, a depth is not in (0, 1e7], a picture is not of linear light, or
+        InvalidInput: nothing is behind the object, a depth is not in (0, 1e7], a picture is not linear light, or
         ``lossless`` has no environment.
         """
         if not planes and environment is None:
-            raise InvalidInput("planes or environment must say what stands behind the object")
+            raise InvalidInput("planes or environment must be given as the picture behind the object")
         if lossless and environment is None:
-            raise InvalidInput("lossless is about light of an environment, which is not given")
+            raise InvalidInput("lossless needs an environment, which is not given")
         for depth, _ in planes:
             if not 0.0 < depth <= _MAX_DEPTH_MM:
                 raise InvalidInput(f"a plane has the depth {depth} mm; it must be above 0 and at most {_MAX_DEPTH_MM:g}")
@@ -305,18 +309,18 @@ class Rays(Pixels):
         return self._native.composite(pictures, around, turn_rad, lossless, exact, threads).view(Picture)
 
     def correspondences(self) -> Correspondences:
-        """The pairs of points on the two monitors of all rays that were measured at both depths.
+        """The pairs of points on the two monitors for all rays that were measured at both depths.
 
-        Refused: the rays are of one matte. Damaged: the file lacks a pose that it names.
+        Refused: the rays are from one matte. Damaged: the file lacks a pose that it names.
         """
         if len(self.poses) != 2:
             what = self.metadata.approximation or f"{len(self.poses)} poses"
-            raise Refused(f"correspondences need mattes of two depths; these rays are of one ({what})")
+            raise Refused(f"correspondences need mattes at two depths; these rays are from one ({what})")
         rows = np.nonzero((self.weight > 0.0) & (self.state <= RayState.AMBIGUOUS))
         near_mm = self.origin_mm[rows].astype(np.float64)
         direction = self.direction[rows].astype(np.float64)
         near, far = ([self._plane(pose, name) for name in self.monitors] for pose in self.poses)
-        # The file does not say on which monitor a ray lies.
+        # The file does not say which monitor a ray starts from.
         monitor = np.argmin([plane.miss(near_mm) for plane in near], axis=0)
         along = np.choose(monitor, [plane.met(near_mm, direction) for plane in far])
         far_mm = near_mm + along[:, None] * direction
@@ -324,7 +328,7 @@ class Rays(Pixels):
         for index, planes in enumerate(zip(near, far)):
             here = monitor == index
             near_px[here], far_px[here] = planes[0].pixels_of(near_mm[here]), planes[1].pixels_of(far_mm[here])
-        # The direction's standard error is that of the difference of both points.
+        # The direction's standard error is that of the difference between both points.
         near_sd = self.origin_sd_mm[rows].astype(np.float64)
         both_sd = self.direction_sd[rows] * along
         y, x, channel, ray = (index.astype(np.int32) for index in rows)

@@ -51,11 +51,11 @@ class NodeKind(enum.Enum):
 
 @dataclasses.dataclass(frozen=True)
 class Preparation:
-    """What a node does before it can be used, such as a camera that simulates its scene."""
+    """What a node is doing before it can be used, such as a camera that simulates its scene."""
 
     what: str
     done: float | None
-    """Share of it that is done, 0 to 1; None: unknown."""
+    """Fraction done, 0 to 1; None: unknown."""
 
     @classmethod
     def from_message(cls, message: node_service_pb2.Preparation) -> Preparation:
@@ -76,7 +76,7 @@ class Node:
     version: str
     up: bool
     detail: str
-    """For people: "back 128x96 at 60 Hz", "solving s1 tile 3"."""
+    """Readable text: "back 128x96 at 60 Hz", "solving s1 tile 3"."""
     preparation: Preparation | None = None
     """None: it can be used."""
 
@@ -96,7 +96,7 @@ class Node:
 
 @dataclasses.dataclass(frozen=True)
 class Holder:
-    """The rig's present holder. ``client``: "anna@lab3", or empty; ``what``: "session vase", or a hold's reason with what
+    """The rig's current holder. ``client``: "anna@lab3", or empty; ``what``: "session vase", or a hold's reason with what
     drives the rig: "series (session vase)"."""
 
     client: str
@@ -142,9 +142,9 @@ class Estimate:
     video_seconds: float
     video_bytes: int
     holder: Holder | None
-    """The rig's present holder; None: it is free."""
+    """The rig's current holder; None: it is free."""
     warnings: tuple[str, ...]
-    """For people: what would make the capture less reliable."""
+    """For display: what would make the capture less reliable."""
 
 
 def connect(
@@ -204,22 +204,22 @@ class Rig:
         self.close()
 
     def close(self) -> None:
-        """Closes the connection. Captures and solves go on."""
+        """Closes the connection. Captures and solves continue."""
         self._connection.close()
 
     def nodes(self) -> list[Node]:
-        """All nodes of the rig, including those that are away."""
+        """All nodes of the rig, including unreachable ones."""
         return [Node.from_message(node) for node in self._list_nodes().nodes]
 
     def fleet(self) -> Fleet:
-        """The solvers with their work and speed, and the solves that are not done."""
+        """The solvers with their work and speed, and the unfinished solves."""
         answer: fleet_service_pb2.GetFleetResponse = self._connection.call_pages(
             self._fleet.GetFleet, fleet_service_pb2.GetFleetRequest()
         )
         return Fleet.from_message(answer)
 
     def holder(self) -> Holder | None:
-        """The rig's present holder; None: it is free."""
+        """The rig's current holder; None: it is free."""
         return _holder(self._list_nodes())
 
     def sessions(
@@ -247,24 +247,24 @@ class Rig:
         return [self._session(session) for session in answer.sessions]
 
     def session(self, name: str) -> Session:
-        """The session of this name. NotFound: there is none."""
+        """The session of this name. NotFound: there is no such session."""
         answer: pb.GetSessionResponse = self._connection.call(
             self._sessions.GetSession, pb.GetSessionRequest(name=name)
         )
         return self._session(answer.session)
 
     def estimate(self, plan: Plan, name: str = "") -> Estimate:
-        """A dry run: checks what ``capture`` would, with the same errors, and returns the cost."""
+        """A dry run: makes the same checks as ``capture``, with the same errors, and returns the cost."""
         return self._estimate(plan.to_message(), name)
 
     def capture(self, plan: Plan, name: str = "", *, solve: bool = False) -> Session:
         """Starts a capture and returns at once; the server chooses a ``name`` if none is given.
 
-        With ``solve`` it is solved by the plan's method as soon as it is captured.
+        With ``solve`` it is solved with the plan's method as soon as it is captured.
 
         The plan's photos are scaled to the first monitor and uploaded. InvalidInput: the plan or the name is wrong; the
-        message names the field. AlreadyExists: the name is taken. Refused: another client holds the rig, or it lacks what
-        the plan needs. Unavailable: a node is away.
+        message names the field. AlreadyExists: the name is taken. Refused: another client holds the rig, or it lacks
+        something that the plan needs. Unavailable: a node is unreachable.
         """
         return self._create(plan.to_message(), name, solve)
 
@@ -284,7 +284,7 @@ class Rig:
 
         ``reason``, 1 to 200 bytes, is shown to other clients ("turntable series"). Refused names the rig's holder. If the
         server is lost, so is the hold: every later call raises ``Unavailable``. A program started under a hold
-        (GLASSWING_HOLD is its token) uses that one.
+        (GLASSWING_HOLD is its token) uses that hold.
         """
         held = self._connection.hold
         if held is not None and held.call is not None:
@@ -319,10 +319,10 @@ class Rig:
     def calibrate_sync(
         self, monitors: Iterable[str] = (), *, exposure_ms: float = 0.0, camera: str = ""
     ) -> list[MonitorLatency]:
-        """Measures how late the light of these monitors (default: all) is, and stores it for all later proofs.
+        """Measures the latency of these monitors' light (default: all), and stores it for all later proofs.
 
-        ``exposure_ms``: 0 is four fifths of the frame interval. Refused: says why a monitor could not be measured; the
-        others are stored.
+        ``exposure_ms``: 0 is four fifths of the frame interval. Refused: the message says why a monitor could not be
+        measured; the others are stored.
         """
         return list(self._latencies(monitors, exposure_ms, camera))
 
@@ -337,12 +337,13 @@ class Rig:
     def calibrate(
         self, monitors: Iterable[str] = (), *, camera: str = "", longest_exposure_ms: float = 0.0
     ) -> Calibration:
-        """Measures timing, camera and monitors (default: all), and stores it for all later sessions, as "glasswing
+        """Measures timing, camera and monitors (default: all), and stores it for all later sessions, like "glasswing
         calibrate all". Takes minutes.
 
-        Nothing stands on the stage, the room is dark, and the monitors are warm. ``longest_exposure_ms``: that of later
-        captures; at least 16 are measured. ``notes`` name monitors that cannot be measured, as one that the camera does not see.
-        Stopped: a session that measures failed; ``info`` is its state. Refused: nothing could be measured, or another client
+        Nothing must be on the stage, the room must be dark, and the monitors warm. ``longest_exposure_ms``: the longest of
+        later captures; at least 16 ms are measured. ``notes`` name monitors that cannot be measured, such as one that the
+        camera does not see.
+        Stopped: a measuring session failed; ``info`` is its state. Refused: nothing could be measured, or another client
         holds the rig.
         """
         names = list(monitors)
@@ -368,7 +369,7 @@ class Rig:
         )
 
     def _some_latencies(self, monitors: Iterable[str], camera: str) -> tuple[tuple[MonitorLatency, ...], list[str]]:
-        """Those of the monitors that can be measured, and why another cannot."""
+        """The monitors that can be measured, and why others cannot."""
         found: list[MonitorLatency] = []
         try:
             found.extend(self._latencies(monitors, 0.0, camera))
@@ -381,7 +382,7 @@ class Rig:
     def _measured(
         self, request: rig_service_pb2.MakePlanRequest
     ) -> tuple[rig_service_pb2.FitCalibrationResponse, list[str]]:
-        """Captures what the server plans and fits it; also notes for people."""
+        """Captures the server's plan and fits it; also returns notes for display."""
         made: rig_service_pb2.MakePlanResponse = self._connection.call(self._rig.MakePlan, request, LONG_CALL_SECONDS)
         notes = list(made.notes)
         if not made.HasField("plan"):
@@ -397,7 +398,7 @@ class Rig:
     def calibrate_light(self, session: Session) -> rig_service_pb2.FitCalibrationResponse:
         """Fits and stores the response that a captured session measured: a plan with ``CalibrationFrames``.
 
-        Later sessions use it. Refused: says what the frames lack.
+        Later sessions use it. Refused: the message says what is missing in the frames.
         """
         request = rig_service_pb2.FitCalibrationRequest(session=session.name)
         answer: rig_service_pb2.FitCalibrationResponse = self._connection.call(
@@ -407,7 +408,7 @@ class Rig:
 
     @contextlib.contextmanager
     def pattern(self, name: str, monitors: Iterable[str] = ()) -> Iterator[list[str]]:
-        """Shows a test pattern while the block runs, and gives the monitors that show it (default: all). Holds the rig.
+        """Shows a test pattern while the block runs, and yields the monitors that show it (default: all). Holds the rig.
 
         ``name``: "lines" (to focus on), "bars", "white", "gray", "ramp" or "black".
         """
@@ -422,7 +423,7 @@ class Rig:
     def preview(
         self, *, camera: str = "", max_fps: float = 2.0, max_width_px: int = 640, exposure_ms: float = 0.0
     ) -> Iterator[LivePicture]:
-        """Yields what a camera sees until the loop is left; a capture may run meanwhile. Waits while the camera prepares
+        """Yields the camera's view until the loop is left; a capture may run meanwhile. Waits while the camera is preparing
         (``Node.preparation``).
 
         ``camera``: a camera node's name; default: the first that is up. ``max_fps``: 0.2 to 10. ``exposure_ms``: 0 is about
@@ -452,10 +453,11 @@ class Rig:
     ) -> Iterator[LiveComposite]:
         """Yields the object in front of ``background`` (linear, H x W x 3) as the camera sees it, until the loop is left.
 
-        The server shows the ramp on ``monitor`` and a listening solver learns the empty stage; then the object comes. Holds
-        the rig. ``exposure_ms``: of each frame. ``options``: of method ``ramp``. ``ask`` is called where a person must move
-        the object, with what to do, and returns when that is done. InvalidInput: an option, or no such monitor. Refused: no
-        solver offers live composites, or names the rig's holder.
+        The server shows the ramp on ``monitor`` and a listening solver learns the empty stage; then the object is placed.
+        Holds
+        the rig. ``exposure_ms``: for each frame. ``options``: of method ``ramp``. ``ask`` is called with instructions when
+        the object must be moved, and returns when that is done. InvalidInput: an option, or no such monitor. Refused: no
+        solver offers live composites, or another client holds the rig, whom the message names.
         """
         try:
             yield from live.composites(
@@ -480,11 +482,13 @@ class Rig:
         blur_px: float = 0.0,
         object: str = "clear",
     ) -> Plan:
-        """Makes a plan of method ``gaussian`` that fits the rig's monitors and camera, as ``glasswing plan make --for-rig``.
+        """Makes a plan for method ``gaussian`` that fits the rig's monitors and camera, like ``glasswing plan make
+        --for-rig``.
 
         ``quality``: "draft" (about a hundred images), "good", or "best" (finer stripes, and a second exposure for highlights).
-        ``images``: at most so many with the object at each exposure, 1 to 20000. ``monitors``: default all. ``blur_px``: how
-        far camera and monitor blur (sigma on the monitor, 0 to 200), as ``glasswing blur`` tells. ``object``: "clear",
+        ``images``: the maximum number with the object at each exposure, 1 to 20000. ``monitors``: default all. ``blur_px``:
+        the blur of camera and monitor (sigma on the monitor, 0 to 200), as measured by ``glasswing blur``. ``object``:
+        "clear",
         "frosted" (wider stripes), "metal" (a second exposure for highlights), or "dark" (a second, longer exposure).
         InvalidInput: ``images`` are too few.
         """
@@ -518,12 +522,12 @@ class Rig:
             raise Unavailable(f'camera node "{camera}" is not up' if camera else "no camera node is up; start glasswing-camera")
         if len(cameras) > 1:
             names = ", ".join(node.name for node in cameras)
-            raise Refused(f"the rig has several cameras, {names}; name one by camera=")
+            raise Refused(f"the rig has several cameras, {names}; name one with camera=")
         return cameras[0].address
 
     def _wait_until_freed(self, what: str) -> None:
-        """Waits until the server has noticed the end of a hold, or of what drives the rig ("series (pattern lines)" in a hold),
-        so that the next call finds the rig free."""
+        """Waits until the server has noticed the end of a hold, or of the rig's current use ("series (pattern lines)" in a
+        hold), so that the next call finds the rig free."""
         ends = time.monotonic() + self._connection.timeout
         with contextlib.suppress(Error):  # a server that is gone holds nothing
             while time.monotonic() < ends and (holder := self.holder()) is not None:
@@ -558,7 +562,7 @@ class Rig:
         )
 
     def _upload_photos(self, plan: plan_pb2.Plan) -> None:
-        """Uploads the plan's photos and replaces their file names by the names of the uploads."""
+        """Uploads the plan's photos and replaces their file names with the names of the uploads."""
         if not plan.photos:
             return
         monitors = self._estimate(plan, "").monitors

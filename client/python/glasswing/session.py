@@ -51,7 +51,7 @@ class State(enum.Enum):
 
     @property
     def rests(self) -> bool:
-        """True if the session stays in this state until somebody acts."""
+        """True if the session stays in this state until somebody intervenes."""
         return self not in (State.CREATED, State.CAPTURING, State.SOLVING)
 
 
@@ -79,7 +79,7 @@ class UnprovenStep:
 
 @dataclasses.dataclass(frozen=True)
 class Waiting:
-    """What a session's work waits for, in the server's words."""
+    """What a session is waiting for, in the server's words."""
 
     what: str
     """"no solver is running"."""
@@ -101,15 +101,15 @@ class Waiting:
 
 @dataclasses.dataclass(frozen=True)
 class RigChange:
-    """Something that happened to the rig in the middle of a capture, in the server's words."""
+    """A disturbance of the rig during a capture, in the server's words."""
 
     what: str
     advice: str
     """What to do."""
     seconds: float
-    """Of the capture, when it was seen."""
+    """Seconds of the capture, when it was detected."""
     lost: tuple[range, ...]
-    """The steps to capture again (``Session.retake()``); empty: that would not help."""
+    """The steps to capture again (``Session.retake()``); empty: recapturing would not help."""
 
     @classmethod
     def from_message(cls, message: session_pb2.RigChange) -> RigChange:
@@ -123,7 +123,7 @@ class RigChange:
 
 @dataclasses.dataclass(frozen=True)
 class Draft:
-    """What the newest draft of a session is made of: ``images`` of ``planned``."""
+    """What the newest draft of a session is made from: ``images`` of ``planned``."""
 
     images: int
     planned: int
@@ -140,13 +140,13 @@ class SessionInfo:
     name: str
     state: State
     reason: str
-    """Why it is paused or failed, and what to do; else empty."""
+    """Why it is paused or failed, and what to do; otherwise empty."""
     waiting: Waiting | None
-    """What keeps its work from going on; None: nothing."""
+    """What blocks it; None: nothing."""
     warning: str
-    """What makes the capture less reliable; else empty."""
+    """What makes the capture less reliable; otherwise empty."""
     rig_changes: tuple[RigChange, ...]
-    """What happened to the rig while it was captured, the first first."""
+    """What happened to the rig during the capture, oldest first."""
     created: datetime.datetime
     started_by: str
     note: str
@@ -155,16 +155,16 @@ class SessionInfo:
     steps: int
     steps_proven: int
     steps_proven_by_patch: int
-    """Those of them proven by the id patch, too."""
+    """Those also proven by the id patch."""
     steps_proven_by_time: int
-    """Those of them proven by time alone: false time stamps of a display or the camera went undetected."""
+    """Those proven by time alone: false time stamps of a display or the camera would go undetected."""
     steps_retaken: int
     """Steps shown again."""
     frames_refused: int
     """Frames that were on time but showed another id."""
     unproven: tuple[UnprovenStep, ...]
     frames_taken: int
-    """Frames of the camera, kept or not."""
+    """Frames from the camera, kept or not."""
     capture_seconds: float
     """Time spent capturing, without pauses."""
     archive_bytes: int
@@ -185,15 +185,15 @@ class SessionInfo:
     solved_frames: tuple[int, ...]
     refused_frames: tuple[int, ...]
     refusal: str
-    """Why one of the refused frames cannot be solved; else empty."""
+    """Why one of the rejected frames cannot be solved; otherwise empty."""
     matte_warnings: tuple[str, ...]
-    """What ``Matte.warnings`` of the mattes says, each once."""
+    """The ``Matte.warnings`` of the mattes, each once."""
     allowed_actions: frozenset[Action]
     """The calls that the server would accept now."""
     draft: Draft | None
-    """Of a session that is captured with ``solve``: what ``Session.draft()`` would fetch; None: there is none."""
+    """For a session captured with ``solve``: what ``Session.draft()`` would fetch; None: nothing."""
     copies: tuple[str, ...]
-    """Nodes that keep copies of its frames (``Session.replicate()``)."""
+    """Nodes with copies of its frames (``Session.replicate()``)."""
 
     @classmethod
     def from_message(cls, message: session_pb2.Session) -> SessionInfo:
@@ -254,7 +254,7 @@ class SessionInfo:
 
 
 class Stopped(Error):
-    """The session was paused, failed or was cancelled while it was waited for; ``info`` has its state."""
+    """The session was paused, failed or was cancelled while waiting for it; ``info`` has its state."""
 
     def __init__(self, info: SessionInfo) -> None:
         super().__init__(str(info))
@@ -265,7 +265,7 @@ class Session:
     """A session on the server. ``info`` is its latest known state; ``refresh()`` updates it.
 
     Every method raises ``NotFound`` once the session is deleted, and ``Refused`` if its state does not allow the call.
-    Asking for the state that it already has is not an error.
+    Requesting the state that it already has is not an error.
     """
 
     def __init__(self, connection: Connection, info: SessionInfo) -> None:
@@ -297,14 +297,16 @@ class Session:
         return self._ask(self._stub.GetSession, pb.GetSessionRequest(name=self.name), 0.0)
 
     def events(self) -> Iterator[SessionInfo]:
-        """Yields the session now and after every change, until it rests. Leaving the loop does not affect the session."""
+        """Yields the session now and after every change, until it comes to rest. Leaving the loop does not affect the
+        session."""
         return self._events(None)
 
     def wait(self, timeout: float | None = None, *, retries: int = 0) -> SessionInfo:
-        """Waits until the session is captured or done; one that was captured with ``solve``, until it is done.
+        """Waits until the session is captured or done; with ``solve``, until it is done.
 
-        ``retries``: how often it is resumed if it fails. Raises ``Stopped`` if it rests in another state (a session that
-        paused until the object is placed can be resumed and waited for again), and ``TimedOut`` after ``timeout`` seconds.
+        ``retries``: how often it is resumed if it fails. Raises ``Stopped`` if it comes to rest in another state (a session
+        that paused until the object is placed can be resumed and waited for again), and ``TimedOut`` after ``timeout``
+        seconds.
         """
         ends = None if timeout is None else time.monotonic() + timeout
         for attempt in range(retries + 1):
@@ -322,23 +324,23 @@ class Session:
         return self._ask(self._stub.PauseSession, pb.PauseSessionRequest(name=self.name))
 
     def resume(self, retries: int | None = None) -> SessionInfo:
-        """Continues a paused session, or retries what failed in a failed one.
+        """Continues a paused session, or retries the failed parts of a failed one.
 
         ``retries``: how often a step may be shown again from now on; default: the plan's.
         """
         return self._ask(self._stub.ResumeSession, pb.ResumeSessionRequest(name=self.name, retries=retries))
 
     def retake(self, steps: Iterable[range] | None = None) -> SessionInfo:
-        """Drops the frames of these steps and captures them again; a running capture is stopped for it.
+        """Drops the frames of these steps and captures them again; a running capture is stopped for this.
 
-        ``steps``: ranges of step 1; default: those that ``rig_changes`` names. InvalidInput: there are none, or the
+        ``steps``: ranges with step 1; default: those that ``rig_changes`` names. InvalidInput: no steps given, or the
         session has no such steps. Refused: it is solved, copied, imported or a video.
         """
         if steps is None:
             steps = [lost for change in self.refresh().rig_changes for lost in change.lost]
         ranges = [plan_pb2.StepRange(first=each.start, last=each.stop - 1) for each in steps if len(each) > 0]
         if not ranges:
-            raise InvalidInput(f"no steps of session {self.name} are to be captured again")
+            raise InvalidInput(f"session {self.name} has no steps to capture again")
         return self._ask(self._stub.ResumeSession, pb.ResumeSessionRequest(name=self.name, retake=ranges))
 
     def cancel(self) -> SessionInfo:
@@ -366,9 +368,9 @@ class Session:
         return self._ask(self._stub.AnnotateSession, request)
 
     def delete(self) -> int:
-        """Removes the session, its frames and its mattes for good, and returns how many bytes became free.
+        """Removes the session, its frames and its mattes for good, and returns the number of freed bytes.
 
-        Refused: it is being captured, imported or solved. Unavailable: the node with its frames is away; nothing was
+        Refused: it is being captured, imported or solved. Unavailable: the node with its frames is unreachable; nothing was
         removed.
         """
         request = pb.DeleteSessionRequest(name=self.name)
@@ -380,8 +382,8 @@ class Session:
     def fetch(self, frame: int | None = None, crop: str | None = None) -> Matte:
         """Fetches the finished matte, or that of one ``frame`` of a video, counted from 0. Refused: it is not solved.
 
-        ``crop``: "WIDTHxHEIGHT+X+Y": only this region of the picture, px from its top left corner. Invalid: it does
-        not lie within the picture.
+        ``crop``: "WIDTHxHEIGHT+X+Y": only this region of the picture, px from its top-left corner. Invalid: it is not within
+        the picture.
         """
         return Matte.from_bytes(self._matte_bytes(self._matte_request(frame, crop)))
 
@@ -401,24 +403,25 @@ class Session:
         return matte
 
     def draft(self) -> Matte:
-        """The newest draft of a session that is being captured with ``solve``, or is solved: of all images, or tiles, so far.
+        """The newest draft of a session that is being captured with ``solve``, or is being solved: from all images, or
+        tiles, so far.
 
-        Other pixels are flagged ``PixelFlag.NO_DATA``; ``metadata.draft`` says what it is made of. Refused: nothing is
+        Other pixels are flagged ``PixelFlag.NO_DATA``; ``metadata.draft`` says what it is made from. Refused: nothing is
         solved yet.
         """
         return Matte.from_bytes(self._matte_bytes(pb.FetchMatteRequest(name=self.name, partial=True)))
 
     def frames(self) -> Frames:
-        """The captured frames, as numpy arrays, from the camera node or a node with a copy. NotFound: it has none yet."""
+        """The captured frames, as numpy arrays, from the camera node or a node with a copy. NotFound: there are none yet."""
         answer: pb.GetSessionResponse = self._connection.call(self._stub.GetSession, pb.GetSessionRequest(name=self.name))
         found = answer.session
         addresses = [found.archive_address, *(copy.address for copy in found.copies)]
         return Frames(self._connection, [address for address in addresses if address], self.name)
 
     def export(self, directory: str | os.PathLike[str]) -> None:
-        """Writes frames and manifest to a new directory, as "glasswing export"; docs/archive.md describes it.
+        """Writes frames and manifest to a new directory, like "glasswing export"; docs/archive.md describes it.
 
-        AlreadyExists: the directory is neither new nor empty. Refused: the session is not captured, or the disk lacks room.
+        AlreadyExists: the directory is neither new nor empty. Refused: the session is not captured, or the disk lacks space.
         """
         state = self.refresh().state
         if state in (State.CREATED, State.CAPTURING, State.PAUSED):
@@ -426,10 +429,10 @@ class Session:
         self.frames().write(directory)
 
     def replicate(self, node: str) -> int:
-        """Copies the frames to another node, from which solvers then read, too; returns how many bytes it has.
+        """Copies the frames to another node, from which solvers can then also read; returns its size in bytes.
 
-        ``node``: a camera, or a solver that keeps archives. Repeating the call copies what is missing. NotFound: there is
-        no such node. Refused: the session is being captured, or the node keeps no archives.
+        ``node``: a camera, or a solver that stores archives. Repeating the call copies what is missing. NotFound: no such
+        node. Refused: the session is being captured, or the node does not store archives.
         """
         request = pb.ReplicateSessionRequest(name=self.name, node=node)
         copied = pb.ReplicateSessionResponse()

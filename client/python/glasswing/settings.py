@@ -1,4 +1,4 @@
-"""The server's address and the client's certificates: the same settings as the command line's.
+"""The server's address and the client's certificates: the same settings as for the command line.
 
 A setting is taken from the caller, its environment variable (GLASSWING_SERVER, GLASSWING_CA, GLASSWING_CERTIFICATE,
 GLASSWING_KEY), the configuration file, or the default, in this order. The file is the one that GLASSWING_CONFIG names, or

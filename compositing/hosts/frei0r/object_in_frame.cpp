@@ -121,8 +121,8 @@ AffineMap inverse(const AffineMap& map) {
   return inverted;
 }
 
-// What the monitor shows where `frame_from_monitor` lays the frame on it. Beyond its edges the frame goes on
-// as it ends.
+// What the monitor shows when `frame_from_monitor` places the frame on it. Beyond its edges the frame's edge
+// pixels continue.
 RadianceImage frame_on_monitor(const RadianceImage& frame, AffineMap frame_from_monitor, int width_px,
                                int height_px) {
   // Averaged first where the monitor shows it smaller.
@@ -165,7 +165,7 @@ cv::Mat layer_of(const RadianceImage& picture, const RadianceImage* coverage, cv
   return layer;
 }
 
-// Lays a layer of layer_of(), whose inside begins at `corner` of the frame, over the frame.
+// Puts a layer of layer_of(), whose inside begins at `corner` of the frame, over the frame.
 void lay_over(const cv::Mat& layer, const Eigen::Vector2d& corner, int width_px, int height_px,
               std::span<const std::uint8_t> frame, std::span<std::uint8_t> out) {
   // The layer's pixel (x, y) reaches over the frame's (left + x, top + y) and the next ones.
@@ -206,7 +206,7 @@ absl::StatusOr<ObjectInFrame> ObjectInFrame::open(const std::filesystem::path& f
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> mapped, MappedFile::open(file));
   if (is_ray_file(mapped->bytes())) {
     return failed(absl::InvalidArgumentError(
-        "it holds rays, which glasswing composite shows; this needs a matte, as glasswing fetch writes"));
+        "it contains rays, which glasswing composite shows; this needs a matte from glasswing fetch"));
   }
   absl::StatusOr<MatteOutline> outline = outline_of(mapped->bytes());
   if (!outline.ok()) return failed(outline.status());
@@ -220,7 +220,7 @@ absl::StatusOr<ObjectInFrame> ObjectInFrame::open(const std::filesystem::path& f
     views.add(rows, top);
   });
   if (!compositor.ok()) return failed(compositor.status());
-  if (!mapped->intact()) return failed(absl::DataLossError("it was altered while it was read"));
+  if (!mapped->intact()) return failed(absl::DataLossError("it was altered while being read"));
   return ObjectInFrame(*std::move(compositor), std::move(outline->metadata), std::move(coverage),
                        views.fit());
 }
@@ -246,7 +246,7 @@ absl::Status ObjectInFrame::composite(const Placement& placement, int width_px, 
                     placement.size, placement.x, placement.y, kMaxSize, kFarthest));
   }
 
-  // The picture is resized to whole pixels, then laid at any place.
+  // The picture is resized to whole pixels, then placed at any position.
   const double fit = placement.size * std::min(static_cast<double>(width_px) / coverage_.width_px,
                                                static_cast<double>(height_px) / coverage_.height_px);
   const cv::Size laid(std::max(1, static_cast<int>(std::lround(fit * coverage_.width_px))),

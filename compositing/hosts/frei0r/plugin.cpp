@@ -1,7 +1,8 @@
-// The filter "Glasswing" for frei0r's hosts: Kdenlive, MLT, ffmpeg (docs/hosts.md).
+// The filter "Glasswing" for frei0r hosts: Kdenlive, MLT, ffmpeg (docs/hosts.md).
 //
-// frei0r has no way to report an error. What is wrong is written to stderr, once, and the frames get a red
-// and white border until it is mended. Without a matte, as hosts add the filter, frames are left alone.
+// frei0r has no way to report an error. Errors are written to stderr, once, and the frames get a red and
+// white border until they are fixed. Without a matte, the state in which hosts add the filter, frames are
+// left unchanged.
 extern "C" {
 #include <frei0r.h>
 }
@@ -23,11 +24,11 @@ namespace glasswing {
 namespace {
 
 constexpr f0r_param_info_t kParameters[] = {
-    {"Matte", F0R_PARAM_STRING, "File of the matte (.exr), as glasswing fetch writes it"},
-    {"X", F0R_PARAM_DOUBLE, "Middle of the matte's picture, in widths of the frame from its left"},
-    {"Y", F0R_PARAM_DOUBLE, "Middle of the matte's picture, in heights of the frame from its top"},
+    {"Matte", F0R_PARAM_STRING, "File of the matte (.exr), from glasswing fetch"},
+    {"X", F0R_PARAM_DOUBLE, "Centre of the matte's picture, in widths of the frame from its left"},
+    {"Y", F0R_PARAM_DOUBLE, "Centre of the matte's picture, in heights of the frame from its top"},
     {"Size", F0R_PARAM_DOUBLE, "Size of the matte's picture; 1 is the largest that fits the frame"},
-    {"Whole picture", F0R_PARAM_BOOL, "Show the camera's whole picture rather than the object in the frame"},
+    {"Whole picture", F0R_PARAM_BOOL, "Show the camera's whole picture instead of the object in the frame"},
     {"Monitor", F0R_PARAM_STRING, "Name of the monitor that the frame is on; empty: the first"},
 };
 enum Parameter { kMatte, kX, kY, kSize, kWholePicture, kMonitor };

@@ -22,8 +22,8 @@ struct NukeArguments {
 
 absl::Status write_nuke_script(const CommandLine& command_line, const NukeArguments& arguments) {
   if (holds_rays(arguments.matte)) {
-    return absl::InvalidArgumentError(
-        fmt::format("{} holds rays, which glasswing composite shows; Nuke is given mattes", arguments.matte));
+    return absl::InvalidArgumentError(fmt::format(
+        "{} contains rays, which glasswing composite shows; Nuke scripts need mattes", arguments.matte));
   }
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte, MappedFile::open(arguments.matte));
   const absl::StatusOr<NukeScript> script =
@@ -46,16 +46,17 @@ void add_nuke_command(CLI::App& app, CommandLine& command_line) {
   CLI::App& command = *app.add_subcommand(
       "nuke", "Write a script for Nuke that shows a matte's object in front of any picture.");
   command.footer(
-      "The script reads the matte and holds one group of Nuke's own nodes, with an input for each monitor: "
+      "The script reads the matte and contains one group of Nuke's own nodes, with an input for each "
+      "monitor: "
       "plug\n"
       "in the picture behind the object, in linear light. All modes, places and widths are used "
       "(docs/hosts.md).\n"
-      "It was checked against descriptions of the nodes, never in Nuke.\n\n"
+      "It was checked against descriptions of the nodes, but never run in Nuke.\n\n"
       "Examples:\n"
       "  glasswing nuke vase.exr -o vase.nk\n"
       "  glasswing nuke /shows/spring/vase.exr -o vase.nk   # the script names this file");
   auto arguments = std::make_shared<NukeArguments>();
-  command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
+  command.add_option("matte", arguments->matte, "a matte from glasswing fetch")->required();
   command.add_option("-o,--output", arguments->output, "the script to write, .nk, or - for standard output")
       ->required()
       ->check(output_file({".nk", kStandardOutput}));

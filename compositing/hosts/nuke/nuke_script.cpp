@@ -21,18 +21,17 @@ namespace glasswing {
 namespace {
 
 constexpr int kBands = 3;
-// Pixels of the band before, or of the monitor, to one of a band and back; odd, so that a pixel's middle is
-// that of a pixel of the other size.
+// Pixels of the previous band, or of the monitor, per pixel of a band; odd, so that pixel centres coincide.
 constexpr int kEnlarged = 3;
 constexpr std::array<int, kBands> kReduced{1, 3, 9};
-// The steps of each band's blurs in its pixels: a variance about doubles, and a step is at most twice the
-// standard deviation that is there. Each band above the first begins at three pixels, so that the nearest is
-// near enough; the last ends at 286 px of the monitor.
+// The steps of each band's blurs in its pixels: the variance roughly doubles, and a step is at most twice the
+// existing standard deviation. Each band above the first begins at three pixels, so that nearest sampling is
+// accurate enough; the last ends at 286 px of the monitor.
 const std::array<std::vector<int>, kBands> kSteps{
     {{1, 1, 2, 2, 4, 4, 8, 8}, {4, 6, 8, 11, 16, 22, 32}, {4, 6, 8, 11, 16, 22, 32}}};
 constexpr double kMaxSpread = 3.0;  // of the taps, in standard deviations of what each of them sees
 
-// Places in standard deviations and weights of the taps; their variance is 1.
+// Positions in standard deviations and weights of the taps; their variance is 1.
 struct Tap {
   int place;
   double weight;
@@ -45,12 +44,12 @@ constexpr std::array<Tap, 5> kTaps{{{0, 0.382962820238683},
 
 // What a monitor's modes need is left out below this mean square (60 dB below full scale).
 constexpr double kNegligible = 1e-6;
-// Mean square of what a wrong width does to a picture's pixel.
+// Mean square error of a picture's pixel for a wrong width.
 constexpr double kContrast = 0.01;
 
 constexpr std::array<const char*, kChannels> kColours{"red", "green", "blue"};
 
-// The variances of a band's levels, px^2 of the monitor; the first is the last of the band before.
+// The variances of a band's levels, px^2 of the monitor; the first equals the last of the previous band.
 using Band = std::vector<double>;
 
 std::vector<Band> ladder() {
@@ -65,7 +64,7 @@ std::vector<Band> ladder() {
   return bands;
 }
 
-// What the modes of one place in the list, in one channel and on one monitor, need of a ladder.
+// The parts of a ladder that the modes at one place in the list need, in one channel and on one monitor.
 struct Need {
   double light = 0.0;                    // sum of weights
   std::array<double, kBands> reached{};  // sums of squared weights by the band of the width
@@ -91,7 +90,7 @@ void count(const Mode& mode, const std::vector<Band>& bands, Need& need) {
   need.longish[band] += square * std::pow((wide - narrow) / (wide + 0.1), 2);
 }
 
-// By mode, channel (only the first of a colourless matte) and monitor.
+// By mode, channel (only the first for a colourless matte) and monitor.
 struct Needs {
   explicit Needs(const MatteOutline& outline)
       : channels(outline.colourless ? 1 : kChannels),
@@ -129,7 +128,7 @@ absl::StatusOr<Needs> needs_of(std::string_view matte, const MatteOutline& outli
   return needs;
 }
 
-// How many taps of each band show a mode; none of bands that its widths do not reach.
+// How many taps of each band show a mode; none for bands that its widths do not reach.
 std::array<int, kBands> taps_for(const Need& need, double pixels) {
   std::array<int, kBands> taps{};
   const double least = kNegligible / kContrast * pixels;
@@ -231,7 +230,7 @@ std::string level_channel(size_t level, const char* colour) {
 }
 
 Blurs add_blurs(Nodes& nodes, const v1::Monitor& monitor, const std::string& name, Id picture, size_t bands) {
-  // Light that spreads beyond the picture's edge is kept as far as footprints may be centred there.
+  // Light that spreads beyond the picture's edge is kept as far out as footprints may be centred.
   const int longer_px = std::max(monitor.width_px(), monitor.height_px()),
             margin_px = bands < 2   ? 32
                         : bands < 3 ? 96
@@ -268,7 +267,7 @@ Blurs add_blurs(Nodes& nodes, const v1::Monitor& monitor, const std::string& nam
   return blurs;
 }
 
-// How far a width, of which B's red is the variance, has passed from the level before `level` to it.
+// How far a width, whose variance is in B's red, lies between the previous level and `level`.
 std::string passed(const Band& band, size_t level) {
   const double from = band[level - 1], to = band[level];
   return fmt::format("clamp((Br-{:.7g})*{:.7g})", from, 1.0 / (to - from));
@@ -292,7 +291,7 @@ struct ChannelOfMode {
   std::vector<int> colours;  // that it stands for
 };
 
-// What Nuke allows in a name.
+// Characters that Nuke allows in a name.
 std::string node_name(std::string name) {
   std::ranges::replace_if(
       name, [](unsigned char c) { return !std::isalnum(c); }, '_');
@@ -302,7 +301,7 @@ std::string node_name(std::string name) {
 std::string introduction(const MatteOutline& outline, const std::string& file) {
   std::string text = fmt::format(
       "# The object of {} in front of any picture: plug one, in linear light, into each input of the group\n"
-      "# that has the name of a monitor. Made by glasswing nuke; docs/hosts.md says how exact it is.\n",
+      "# that is named after a monitor. Made by glasswing nuke; docs/hosts.md says how accurate it is.\n",
       file);
   if (outline.metadata.footprint() == kBoxFootprint)
     text += "# The footprints of this matte are boxes; they are shown as Gaussians of the same width.\n";
@@ -393,7 +392,7 @@ class Graph {
     return sum;
   }
 
-  // Adds to `sum` what a monitor's picture sends by one mode: rgb, alpha 0.
+  // Adds to `sum` a monitor's contribution through one mode: rgb, alpha 0.
   Id add_mode(const ChannelOfMode& which, int texture, Id matte, const Blurs& blurs, Id sum) {
     const std::array<int, kBands> taps = taps_of(which, texture);
     if (taps[0] == 0) return sum;
@@ -459,7 +458,8 @@ class Graph {
 absl::StatusOr<NukeScript> nuke_script(std::string_view matte, const std::string& file) {
   if (const size_t at = file.find_first_of("\"\\[]{}$#%\n\r\t"); at != std::string::npos) {
     return absl::InvalidArgumentError(fmt::format(
-        "the matte is {}; the character {} has a meaning in Nuke's scripts, so its name must do without",
+        "the matte is {}; the character {} has a special meaning in Nuke scripts; rename it without that "
+        "character",
         file, file[at]));
   }
   GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(matte));

@@ -1,4 +1,4 @@
-// Rays in an environment that visitors turn.
+// Rays in an environment that visitors can turn.
 import {
   kBuiltInEnvironments,
   openEnvironment,

@@ -1,4 +1,5 @@
-// The player of a folder for the web (docs/web.md): a matte before pictures, or rays in environments; and what visitors drop.
+// The player of a folder for the web (docs/web.md): a matte before pictures, or rays in environments; and files that
+// visitors drop.
 import { checkedDescription, readWebMatte } from "../src/light/web_matte";
 import { surroundedShow } from "./environment";
 import { pictureShow } from "./picture";
@@ -40,7 +41,7 @@ function addControls(show: Show): void {
 
 const newest = new Newest();
 
-/** Shows what loads, unless something else is asked for meanwhile. */
+/** Shows what loads, unless something else is requested meanwhile. */
 async function put(load: () => Promise<() => void>): Promise<void> {
   canvas.ariaBusy = "true";
   try {
@@ -63,7 +64,7 @@ async function begin(): Promise<void> {
   canvas.hidden = false;
   say("");
   canvas.addEventListener("webglcontextlost", () =>
-    say("The graphics processor lost this page; reload it."),
+    say("The graphics processor lost this page's context; reload the page."),
   );
   addControls(show);
   document.body.ondragover = (event) => (event.preventDefault(), canvas.classList.add("over"));

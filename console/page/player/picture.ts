@@ -1,4 +1,4 @@
-// A matte before pictures, on all monitors the same.
+// A matte in front of pictures, the same on all monitors.
 import { kBuiltIn, openPicture, paint, type BuiltIn } from "../src/play/backgrounds";
 import { listenToGestures } from "../src/play/gestures";
 import { kStill, Stage } from "../src/play/stage";

@@ -88,7 +88,7 @@ function post(method: string, request: object, options: CallOptions): Promise<Re
   return ask(path, init);
 }
 
-/** `method` is "SessionService/GetSession". Of a list, the answer has all pages (https://google.aip.dev/158). */
+/** `method` is for example "SessionService/GetSession". Of a list, the answer has all pages (https://google.aip.dev/158). */
 export async function call<Answer>(
   method: string,
   request: object = {},
@@ -185,7 +185,7 @@ export async function logout(): Promise<void> {
   me.value = null;
 }
 
-/** The token of a login link, "...#token=...", which may be empty; undefined: this is no such link. */
+/** The token of a login link, "...#token=...", which may be empty; undefined: this is not such a link. */
 export function tokenIn(link: string): string | undefined {
   return /#token=(.*)$/.exec(link)?.[1];
 }

@@ -81,7 +81,7 @@ TEST_F(CommandLine, APictureIsNoPlanAndNoMatte) {
   expect_one_line_error(run_glasswing({"plan", "check", picture}),
                         picture + ": it is no text; a plan is a text file, as glasswing plan make writes it");
   expect_one_line_error(run_glasswing({"view", picture, "-o", (scratch_ / "sheet.png").string()}),
-                        picture + ": it is damaged or no matte: it is no OpenEXR file");
+                        picture + ": it is damaged or not a matte: it is not an OpenEXR file");
 }
 
 TEST_F(CommandLine, AnAnswerThatCannotBeWrittenIsAFailure) {

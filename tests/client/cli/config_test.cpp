@@ -80,7 +80,7 @@ TEST_F(Configuration, NamesTheLineThatIsWrong) {
       {"server = [\"a:1\"]\n", "it must be KEY"},
       {"[capture]\n", ":1: it is [capture]; it must be"},
       {"server = \"a\\tb\"\n", "it must be KEY"},
-      {"key = \"a\"\nkey = \"b\"\n", ":2: key is there a second time"},
+      {"key = \"a\"\nkey = \"b\"\n", ":2: key is repeated"},
       {"color = \"pink\"\n", "color is pink; it must be auto, always or never"}};
   for (const auto& [text, words] : kCases) {
     write(text);

@@ -114,15 +114,14 @@ class SlowRig : public ScratchTest {
 
 TEST_F(SlowRig, TheSessionGoesOnAndTheClientSaysHowToWatchIt) {
   expect_broken_off({"watch", "vase"}, sessions_.watch,
-                    "session vase goes on; glasswing watch vase shows it, glasswing cancel vase ends it");
+                    "session vase continues; glasswing watch vase shows it, glasswing cancel vase ends it");
 }
 
 TEST_F(SlowRig, MeasurementsAreBrokenOff) {
-  expect_broken_off({"doctor"}, rig_.check,
-                    "the check was broken off; the rig is free again, and nothing of it changed");
+  expect_broken_off({"doctor"}, rig_.check, "the check was interrupted; the rig is free again and unchanged");
   expect_broken_off(
       {"calibrate", "sync"}, rig_.sync,
-      "the measurement was broken off; the rig is free again, and 0 of its monitors were measured");
+      "the measurement was interrupted; the rig is free again, and 0 of its monitors were measured");
 }
 
 TEST_F(SlowRig, TheSecondCtrlCEndsAtOnce) {

@@ -201,7 +201,7 @@ TEST_F(LifeCommands, SessionsAreSearched) {
 }
 
 TEST_F(LifeCommands, RetryNamesWhatItTriesAgain) {
-  expect_one_line_error(run({"retry", "a"}), "session a is done; only one that failed");
+  expect_one_line_error(run({"retry", "a"}), "session a is done; only a failed one");
   v1::Session& failed = sessions_.sessions["a"];
   failed.set_state(v1::SESSION_STATE_FAILED);
   failed.set_step_count(11);

@@ -92,9 +92,8 @@ TEST_F(ImportSequence, ANoisySequenceGetsNoisyBackgrounds) {
 
 TEST_F(ImportSequence, WhatIsNotThereIsSaid) {
   expect_one_line_error(run({"import", set_.string(), "--sequence", "ramp_bright"}),
-                        "it holds: ramp_dark, ramp_light_noise");
-  expect_one_line_error(run({"import", set_.string(), "--sequence", "stilllife_dark"}),
-                        "it holds: ramp_dark");
+                        "it has: ramp_dark, ramp_light_noise");
+  expect_one_line_error(run({"import", set_.string(), "--sequence", "stilllife_dark"}), "it has: ramp_dark");
   expect_one_line_error(run({"import", set_.string(), "--sequence", "ramp_dark", "--empty-frames", "3"}),
                         "is an archive");
   const Outcome whole =

@@ -101,14 +101,15 @@ TEST_F(PhotographLists, ComplaintsNameLineValueAndWhatIsAccepted) {
   for (const Case& each : {
            Case{"", ": it lists no photographs"},
            {columns, ": it lists no photographs"},
-           {"#monitor back\n", ":1: monitor is \"back\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080"},
+           {"#monitor back\n",
+            ":1: monitor is \"back\"; it must be NAME:WIDTHxHEIGHT, such as back:1920x1080"},
            {"#monitor back:0x9\n", ":1: monitor is \"back:0x9\"; it must be NAME:WIDTHxHEIGHT"},
            {"#monitor back:9x16385\n",
-            ":1: monitor is \"back:9x16385\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, or "
+            ":1: monitor is \"back:9x16385\"; it must be NAME:WIDTHxHEIGHT, such as back:1920x1080, or "
             "WIDTHxHEIGHT, each side 1 to 16384 px"},
            {"#scene gl\xe4ser\n", ":1: it is not UTF-8"},
            {"#exposure 3\n",
-            ":1: there is no \"#exposure\"; it must be #monitor, #response, #black, #white or #scene"},
+            ":1: unknown setting \"#exposure\"; it must be #monitor, #response, #black, #white or #scene"},
            {"#black -1\n", ":1: black is \"-1\"; it must be 0 or more codes"},
            {"#response srgb\nfile\tobject\tkind\n",
             ":2: no monitor is named before the header row; add #monitor"},
@@ -122,7 +123,7 @@ TEST_F(PhotographLists, ComplaintsNameLineValueAndWhatIsAccepted) {
            {columns + "a\tyes\tsolid\t\t\t\t\t\t\n", ":4: object is \"yes\"; it must be true or false"},
            {columns + "a\ttrue\tsolid\t\t\t\t\tno\t\n", ":4: inverse is \"no\"; it must be true or false"},
            {columns + "a\ttrue\tsolid\t\t\t1,2x,3\t\t\t\n",
-            ":4: colour is \"2x\"; it must be numbers with commas"},
+            ":4: colour is \"2x\"; it must be numbers separated by commas"},
            {columns + "a\ttrue\tsolid\tinf\t\t\t\t\t\n", ":4: bar_width_px is \"inf\"; it must be a number"},
            {columns + "a\ttrue\tsolid\t\t\t\t1.5\t\t\n", ":4: level is \"1.5\"; it must be a whole number"},
            {columns + "a\ttrue\tsolid\t\t\t\t\t\tfront\n",
@@ -130,9 +131,9 @@ TEST_F(PhotographLists, ComplaintsNameLineValueAndWhatIsAccepted) {
            {columns + "a\ttrue\tsquare\t0\tvertical_bars\t\t\t\t\n",
             ":4: stimulus bar_width_px is 0; it must be > 0"},
            {columns + "a\ttrue\tstripes\t\t\t\t\t\t\n", ":4: stimulus kind is \"stripes\"; it must be solid"},
-           {columns + "../a\ttrue\tsolid\t\t\t\t\t\t\n", ":4: a frame's file is \"../a\"; it must lie below"},
+           {columns + "../a\ttrue\tsolid\t\t\t\t\t\t\n", ":4: a frame's file is \"../a\"; it must be inside"},
            {columns + "a\ttrue\tramp\t\t\t\t\t\t\n\na\ttrue\tramp\t\t\t\t\t\t\n",
-            ":6: a is listed in line 4 already"},
+            ":6: a is already listed in line 4"},
        }) {
     const std::string message(read(each.text).status().message());
     EXPECT_TRUE(message.starts_with(list_.string() + each.complaint)) << message;
@@ -169,7 +170,7 @@ TEST_F(PhotographLists, AnArchiveIsWrittenWithoutAServer) {
             read_file(archive_ / "frames/000001.tif").value());
   expect_one_line_error(
       import(kHeaders + "file\tobject\tkind\n0.png\ttrue\tramp\n", {"--archive", archive_.string()}),
-      archive_.string() + " is there already");
+      archive_.string() + " already exists");
 }
 
 TEST_F(PhotographLists, CodesBecomeLight) {
@@ -226,7 +227,7 @@ TEST_F(PhotographLists, WhatIsWrongWithAPhotographIsOneLineAndNothingIsSent) {
     EXPECT_TRUE(std::filesystem::is_empty(scratch_ / "out"));
   };
   put("2.png", encode_png16(Image16(kWidth, kHeight + 1)).value());
-  refused("list.tsv:6: 2.png is 9x8 of 16 bits; it must be as the first one, 0.png, which is 9x7 of 16 bits");
+  refused("list.tsv:6: 2.png is 9x8 of 16 bits; it must match the first one, 0.png, which is 9x7 of 16 bits");
   ASSERT_OK(write_radiance(photographs_ / "2.png", RadianceImage(kWidth, kHeight), Encoding::kDisplay));
   refused("list.tsv:6: 2.png is 9x7 of 8 bits");
   put("2.png", encode_png16(picture(2)).value().substr(0, 100));
@@ -237,8 +238,9 @@ TEST_F(PhotographLists, WhatIsWrongWithAPhotographIsOneLineAndNothingIsSent) {
   ASSERT_EQ(import(table, {"--server", server.address(), "--session", "vase"}).status, 0);
   EXPECT_EQ(server.sessions_.finished, std::vector<std::string>{"vase"});
   EXPECT_EQ(decode_tiff(server.archive_.files.at("frames/000002.tif"))->samples, picture(2).samples);
-  expect_one_line_error(import("#monitor 64x48\nfile\tobject\tkind\n0.png\ttrue\tramp\n"),
-                        "what light its codes stand for is not said, and the photographs do not tell");
+  expect_one_line_error(
+      import("#monitor 64x48\nfile\tobject\tkind\n0.png\ttrue\tramp\n"),
+      "the response of its codes is not declared and cannot be estimated from the photographs");
   expect_one_line_error(import(table, {"--response", "film"}),
                         "list.tsv: response is \"film\"; it must be linear");
 }

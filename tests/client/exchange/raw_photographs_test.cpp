@@ -68,13 +68,13 @@ TEST_F(RawImport, RefusesOptionsThatTheFilesKnowBetterAndSetsThatAreMixed) {
   write_dng(directory_ / "b.dng", flat(9000, 800.0f));
   PhotographOptions srgb;
   srgb.response = "srgb";
-  EXPECT_THAT(std::string(source(srgb).status().message()), HasSubstr("leave out response, black and white"));
+  EXPECT_THAT(std::string(source(srgb).status().message()), HasSubstr("omit response, black and white"));
   Dng other = flat(9000, 800.0f);
   other.mosaic = "RGGB";
   write_dng(directory_ / "b.dng", other);
   const absl::Status mixed = source().value().read(1).status();
   EXPECT_THAT(std::string(mixed.message()),
-              HasSubstr("b.dng is 32x32 of 14 bits, mosaic RGGB; it must be as the first"));
+              HasSubstr("b.dng is 32x32 of 14 bits, mosaic RGGB; it must match the first"));
 }
 
 }  // namespace

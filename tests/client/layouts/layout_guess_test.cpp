@@ -106,10 +106,11 @@ TEST_F(LayoutGuesses, WhatFringesDoNotShowIsAskedFor) {
   std::vector<Shown> stack;
   add_steps(stack, 0, {1, 6}, 4, true);
   add_steps(stack, 1, {1, 6}, 4, true);
-  EXPECT_NE(guess(stack).find("along x their frequencies are as 1.00 : 6"), std::string::npos);
+  EXPECT_NE(guess(stack).find("along x their frequencies are in the ratio 1.00 : 6"), std::string::npos);
   EXPECT_NE(guess(stack, {}, periods("1,6,36")).find("--periods names 3 fringes, the photographs show 2"),
             std::string::npos);
-  EXPECT_NE(guess(stack, {}, periods("1,7")).find("those given are as 1.00 : 7.00"), std::string::npos);
+  EXPECT_NE(guess(stack, {}, periods("1,7")).find("those given are in the ratio 1.00 : 7.00"),
+            std::string::npos);
   EXPECT_NE(guess(stack, {}, periods("1,6")).find("pass --shift forward or --shift backward"),
             std::string::npos);
   LayoutFacts facts = periods("1,6");

@@ -118,8 +118,8 @@ TEST_F(LayoutImport, AResponseThatPhotographsDoNotTellIsAskedFor) {
     return import(all);
   };
   expect_one_line_error(import(options),
-                        "what light its codes stand for is not said, and the photographs do not "
-                        "tell (there are no complements, gray levels or several exposures); pass "
+                        "the response of its codes is not declared and cannot be estimated from the "
+                        "photographs (there are no complements, gray levels or several exposures); pass "
                         "--response srgb, linear or gamma:G, or --response unknown");
   ASSERT_EQ(with("srgb").status, 0);
   EXPECT_EQ(manifest().camera().response(), "linear");
@@ -136,7 +136,7 @@ TEST_F(LayoutImport, WhatIsWrongIsOneLine) {
     expect_one_line_error(import(options), words);
     EXPECT_FALSE(std::filesystem::exists(archive_));
   };
-  refused({"--layout", "auto"}, "--monitor is given 0 times; --layout needs it once, as 1920x1080");
+  refused({"--layout", "auto"}, "--monitor is given 0 times; --layout needs it once, such as 1920x1080");
   refused({"--layout", "auto", "--monitor", "64"}, "monitor is \"64\"; it must be NAME:WIDTHxHEIGHT");
   refused({"--layout", "auto", "--monitor", "64x48", "--order", "rows"},
           "--layout auto takes only --periods, --shift and --cell");

@@ -72,7 +72,7 @@ TEST_F(WrappedNumbers, GoOnWhereDatesSaySo) {
 
 TEST_F(WrappedNumbers, AreAskedForWhereDatesDoNot) {
   take(9998, 3), take(9999, 4), take(1, 1), take(2, 2);
-  EXPECT_NE(taken().status().message().find("seem to be of one series that wrapped"), std::string::npos)
+  EXPECT_NE(taken().status().message().find("seem to belong to one series that wrapped"), std::string::npos)
       << taken().status();
   take(9998, 3, "png");  // of which no dates are read
   std::filesystem::remove(scratch_ / "IMG_9998.jpg");

@@ -96,11 +96,11 @@ TEST_F(Pki, AnAuthorityMaySignCertificatesAndNothingElse) {
 TEST_F(Pki, AnAuthorityIsNeverOverwritten) {
   ASSERT_EQ(pki("init").status, 0);
   const std::string certificate = bytes("ca.pem"), key = bytes("ca.key");
-  refused("init", {}, path("ca.pem") + " is there already; another authority needs another directory");
+  refused("init", {}, path("ca.pem") + " already exists; another authority needs another directory");
   EXPECT_EQ(bytes("ca.pem"), certificate);
   EXPECT_EQ(bytes("ca.key"), key);
   fs::remove(lab_ / "ca.pem");
-  refused("init", {}, path("ca.key") + " is there without ca.pem; put that back, or take the key away");
+  refused("init", {}, path("ca.key") + " exists without ca.pem; put that back, or remove the key");
   EXPECT_EQ(bytes("ca.key"), key);
 }
 
@@ -144,7 +144,7 @@ TEST_F(Pki, WhatIsNoRequestMakesNothing) {
   } kCases[] = {
       {"rig", "rig: it must be ROLE:NAME or ROLE:NAME=HOST,HOST..."},
       {"admin:rig",
-       "\"admin\" is no role; there are operator, viewer, server, display, camera, solver, console"},
+       "\"admin\" is not a role; the roles are operator, viewer, server, display, camera, solver, console"},
       {"server+:rig", "\"\" is no role"},
       {"server+server:rig", "\"server\" is there twice"},
       {"server:", "the name is \"\""},
@@ -152,7 +152,7 @@ TEST_F(Pki, WhatIsNoRequestMakesNothing) {
       {"server:ca", "and not ca"},
       {"server:rig=", "\"\" is no host"},
       {"server:rig=a,a", "\"a\" is there twice"},
-      {"server:rig=10.0.0.256", "\"10.0.0.256\" is no host; it must be"},
+      {"server:rig=10.0.0.256", "\"10.0.0.256\" is not a host; it must be"},
       {"server:rig=*.lab", "\"*.lab\" is no host"},
       {"server:rig=rig.lab\nURI:urn:glasswing:role:operator", "is no host"}};
   for (const auto& [request, words] : kCases) refused("issue", {"solver:good", request}, words);
@@ -181,7 +181,7 @@ TEST_F(Pki, WhatIsThereIsRenewedRatherThanIssued) {
   const std::string rig = bytes("rig.pem"), key = bytes("rig.key"), far = bytes("far.pem");
   const std::string names = openssl("x509 -in rig.pem -noout -subject -ext subjectAltName,extendedKeyUsage");
   refused("issue", {"solver:new", "viewer:rig"},
-          path("rig.pem") + " is there already; glasswing pki renew " + lab_.string() + " rig replaces it");
+          path("rig.pem") + " already exists; glasswing pki renew " + lab_.string() + " rig replaces it");
   EXPECT_EQ(bytes("rig.pem"), rig);
 
   const json renewed = answer("renew");  // what expires within 30 days

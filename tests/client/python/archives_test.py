@@ -147,7 +147,7 @@ class ArchivesTest(unittest.TestCase):
             with self.assertRaisesRegex(glasswing.Damaged, "frames/0.tif came damaged"):
                 self.session.export(target)
             self.server.flip, self.server.file_name = 0, "../{}.tif"
-            with self.assertRaisesRegex(glasswing.Damaged, "must lie in frames/"):
+            with self.assertRaisesRegex(glasswing.Damaged, "must be in frames/"):
                 self.session.export(target)
             self.server.size_bytes = 1 << 50
             with self.assertRaisesRegex(glasswing.Refused, "vase would take 3377699720527872 bytes; its disk has"):

@@ -67,7 +67,7 @@ class ExamplesTest(unittest.TestCase):
             begun.send_signal(signal.SIGINT)
             said, _ = begun.communicate(timeout=60)
         self.assertEqual(begun.returncode, 1, said)
-        self.assertIn("takes the series up again", said)
+        self.assertIn("continues the series", said)
 
         created = self.rig.session("cup-000").info.created
         self.run_script(*series)

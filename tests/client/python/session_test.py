@@ -175,7 +175,7 @@ class SessionTest(unittest.TestCase):
 
     def test_an_error_that_is_not_known_is_refused(self):
         # Method hierarchical does not say how it sampled.
-        self.refused(glasswing.Refused, "does not say how it was sampled", self.matte.error, {"back": glasswing.read_picture(QUILT)})
+        self.refused(glasswing.Refused, "does not record how it was sampled", self.matte.error, {"back": glasswing.read_picture(QUILT)})
 
     def test_in_front_of_black_only_the_foreground_is_left(self):
         np.testing.assert_array_equal(self.matte.composite({}), self.matte.foreground)

@@ -83,7 +83,7 @@ TEST_F(FleetCommand, SaysThatThereAreNoSolversAndNoWork) {
   EXPECT_THAT(outcome.out, HasSubstr("0 of 0 solvers up, 0.00 tiles/s; jobs are in SQLite\n"));
   EXPECT_THAT(outcome.out,
               HasSubstr("no solvers; start some with: glasswing-solver --server " + host_->address()));
-  EXPECT_THAT(outcome.out, HasSubstr("no work; begin some with: glasswing solve SESSION\n"));
+  EXPECT_THAT(outcome.out, HasSubstr("no work; start some with: glasswing solve SESSION\n"));
 }
 
 TEST_F(FleetCommand, ListsSolversAndSolves) {

@@ -166,7 +166,7 @@ class RailTest(unittest.TestCase):
         self.assertEqual(self.doctor(geometry, f"bare-{FAR_MM:g}")["level"], "ok")
         with self.assertRaisesRegex(AssertionError, "--rail-mm has 500; the rail of monitor \"back\" takes 192 to 384 mm"):
             self.capture(self.bare, "beyond", NEAR_MM, 500)
-        with self.assertRaisesRegex(AssertionError, 'there is a session "bare-232" already'):
+        with self.assertRaisesRegex(AssertionError, 'session "bare-232" already exists'):
             self.capture(self.bare, "bare", BETWEEN_MM, FAR_MM)
         self.assertNotIn("-212", self.rig.glasswing("sessions"))
         self.rig.run("tilt", "0,3")
@@ -182,7 +182,7 @@ class RailTest(unittest.TestCase):
         poses = f"bare-{NEAR_MM:g},bare-{FAR_MM:g}"
         words = ["rays", *vase, "--geometry", str(geometry), "-o", str(rays), "--poses"]
         self.assertIn(f"mm from the camera, {FAR_MM:g} mm on its rail", self.rig.glasswing(*words, poses))
-        with self.assertRaisesRegex(AssertionError, "stood at 192 mm of its rail .* pose .* is of it at 232 mm"):
+        with self.assertRaisesRegex(AssertionError, "was at 192 mm on its rail .* pose .* has it at 232 mm"):
             self.rig.glasswing(*words, f"bare-{FAR_MM:g},bare-{NEAR_MM:g}")
         self.rig.glasswing("fetch", vase[0], "-o", str(near))
         shown = picture()

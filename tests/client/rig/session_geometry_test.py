@@ -49,11 +49,11 @@ class SessionGeometryTest(unittest.TestCase):
 
     def test_without_a_rail_the_operator_moves_the_monitor(self):
         capture = ["capture", PLANS / "quick.txtpb", "--session", "hand", "--rail-mm"]
-        self.refused('monitor back has no rail (glasswing-display --rail), and standard input is no terminal', *capture, "7,8.5")
-        self.refused('monitor "back" has no rail that could move it', "rail", "7")
+        self.refused('monitor back has no rail (glasswing-display --rail), and standard input is not a terminal', *capture, "7,8.5")
+        self.refused('monitor "back" has no rail to move it', "rail", "7")
         self.rig.glasswing(*map(str, capture), "6")  # taken at their word
         self.assertEqual(self.rig.shown("hand-6")["rail_mm"], {"back": 6})
-        self.refused('there is a session "hand-6" already', *capture, "back:6")
+        self.refused('session "hand-6" already exists', *capture, "back:6")
         theirs, ours = pty.openpty()
         self.addCleanup(os.close, theirs)
         os.write(theirs, b"\n\n")  # the answers

@@ -58,7 +58,8 @@ TEST_F(ReplicateCommand, SaysWhatIsThere) {
 }
 
 TEST_F(ReplicateCommand, SaysWhatWentWrong) {
-  sessions_.answer = grpc::Status(grpc::StatusCode::UNAVAILABLE, "node \"solver-2\" is away; start it again");
+  sessions_.answer =
+      grpc::Status(grpc::StatusCode::UNAVAILABLE, "node \"solver-2\" does not answer; start it again");
   expect_one_line_error(run({"replicate", "vase", "solver-2"}), "node \"solver-2\" is away");
   sessions_.answer = grpc::Status(grpc::StatusCode::NOT_FOUND, "there is no node \"nobody\"");
   expect_one_line_error(run({"replicate", "vase", "nobody"}), "there is no node \"nobody\"");
@@ -76,7 +77,7 @@ TEST_F(ReplicateCommand, ShowListsCopies) {
   const Outcome outcome = run({"show", "vase"});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_NE(outcome.out.find("copies    solver-2 at 10.0.0.2:7450\n"), std::string::npos) << outcome.out;
-  EXPECT_NE(outcome.out.find("solver-3, a part; finish it with: glasswing replicate vase solver-3\n"),
+  EXPECT_NE(outcome.out.find("solver-3, incomplete; finish it with: glasswing replicate vase solver-3\n"),
             std::string::npos)
       << outcome.out;
 }

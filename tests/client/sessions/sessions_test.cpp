@@ -126,7 +126,7 @@ TEST_F(SessionCommands, ExportedArchiveImportsAgain) {
   EXPECT_EQ(server_.archive_.files, files);
   EXPECT_EQ(stored.SerializeAsString(), before.SerializeAsString());
 
-  expect_one_line_error(run({"export", "vase", exported}), exported + " is there already");
+  expect_one_line_error(run({"export", "vase", exported}), exported + " already exists");
 }
 
 TEST_F(SessionCommands, OwnFramesAreVerifiedWhileTheyAreSent) {

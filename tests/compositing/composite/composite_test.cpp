@@ -218,7 +218,7 @@ TEST_F(CompositeCommand, ErrorsThatAreNotKnownAreRefused) {
         {"composite", matte_, "--background", background_, "-o", path("out.exr"), "--error", path(error)});
   };
   expect_one_line_error(run("error.png"), "must be an .exr");
-  expect_one_line_error(run("error.exr"), "does not say how it was sampled");
+  expect_one_line_error(run("error.exr"), "does not record how it was sampled");
   EXPECT_FALSE(std::filesystem::exists(path("out.exr")));
 }
 
@@ -445,7 +445,7 @@ TEST_F(CompositeObject, APngHasStraightAlpha) {
 }
 
 TEST_F(CompositeObject, WhatHoldsNoAlphaIsRefusedBeforeAnyWork) {
-  expect_one_line_error(run("object.tif"), "object.tif is to have alpha; an .exr or a .png can");
+  expect_one_line_error(run("object.tif"), "object.tif cannot have alpha; use .exr or .png");
   expect_one_line_error(run("object.mp4", {"--object", "--frames", "2"}), "a video, which has no alpha");
   expect_one_line_error(run("frames", {"--object", "--frames", "2", "--format", "tif"}), "have alpha");
   EXPECT_FALSE(std::filesystem::exists(path("object.tif")));

@@ -227,14 +227,14 @@ TEST_F(CompositeVideo, BadInputIsNamedAndFramesThatAreWrittenStay) {
                         "it must be a directory");
   std::filesystem::create_directories(path("empty"));
   expect_one_line_error(run(path("empty"), path("behind/1.exr"), path("out")), "holds no mattes");
-  expect_one_line_error(run(path("pour"), path("empty"), path("out")), "holds no picture");
+  expect_one_line_error(run(path("pour"), path("empty"), path("out")), "contains no picture");
   std::filesystem::resize_file(path("pour/0002.exr"), 1000);
   expect_one_line_error(run(path("pour"), path("behind/1.exr"), path("out")), path("pour/0002.exr"));
   EXPECT_TRUE(std::filesystem::exists(path("out/0001.exr")));
   Matte other = frame(1);
   other.metadata.mutable_monitors(0)->set_width_px(kWidth + 1);
   put_matte(1, other);
-  expect_one_line_error(run(path("pour"), path("behind/1.exr"), path("out")), "other monitors");
+  expect_one_line_error(run(path("pour"), path("behind/1.exr"), path("out")), "different monitors");
 }
 
 }  // namespace

@@ -91,11 +91,11 @@ TEST_F(MatteIds, DeliveryFilesHaveThem) {
   EXPECT_EQ(hugged["glass"][13], whole["glass"][3 * kWidth + 2 + 13]);
   expect_one_line_error(
       run_glasswing({"matte", "deliver", path("all.exr"), "--ids", path("a.exr"), "-o", path("none.exr")}),
-      "a.exr: it is no Cryptomatte");
+      "a.exr: it is not a 32-bit Cryptomatte");
   ASSERT_EQ(run_glasswing({"matte", "crop", path("all.exr"), "9x9+0+0", "-o", path("part.exr")}).status, 0);
   expect_one_line_error(
       run_glasswing({"matte", "deliver", path("part.exr"), "--ids", path("ids.exr"), "-o", path("none.exr")}),
-      "is of a picture of 24x18 px, the matte of one of 9x9");
+      "has a picture of 24x18 px, the matte one of 9x9");
   EXPECT_FALSE(std::filesystem::exists(path("none.exr")));
   // Tiles hold the same samples, which oiiotool compares.
   std::filesystem::rename(path("delivery.exr"), path("lines.exr"));

@@ -102,8 +102,9 @@ TEST(Merged, SamplingStaysWhereItIsTheSame) {
 TEST(Merged, WhatDiffersIsNamed) {
   const Matte matte = random_object(4, 3, 1, 1);
   const auto error = [&](const Matte& other) { return std::string(merged(matte, other).status().message()); };
-  EXPECT_EQ(error(random_object(4, 4, 1, 1)),
-            "the mattes differ in size, 4x3 and 4x4; both must be of one camera before the same monitors");
+  EXPECT_EQ(
+      error(random_object(4, 4, 1, 1)),
+      "the mattes differ in size, 4x3 and 4x4; both must be from one camera in front of the same monitors");
   Matte other = random_object(4, 3, 1, 1);
   other.metadata.mutable_monitors(1)->set_width_px(7);
   EXPECT_NE(error(other).find("monitors"), std::string::npos);

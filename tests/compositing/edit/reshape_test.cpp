@@ -102,7 +102,7 @@ TEST(Resized, WhatCannotBeIsNamed) {
   EXPECT_EQ(resized(matte, 0, 4).status().message(), "the width is 0 px; it must be 1 to 16384");
   EXPECT_EQ(resized(matte, 4, 20000).status().message(), "the height is 20000 px; it must be 1 to 16384");
   EXPECT_EQ(resized(matte, 2, 2, 1).status().message(),
-            "1 modes are asked for; a matte of 2 monitors has 2 to 8");
+            "1 modes are requested; a matte with 2 monitors has 2 to 8");
 }
 
 TEST(Flipped, TheCompositeIsFlipped) {

@@ -277,7 +277,7 @@ TEST_F(StMap, BadInputIsNamedAndNothingIsWritten) {
   Matte unsized = scattered();
   unsized.metadata.mutable_monitors(0)->set_width_px(0);
   expect_one_line_error(run_glasswing({"stmap", write_matte(unsized), "-o", path("st.exr")}),
-                        "how large its monitor \"back\"");
+                        "the size of its monitor \"back\"");
   expect_one_line_error(
       run_glasswing({"stmap", write_matte(empty_matte()), "--path", "1", "-o", path("st.exr")}),
       "path is 1; on monitor \"back\" the matte has 0");

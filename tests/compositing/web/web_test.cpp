@@ -89,7 +89,7 @@ TEST_F(WebFolder, OfRaysHasDirectionsAndEnvironments) {
 TEST_F(WebFolder, TellsPicturesFromEnvironments) {
   expect_one_line_error(web({"--environment", "street.exr"}), "glasswing rays makes one");
   ASSERT_OK(write_file_durably(matte_, encode_rays(two_rays()).value()));
-  expect_one_line_error(web({"--background", "sea.png"}), "--environment is");
+  expect_one_line_error(web({"--background", "sea.png"}), "need --environment");
 }
 
 }  // namespace

@@ -65,7 +65,7 @@ TEST_F(MadeRays, OfALargePictureAreOfSomeOfItsPixels) {
   EXPECT_EQ(told["description"]["width_px"], 6);
   const absl::Status file = file_of_rays(geometry_, depths(), {}).status();
   EXPECT_EQ(file.code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_NE(file.message().find("glasswing rays first second makes it"), std::string::npos) << file;
+  EXPECT_NE(file.message().find("use glasswing rays first second"), std::string::npos) << file;
 }
 
 TEST_F(MadeRays, HaveLimitsByTheMachinesMemory) {

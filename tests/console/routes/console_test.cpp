@@ -529,7 +529,7 @@ TEST_F(ConsoleTest, FewPagesWaitForRays) {
     sessions_.fetching.wait(seen);
   const auto refused = make();
   EXPECT_EQ(refused->status, 429);
-  EXPECT_EQ(body_of(refused)["message"], "4 pages wait for rays already; try again in a minute");
+  EXPECT_EQ(body_of(refused)["message"], "4 pages are already waiting for rays; try again in a minute");
   sessions_.held = false;
   sessions_.held.notify_all();
   pages.clear();

@@ -59,7 +59,7 @@ class FsckCommand : public ArchiveTest {
 
 TEST_F(FsckCommand, SaysThatAllIsGood) {
   EXPECT_EQ(run({root_.string()}), 0);
-  EXPECT_NE(output_.find("all of it is good"), std::string::npos) << output_;
+  EXPECT_NE(output_.find("everything is intact"), std::string::npos) << output_;
   EXPECT_NE(output_.find(root_.string() + ": archives, "), std::string::npos) << output_;
 }
 

@@ -156,7 +156,7 @@ TEST_F(DisplayCalibration, DriftIsTakenOutAndTold) {
   const auto stimuli = calibration_stimuli(header_of(rig).plan().calibration(), monitor_of(rig));
   const double minutes = static_cast<double>(stimuli.size() - 3) * 0.1 / 60.0;
   EXPECT_NEAR(calibration.drift(), std::pow(1.0 - 0.15, -minutes) - 1.0, 0.001);
-  warns(calibration, "% while it was measured, which was taken out: let the monitor warm up");
+  warns(calibration, "% during the measurement, which was removed: let the monitor warm up");
 }
 
 // An 8-bit camera with so little noise that its steps of 0.4 % of full scale do not average out. Longer
@@ -198,7 +198,7 @@ TEST_F(DisplayCalibration, SaysWhatItLacks) {
   says(with([](Rig& of) {
          of.exposures_ms = {{8.0, 8.0}};
        }),
-       "monitor \"back\": white is cut off at the camera's full scale, even at 8 ms");
+       "monitor \"back\": white is clipped at the camera's full scale, even at 8 ms");
   says(with([](Rig& of) {
          of.exposures_ms = {{0.02, 0.02}};
        }),
@@ -218,7 +218,7 @@ TEST_F(DisplayCalibration, SaysWhatItLacks) {
   says(with([](Rig& of) {
          of.disturb = [](v1::Frame& frame, RadianceImage&) { frame.set_exposure_start_ns(0); };
        }),
-       "its frames do not say when they were exposed");
+       "its frames do not record when they were exposed");
   // An automatic exposure that halves bright pictures.
   says(with([](Rig& of) {
          of.disturb = [](v1::Frame& frame, RadianceImage& light) {
@@ -228,7 +228,7 @@ TEST_F(DisplayCalibration, SaysWhatItLacks) {
        }),
        "is auto exposure or auto gain on");
   const auto archive = captured(rig, [](v1::CaptureManifest& header) { header.mutable_plan()->Clear(); });
-  says(std::string(calibrate_displays(*archive).status().message()), "shows no calibration of displays");
+  says(std::string(calibrate_displays(*archive).status().message()), "is not a calibration of displays");
 }
 
 }  // namespace

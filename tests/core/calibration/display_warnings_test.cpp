@@ -31,7 +31,7 @@ TEST_F(DisplayWarnings, TellsFlicker) {
     for (float& of : light.samples) of *= flicker;
   };
   const v1::DisplayCalibration calibration = calibrated(rig);
-  warns(calibration, "% from one time to the next: the monitor flickers");
+  warns(calibration, "% between showings: the monitor flickers");
 }
 
 TEST_F(DisplayWarnings, TellsThatWhiteIsDark) {

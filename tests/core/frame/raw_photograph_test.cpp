@@ -182,7 +182,7 @@ TEST_F(RawPhotographs, OtherFilesAreRefusedWithAReason) {
   ASSERT_TRUE(write_file_durably(none, "no photograph").ok());
   EXPECT_THAT(std::string(read_photograph(none).status().message()), HasSubstr(none.string()));
   Dng odd = noise(12, "RGBG");
-  EXPECT_THAT(std::string(decoded(written(odd)).status().message()), HasSubstr("another pattern than RGGB"));
+  EXPECT_THAT(std::string(decoded(written(odd)).status().message()), HasSubstr("a pattern other than RGGB"));
   Dng white = noise(12, "RGGB");
   white.black = {4000.0f};
   white.white = 4000;

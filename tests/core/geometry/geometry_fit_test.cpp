@@ -216,7 +216,7 @@ TEST(GeometryFit, LeavesOutWhatLiesFarOff) {
   expect_true(made, *fit);
   EXPECT_GE(fit->poses[2].left_out, wrong - 2);
   ASSERT_EQ(fit->geometry.warnings_size(), 1);
-  EXPECT_THAT(fit->geometry.warnings(0), HasSubstr("points of pose \"pose2\" lie far off"));
+  EXPECT_THAT(fit->geometry.warnings(0), HasSubstr("points of pose \"pose2\" are outliers"));
 }
 
 TEST(GeometryFit, RefusesParallelPoses) {
@@ -243,15 +243,15 @@ TEST(GeometryFit, SaysWhatIsWeak) {
   };
   Made made;
   made.poses = {{0, 0, 0, {0, 0, 520}}, {25, 0, 0, {0, 0, 560}}, {-25, 0, 0, {0, 0, 540}}};
-  EXPECT_THAT(warnings_of(made), HasSubstr("turn about one axis only"));
+  EXPECT_THAT(warnings_of(made), HasSubstr("turn about only one axis"));
   EXPECT_THAT(warnings_of(made), HasSubstr("there are 3 poses"));
   made.poses = {
       {0, 0, 0, {0, 0, 520}}, {8, 0, 0, {0, 0, 560}}, {-4, 5, 0, {0, 0, 540}}, {-4, -5, 0, {0, 0, 500}}};
-  EXPECT_THAT(warnings_of(made), HasSubstr("degrees only, which ties focal length and distance"));
+  EXPECT_THAT(warnings_of(made), HasSubstr("degrees, which couples focal length and distance"));
   made.poses = good_poses();
   for (MadePose& pose : made.poses) pose.middle_mm += Eigen::Vector3d(-330, 0, 400);
   EXPECT_THAT(warnings_of(made),
-              testing::ContainsRegex("no pose fills these parts of the picture: .*top right.*, right"));
+              testing::ContainsRegex("no pose covers these parts of the picture: .*top right.*, right"));
 }
 
 TEST(GeometryFit, RefusesFewOrMirroredViews) {
@@ -263,7 +263,7 @@ TEST(GeometryFit, RefusesFewOrMirroredViews) {
   std::vector<MonitorView> views = made.views(0.0, 1);
   views[1].session = views[0].session;
   EXPECT_THAT(std::string(made.fit(views).status().message()),
-              HasSubstr("two mattes are of session \"pose0\""));
+              HasSubstr("two mattes are from session \"pose0\""));
   views = made.views(0.0, 1);
   for (Sighting& sighting : views[3].sightings) sighting.monitor_px.x() = 1920 - sighting.monitor_px.x();
   EXPECT_THAT(std::string(made.fit(views).status().message()),

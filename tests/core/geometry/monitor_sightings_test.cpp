@@ -94,7 +94,7 @@ TEST(MonitorSightings, AreNeverThoseOfTheObjectBesideAStage) {
     }
   }
   EXPECT_THAT(std::string(view_of(matte).status().message()),
-              HasSubstr("fewer than 50 pixels look at a monitor past the object and tell where"));
+              HasSubstr("fewer than 50 pixels see a known place on a monitor beside the object"));
 }
 
 TEST(MonitorSightings, AreThinnedInLargePictures) {
@@ -124,11 +124,11 @@ TEST(MonitorSightings, RefuseWhatDoesNotSay) {
     }
   }
   EXPECT_THAT(std::string(view_of(straight).status().message()),
-              HasSubstr("session \"tilt\" did not measure where its pixels look"));
+              HasSubstr("session \"tilt\" did not measure what its pixels see"));
   Matte dark(0, 0, kWidth, kHeight, 1);
   dark.metadata = made(true).metadata;
   EXPECT_THAT(std::string(view_of(dark).status().message()),
-              HasSubstr("fewer than 50 pixels look at a monitor past the object"));
+              HasSubstr("fewer than 50 pixels see a known place on a monitor beside the object"));
   Matte part(4, 0, kWidth - 4, kHeight, 1);
   part.metadata = made(true).metadata;
   EXPECT_THAT(std::string(view_of(part).status().message()),

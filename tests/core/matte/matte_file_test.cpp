@@ -72,7 +72,7 @@ TEST(MatteFile, WhatItSaysOfItselfIsNotBelieved) {
       "names 5002 monitors");
   refused([](Matte& m) { m.modes(5, 1, 2)[1].texture = 2; }, "pixel (5, 1)");
   refused([](Matte& m) { m.metadata.set_footprint("disc"); }, "footprints are \"disc\"");
-  refused([](Matte& m) { m.metadata.set_footprint("box"); }, "values that no matte has");  // xy is not 0
+  refused([](Matte& m) { m.metadata.set_footprint("box"); }, "values that no matte can have");  // xy is not 0
   refused([](Matte& m) { m.foreground(3, 0)[1] = INFINITY; }, "pixel (3, 0)");
 }
 

@@ -98,10 +98,10 @@ TEST_F(PackedMatteTest, TilesThatMakeNoWholeAreNamed) {
   refused({first}, "no tile covers row 32");
   refused({rows_of(whole, 16, 59)}, "no tile covers row 0");
   refused({first, rows_of(whole, 16, 59)}, "two tiles cover row 16");
-  refused({first, rows_of(random_matte(0, 75, true), 32, 43)}, "other layers");
+  refused({first, rows_of(random_matte(0, 75, true), 32, 43)}, "different layers");
   refused({encode_matte(part_of(whole, {1, 0, 5, 32})).value()}, "partial rows");
   refused({first, rows_of(whole, 32, 43).substr(0, 3000)}, "damaged");
-  refused({first, rows_of(random_matte(0, 80), 32, 48)}, "covers row 79, which the picture has not");
+  refused({first, rows_of(random_matte(0, 80), 32, 48)}, "covers row 79, which is not in the picture");
 }
 
 // Headers that promise gigabytes make no file of that size.

@@ -72,7 +72,7 @@ TEST_F(RowParts, JoinToTheFileOfOneProcess) {
   EXPECT_EQ(joined->origin.archive, "xxh3:0123456789abcdef");
   EXPECT_EQ(joined->pixels.object, count_pixels(whole_).object);
   EXPECT_EQ(mixed_vectors(*joined), "");
-  EXPECT_FALSE(origin_of(joined->outline.metadata).has_value()) << "the whole is no part";
+  EXPECT_FALSE(origin_of(joined->outline.metadata).has_value()) << "the whole is not a part";
 }
 
 TEST_F(RowParts, OnePartIsTheWhole) {
@@ -121,7 +121,7 @@ TEST_F(RowParts, RefuseMissingAndDoubledRows) {
 TEST_F(RowParts, RefuseWhatIsNoPart) {
   const fs::path top = part("top.exr", 0, 10);
   EXPECT_NE(std::string(join({write("matte.exr", encode_matte(whole_).value())}).status().message())
-                .find("matte.exr is no part"),
+                .find("matte.exr is not a part"),
             std::string::npos);
   EXPECT_NE(std::string(join({top, write("text.exr", "text")}).status().message()).find("text.exr"),
             std::string::npos);

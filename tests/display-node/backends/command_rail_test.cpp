@@ -86,7 +86,7 @@ TEST_F(CommandRailTest, EndsWhenItIsStopped) {
   stop.request_stop();
   const absl::Status status =
       CommandRail::create("sleep {mm}", "back").value()->move(1000.0, stop.get_token());
-  EXPECT_NE(std::string(status.message()).find("ended before"), std::string::npos) << status;
+  EXPECT_NE(std::string(status.message()).find("terminated before"), std::string::npos) << status;
 }
 
 TEST_F(CommandRailTest, LetsAStoppedProgramStopItsMotor) {

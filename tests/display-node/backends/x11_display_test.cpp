@@ -112,8 +112,8 @@ TEST(X11Display, CodesOf10BitsNeedAServerThatHasThem) {
     EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
     EXPECT_NE(std::string(status.message()).find(words), std::string::npos) << status;
   };
-  refused(*deep, 8, "shows colour of 30 bits; codes of 8 bits need one of 24");
-  if (server() != nullptr) refused(*server(), 10, "shows colour of 24 bits; codes of 10 bits need one of 30");
+  refused(*deep, 8, "has a colour depth of 30 bits; codes of 8 bits need 24");
+  if (server() != nullptr) refused(*server(), 10, "has a colour depth of 24 bits; codes of 10 bits need 30");
 }
 
 // The timer of a server without a screen is late when the machine is busy; see the contract.

@@ -361,7 +361,7 @@ TEST_F(DisplayServiceTest, AMonitorThatCannotBeMovedStaysWhereItIs) {
   ASSERT_OK(load(program("long", 20000, 2)));
   Play play = start("long");
   ASSERT_TRUE(play.next());
-  refused("back", 250.0, absl::StatusCode::kFailedPrecondition, "plays a program");
+  refused("back", 250.0, absl::StatusCode::kFailedPrecondition, "is playing a program");
   play.context.TryCancel();
   EXPECT_TRUE(absl::IsCancelled(play.finish()));
   EXPECT_EQ(described().monitors(0).rail().position_mm(), 200.0);

@@ -45,7 +45,7 @@ TEST(CapturePositions, NobodyContradictsARail) {
     EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
     EXPECT_NE(std::string(status.message()).find(words), std::string::npos) << status;
   };
-  refused(placed({{"back", 251.2}}), "its rail says that it stands at 200");
+  refused(placed({{"back", 251.2}}), "its rail reports that it is at 200");
   refused(placed({{"side", 1.0}}), "there is no monitor \"side\"");
   refused(placed({{"left", std::numeric_limits<double>::infinity()}}), "it must be a number of mm");
 }

@@ -179,7 +179,7 @@ TEST(FolderCapture, AMonitorWhosePatchIsNotSeenIsNamed) {
   const v1::Session end = tethered.rig().watch();
   EXPECT_EQ(end.state(), v1::SESSION_STATE_FAILED);
   EXPECT_THAT(end.reason(), HasSubstr("monitor \"back\""));
-  EXPECT_THAT(end.reason(), HasSubstr("proven by the id patch alone"));
+  EXPECT_THAT(end.reason(), HasSubstr("proven only by the id patch"));
   EXPECT_EQ(end.proven_count(), 0);
 }
 

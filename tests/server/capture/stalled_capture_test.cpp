@@ -55,7 +55,7 @@ TEST(StalledCapture, ACameraWhoseFramesAreLostIsNamedAsTheCause) {
   EXPECT_EQ(stalled->proven_count(), 0);
   EXPECT_EQ(stalled->waiting().what(), "no step is being proven (no frame)");
   EXPECT_NE(stalled->waiting().since(), "");
-  EXPECT_THAT(stalled->waiting().advice(), HasSubstr("take load off the camera node"));
+  EXPECT_THAT(stalled->waiting().advice(), HasSubstr("reduce the load on the camera node"));
 }
 
 }  // namespace

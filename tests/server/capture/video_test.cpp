@@ -212,9 +212,9 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
     ASSERT_OK(solver.complete(tile, lost, 3.0f, 0, tile.first_frame() == 0 ? refused : std::set<int>()));
   session = settled();
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
-  EXPECT_EQ(
-      session.reason(),
-      fmt::format("no matte can be made of 2 of its frames; frame {}: the background moved", solved.front()));
+  EXPECT_EQ(session.reason(),
+            fmt::format("no matte can be made from 2 of its frames; frame {}: the background moved",
+                        solved.front()));
   EXPECT_EQ(std::set<int>(session.refused_frames().begin(), session.refused_frames().end()), refused);
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
   for (const int frame : {solved.front(), solved[1]})

@@ -184,7 +184,7 @@ TEST(RigFindings, RetakesAreAdvisedByTheirCommonestCause) {
   const std::optional<v1::Finding> finding = judge_retakes(session);
   ASSERT_TRUE(finding);
   EXPECT_EQ(finding->text(),
-            "session vase showed its 300 steps 483 times again; frame too late: 480, wrong id: 3");
+            "session vase repeated its 300 steps 483 times; frame too late: 480, wrong id: 3");
   EXPECT_EQ(finding->advice(), retake_advice(v1::RETAKE_CAUSE_TOO_LATE));
   add(v1::RETAKE_CAUSE_ID_UNREADABLE, 600);
   EXPECT_NE(judge_retakes(session)->text().find("; id patch not readable: 600, frame too late: 480"),

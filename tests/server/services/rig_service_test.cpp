@@ -349,7 +349,7 @@ TEST_F(RigTest, AFitIsListedWhileItRunsAndRunsOnce) {
   caller.join();
   ASSERT_EQ(listed.fits_size(), 1);
   EXPECT_EQ(listed.fits(0).session(), "lens");
-  EXPECT_EQ(second, "session \"lens\" is being fitted already, since " + listed.fits(0).since() +
+  EXPECT_EQ(second, "session \"lens\" is already being fitted, since " + listed.fits(0).since() +
                         "; wait until that is done");
   EXPECT_EQ(first, "the frames are dark");
   EXPECT_EQ(running().fits_size(), 0) << "a fit that failed is over, too";
@@ -384,7 +384,7 @@ TEST_F(RigTest, AHoldCanBeTakenUpAgainAndReleased) {
   {
     grpc::ClientContext without;
     EXPECT_EQ(stub_->ReleaseRig(&without, {}, &released).error_message(),
-              "this call belongs to no hold: only who holds the rig can release it");
+              "this call does not belong to a hold: only the holder of the rig can release it");
   }
   grpc::ClientContext with_token;
   with_token.AddMetadata("glasswing-hold", held.token());

@@ -199,7 +199,8 @@ TEST(Waits, WhatACaptureOrSolveSaysOfItselfIsTakenOver) {
   EXPECT_EQ(waiting_of(capturing, all_well())->advice().substr(0, 14), "start it again");
   capturing.set_reason("waiting for an answer: the camera node takes long to start the camera");
   EXPECT_EQ(waiting_of(capturing, all_well())->what(), "the camera node takes long to start the camera");
-  EXPECT_EQ(waiting_of(capturing, all_well())->advice(), "it is at work; the capture then goes on by itself");
+  EXPECT_EQ(waiting_of(capturing, all_well())->advice(),
+            "it is still working; the capture then continues by itself");
   capturing.set_reason("waiting for room: camera-1 has 3 MB");
   EXPECT_EQ(waiting_of(capturing, all_well())->what(), "the camera node's disk is full: camera-1 has 3 MB");
   EXPECT_EQ(waiting_of(session(v1::SESSION_STATE_SOLVING, "waiting for the job store: refused"), all_well())

@@ -269,7 +269,7 @@ struct Disk {
 
 bool waits_for_room(const v1::Session& session) {
   return session.reason().starts_with("waiting for room") &&
-         session.reason().find("are still to come") != std::string::npos;
+         session.reason().find("frames remain") != std::string::npos;
 }
 
 TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
@@ -285,7 +285,7 @@ TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
   EXPECT_GT(waiting.proven_count(), 0);
   EXPECT_LT(waiting.proven_count(), waiting.step_count());
   EXPECT_NE(waiting.reason().find("camera-1"), std::string::npos) << waiting.reason();
-  EXPECT_NE(waiting.reason().find("MB of disk are missing"), std::string::npos) << waiting.reason();
+  EXPECT_NE(waiting.reason().find("MB of disk space are missing"), std::string::npos) << waiting.reason();
   const std::string first = read_file(rig_->archive("s") / "frames.jsonl").value();
 
   disk.max_frames = std::numeric_limits<int>::max();
@@ -447,7 +447,7 @@ TEST_F(SessionLife, ASpoiledTileIsSolvedAgainAndASolverThatSpoilsTwiceGetsNoMore
   v1::ClaimTileResponse none;
   const grpc::Status refused = solver_->try_to_claim(IdleSolver::request(), none);
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
-  EXPECT_NE(refused.error_message().find("solver \"idle\" handed in 2 spoiled mattes"), std::string::npos)
+  EXPECT_NE(refused.error_message().find("solver \"idle\" submitted 2 corrupt mattes"), std::string::npos)
       << refused.error_message();
   EXPECT_EQ(server().fleet()->solvers(0).refused(), refused.error_message());
   // Another solver gets all of them.

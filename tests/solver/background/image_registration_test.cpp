@@ -94,7 +94,7 @@ TEST(ImageRegistration, NoiseDoesNotMakeItUp) {
 TEST(ImageRegistration, WhatIsNoDriftIsSaid) {
   const Image16 without = stage_picture(kWidth, kHeight, {}, 0.005, 1);
   EXPECT_NE(complaint(stage_picture(kWidth, kHeight, {.shift_px = {9.0, 3.0}}, 0.005, 2), without)
-                .find("px apart; at most 6.4 px can be a drift"),
+                .find("px; at most 6.4 px can be drift"),
             std::string::npos);
   EXPECT_NE(complaint(stage_picture(kWidth, kHeight, {.gain = {0.5, 0.5, 0.5}}, 0.005, 2), without)
                 .find("times as bright as the other; it must be between 0.71 and 1.40"),
@@ -103,7 +103,7 @@ TEST(ImageRegistration, WhatIsNoDriftIsSaid) {
   std::reverse(other.samples.begin(), other.samples.end());
   EXPECT_TRUE(absl::IsFailedPrecondition(find_registration(other, without).status()));
   EXPECT_EQ(complaint(Image16(4, 3), Image16(3, 4)),
-            "the picture with the object is 4x3, that without 3x4; they must be of one size");
+            "the picture with the object is 4x3, the one without 3x4; they must have the same size");
 }
 
 }  // namespace

@@ -112,8 +112,9 @@ TEST(ObjectMask, ComplaintsNameTheFrame) {
   EmptyAverage average;
   ASSERT_OK(average.add(Image16(8, 6)));
   EXPECT_EQ(average.finish({}).status().message(),
-            "1 frames of the empty stage; there must be two, to tell the noise");
-  EXPECT_EQ(average.add(Image16(6, 8)).message(), "frame 1 of the empty stage is 6x8; those before are 8x6");
+            "1 frames of the empty stage; at least two are needed to measure the noise");
+  EXPECT_EQ(average.add(Image16(6, 8)).message(),
+            "frame 1 of the empty stage is 6x8; the earlier ones are 8x6");
   EXPECT_TRUE(absl::IsInvalidArgument(ObjectMask::of_pair(Image16(8, 6), Image16(6, 8), {}).status()));
 }
 

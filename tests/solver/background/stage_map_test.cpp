@@ -146,10 +146,10 @@ TEST(StageMap, SaysWhyThereIsNone) {
   EXPECT_EQ(StageMap::fit(sightings_of(perspective, {.count = 59}), kWidth, kHeight).refused,
             "59 positions were found; at least 60 are needed");
   EXPECT_EQ(StageMap::fit(sightings_of(perspective, {.directions_deg = {0.0}}), kWidth, kHeight).refused,
-            "the positions found do not determine one");
+            "the positions found do not determine a map");
   const StageMap::Fitted torn = StageMap::fit(sightings_of(perspective, {.wrong = 0.5}), kWidth, kHeight);
   EXPECT_FALSE(torn.map);
-  EXPECT_TRUE(torn.refused.ends_with(" % of the pixels lie off it")) << torn.refused;
+  EXPECT_TRUE(torn.refused.ends_with(" % of the pixels deviate from it")) << torn.refused;
 }
 
 }  // namespace

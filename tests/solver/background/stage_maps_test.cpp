@@ -211,7 +211,8 @@ TEST(StageMaps, CoarseBarsAloneDoNotTell) {
   EXPECT_FALSE(maps.of_monitor[0]);
   ASSERT_EQ(maps.warnings.size(), 1u);
   EXPECT_EQ(maps.warnings[0],
-            "the background on monitor \"back\" is what each pixel's own bars say, not one smooth surface: 0 "
+            "the background on monitor \"back\" is taken from each pixel's own bars, not from one smooth "
+            "surface: 0 "
             "positions were found; at least 60 are needed");
 }
 
@@ -228,7 +229,7 @@ TEST(StageMaps, APartThatLooksElsewhereKeepsItsOwnPlaces) {
   EXPECT_EQ(
       maps.warnings[0],
       "21 % of the background on monitor \"back\" does not lie on the smooth surface of the rest; those "
-      "pixels keep what their own bars say");
+      "pixels keep the positions from their own bars");
   const Matte matte = rig.settled(shared(maps)), own = rig.settled(nullptr);
   EXPECT_LT(rms_px(matte, truth, [&](int x) { return !in_mirror(x); }), 0.02);
   EXPECT_EQ(rms_px(matte, truth, in_mirror), rms_px(own, truth, in_mirror));
@@ -245,8 +246,8 @@ TEST(StageMaps, WhereThereIsNoneNothingChangesAndAWarningSaysWhy) {
   EXPECT_FALSE(maps.of_monitor[0]);
   ASSERT_EQ(maps.warnings.size(), 1u);
   EXPECT_TRUE(
-      maps.warnings[0].starts_with("the background on monitor \"back\" is what each pixel's own bars say, "
-                                   "not one smooth surface: "))
+      maps.warnings[0].starts_with("the background on monitor \"back\" is taken from each pixel's own bars, "
+                                   "not from one smooth surface: "))
       << maps.warnings[0];
   const Matte own = rig.settled(nullptr), settled = rig.settled(shared(maps));
   for (int y = 0; y < kHeight; ++y) {

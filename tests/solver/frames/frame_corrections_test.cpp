@@ -389,7 +389,7 @@ TEST(FrameFaults, WhereTheObjectFillsThePictureBarsAndTheirInverseTell) {
   const FrameFaults faults = faults_of(session);
   EXPECT_EQ(faults.compared, 0u);
   ASSERT_EQ(faults.warnings.size(), 1u);
-  EXPECT_EQ(faults.warnings[0].find("frames 19 to 26: bars and their inverse are together up to 1.100"), 0u)
+  EXPECT_EQ(faults.warnings[0].find("frames 19 to 26: bars plus their inverse are up to 1.100"), 0u)
       << faults.warnings[0];
 }
 

@@ -72,7 +72,7 @@ TEST(LayOut, SaysWhatIsMissing) {
   refused(manifest, "4 steps");
   manifest = good_manifest();
   manifest.mutable_frames(3)->set_exposure_ms(8.0);
-  refused(manifest, "every one must be known");
+  refused(manifest, "each must be known");
   for (const double bad : std::initializer_list<double>{NAN, INFINITY, -1.0}) {
     manifest = good_manifest();
     manifest.mutable_frames(3)->set_exposure_ms(bad);

@@ -1,4 +1,4 @@
-"""Glasswing for Blender: captured objects before any picture (docs/blender.md)."""
+"""Glasswing for Blender: captured objects in front of any picture (docs/blender.md)."""
 
 bl_info = {
     "name": "Glasswing environment mattes",
@@ -6,7 +6,7 @@ bl_info = {
     "version": (0, 1, 0),
     "blender": (3, 4, 0),
     "location": "Image Editor and 3D Viewport > Sidebar > Glasswing",
-    "description": "Puts captured objects, with their refraction and blur, before pictures and footage, and into scenes",
+    "description": "Puts captured objects, with their refraction and blur, over pictures and footage, and into scenes",
     "category": "Compositing",
 }
 

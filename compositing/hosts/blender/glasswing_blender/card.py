@@ -1,9 +1,9 @@
-"""Rays as a card: for each bundle of a pixel a facet of that pixel's size, seen by the camera only, which sends the camera's
-ray on as the bundle says. No Blender; mm in the camera's frame.
+"""Rays as a card: for each bundle of a pixel a facet of that pixel's size, seen by the camera only, which redirects the
+camera's ray along the bundle. Independent of Blender; mm in the camera's frame.
 
-A bundle's line and the camera's ray cross where an object bends light in one plane, and nearly do elsewhere. A facet stands
-there, so that light goes on from the right place; facets of a pixel stand behind one another, each but the last letting
-all light through as well, so that their sums are C = F + sum of weight * light.
+A bundle's line and the camera's ray cross if an object refracts light in one plane, and nearly do otherwise. A facet is
+placed there, so that light continues from the right place; a pixel's facets are behind one another, and all but the last
+also let all light through, so that their sums are C = F + sum of weight * light.
 """
 
 from dataclasses import dataclass
@@ -13,21 +13,21 @@ import numpy as np
 from .rays import STRAIGHT, UNKNOWN
 
 _AGREE = 0.02  # px of the camera: within it, channels share a facet
-_SURE_SINE = 0.1  # of the angle between two lines whose crossing tells how far the object is
-_PULL = 0.02  # the sine at which a crossing counts as much as the object's distance
+_SURE_SINE = 0.1  # of the angle between two lines whose crossing determines the object's distance
+_PULL = 0.02  # the sine at which a crossing has the same weight as the object's distance
 _SHARE = 0.05  # of the light whose crossings are nearer or farther than any facet
-_BEFORE = 0.98  # of the distance to the nearest monitor and to the exact plane: facets stand before it
+_BEFORE = 0.98  # of the distance to the nearest monitor and to the exact plane: facets are in front of it
 _GAP = 2e-4  # of the distance, between the facets of a pixel
 _MIN_COSINE = 0.02  # of a bundle with the exact plane
 
 
 @dataclass
 class Card:
-    """Of n facets, in the order of pixels, the nearest of a pixel first."""
+    """n facets, in the order of pixels, a pixel's nearest first."""
 
     corners: np.ndarray  # (n, 4, 3), mm; anticlockwise as the camera sees them
-    # Light goes on towards target + u target_u + v target_v, u and v independent with standard deviation 1: of `finite`
-    # facets a point, of others a direction.
+    # Light continues towards target + u target_u + v target_v, u and v independent with standard deviation 1: for `finite`
+    # facets a point, for others a direction.
     target: np.ndarray  # (n, 3)
     target_u: np.ndarray
     target_v: np.ndarray
@@ -41,7 +41,7 @@ class Card:
 
 def card_of(rays, exact_depth=0.0):
     """`exact_depth`: light meets the plane parallel to the nearest monitor at this depth (mm) where the rays do, with their
-    width there; 0: all directions are exact, and so is what is far away. Raises ValueError: nothing is inside the object."""
+    width there; 0: all directions are exact, and so are far objects. Raises ValueError: nothing is inside the object."""
     bent = _merged(rays)
     width, height = rays.camera.width, rays.camera.height
     axes = rays.camera.directions(_grid(width, height) + 0.5)
@@ -90,7 +90,8 @@ def _grid(width, height):
 
 
 def _merged(rays):
-    """All bent bundles, those that agree in all channels of a pixel as one: pixel, state, vectors, and weight by colour."""
+    """All bent bundles, with those that agree in all channels of a pixel as one: pixel, state, vectors, and weight by
+    colour."""
     bent = np.flatnonzero(rays.state != STRAIGHT)
     pixel, index = rays.pixel[bent], rays.index[bent]
     vectors = {name: of[bent] for name, of in rays.vectors.items()}
@@ -111,7 +112,7 @@ def _merged(rays):
 
 
 def _reaches(rays, bent, axis, behind):
-    """How far along the camera's rays the facets stand, and the object's distance."""
+    """The facets' distances along the camera's rays, and the object's distance."""
     along = np.sum(axis * bent["direction"], 1, keepdims=True)
     across = axis - along * bent["direction"]
     square = np.sum(across**2, 1)  # of the sine

@@ -21,7 +21,7 @@ def matte_files(path):
         return [path]
     found = sorted(path.glob("*.exr"), key=lambda file: (len(file.name), file.name))
     if not found:
-        raise ValueError(f"{path} holds no .exr files")
+        raise ValueError(f"{path} contains no .exr files")
     return found
 
 
@@ -40,7 +40,7 @@ def composited(settings, frame):
     files = matte_files(settings.matte)
     matte, compositor = loaded(files[index % len(files)])
     if [each.name for each in settings.pictures] != [monitor.name for monitor in matte.monitors]:
-        raise ValueError("the matte has other monitors; load it first")
+        raise ValueError("the matte has different monitors; load it first")
     lights = [each.image and pictures.light_of(each.image, index + each.frame_offset) for each in settings.pictures]
     behind = [None if light is None else stretched(light, monitor, each.scale, *each.offset)
               for each, light, monitor in zip(settings.pictures, lights, matte.monitors)]
@@ -48,7 +48,7 @@ def composited(settings, frame):
         if lights[0] is None:
             raise ValueError("over footage, the first monitor needs a picture")
         if matte.monitor_from_camera is None:
-            raise ValueError("the matte shows too little of the first monitor beside the object to know where that stands")
+            raise ValueError("the matte shows too little of the first monitor beside the object to locate it")
         scale, (x, y) = settings.object_scale, settings.object_offset
         footage_from_camera = np.array([[scale, 0, x], [0, scale, y]])
         footage_from_monitor = chained(footage_from_camera, inverse(matte.monitor_from_camera))

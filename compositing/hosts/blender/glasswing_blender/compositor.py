@@ -1,10 +1,10 @@
-"""Puts pictures behind a matte's object, by numpy:
+"""Puts pictures behind a matte's object, with numpy:
 
     C = F + sum over modes of R * integral over the monitor of G(x; c, S) T(x) dx
 
-as `glasswing composite` does (docs/compositing.md). Each footprint is looked up on the level of a pyramid that suits its
-narrowest part: there it has the covariance Q = (S + I/2) / 4^l - I/2, in samples, and is integrated over flat samples row
-by row along its wider axis. A row's cut of a Gaussian is a Gaussian, whose centre moves with the row.
+like `glasswing composite` (docs/compositing.md). Each footprint is looked up on the pyramid level that suits its narrowest
+part: there it has the covariance Q = (S + I/2) / 4^l - I/2, in samples, and is integrated over flat samples row by row along
+its wider axis. A row's cut of a Gaussian is a Gaussian, whose centre moves with the row.
 """
 
 import math
@@ -17,7 +17,7 @@ import numpy as np
 _HALVING = np.array([1, 5, 10, 10, 5, 1], np.float32) / 32
 _MIN_SIDE = 4
 _CHUNK = 4096  # footprints at a time, for the processor's caches
-_MAX_LOOK_UPS = 4096  # of a footprint; beyond it a higher level is taken, where it is widened to what that can show
+_MAX_LOOK_UPS = 4096  # of a footprint; beyond it a higher level is used, where it is widened to what that level can show
 
 
 class _Gaussian:
@@ -41,7 +41,7 @@ class _Box:
 
 
 class _Pyramid:
-    """Levels one behind the other, each with a dark sample beyond its edges, by channel."""
+    """Levels one after another, each with a dark sample beyond its edges, by channel."""
 
     def __init__(self, width, height):
         self.sizes = [(width, height)]
@@ -67,7 +67,7 @@ def _halved(level, axis, count):
     level = np.moveaxis(level, axis, 0)
     dark = np.zeros((2 * count + 4, *level.shape[1:]), np.float32)
     dark[2 : 2 + len(level)] = level
-    # A level has no samples beyond its edge: their light is a footprint's that reaches past the monitor.
+    # A level has no samples beyond its edge: their light belongs to footprints that reach past the monitor.
     return np.moveaxis(sum(_HALVING[k] * dark[k : k + 2 * count : 2] for k in range(6)), 0, axis)
 
 
@@ -84,7 +84,7 @@ class _Footprints:
 
 
 class Compositor:
-    """Of one matte; then each set of pictures takes a pyramid and the look-ups."""
+    """Prepared for one matte; then each set of pictures needs a pyramid and the look-ups."""
 
     def __init__(self, matte):
         self._matte = matte
@@ -115,7 +115,7 @@ class Compositor:
         return out @ crosstalk[1].T.astype(np.float32) if crosstalk else out
 
     def _prepared(self):
-        """Chunks of footprints with as many rows and as many samples in each."""
+        """Chunks of footprints with equal numbers of rows and samples."""
         chunks = []
         every = [self._placed(t) for t in range(len(self._matte.monitors))]
         for footprints in every:
@@ -175,7 +175,7 @@ class Compositor:
         )
 
     def _extent(self, xx, xy, yy, width, height):
-        """Rows along the wider axis, and samples of a row's cut; few different numbers of each."""
+        """Rows along the wider axis, and samples of a row's cut; with few different values of each."""
         turned = xx > yy
         vv, uu = np.where(turned, xx, yy), np.where(turned, yy, xx)
         slope = np.divide(xy, vv, out=np.zeros_like(vv), where=vv > 0)

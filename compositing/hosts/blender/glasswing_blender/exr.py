@@ -16,7 +16,7 @@ _LINES = {0: 1, 2: 1, 3: 16}  # of a chunk, by compression
 
 
 class NotAnExr(ValueError):
-    """The file is damaged, or of a kind of OpenEXR that is not read here."""
+    """The file is damaged, or a kind of OpenEXR that is not supported here."""
 
 
 class _Bytes:
@@ -32,7 +32,7 @@ class _Bytes:
     def word(self):
         end = self.data.find(b"\0", self.at, self.at + 256)
         if end < 0:
-            raise NotAnExr("a name in the header does not end")
+            raise NotAnExr("a name in the header is not terminated")
         text = self.data[self.at : end].decode()
         self.at = end + 1
         return text
@@ -42,7 +42,7 @@ class _Bytes:
 
 
 class Part:
-    """One part: `name`, `text` (its attributes of type string), and its picture's place and channels."""
+    """One part: `name`, `text` (its attributes of type string), and its picture's position and channels."""
 
     def __init__(self, attributes):
         try:
@@ -112,7 +112,7 @@ def _unpacked(packed, part, rows):
 
 
 def read_parts(path, wanted=lambda name: True):
-    """[(Part, {channel: (height, width) float32})] of the parts whose name is wanted; of the others, {}."""
+    """[(Part, {channel: (height, width) float32})] for the parts whose name is wanted; for the others, {}."""
     with open(path, "rb") as file:
         reader = _Bytes(file.read())
     magic, version = struct.unpack("<Ii", reader.take(8))
@@ -124,7 +124,7 @@ def read_parts(path, wanted=lambda name: True):
         parts.append(Part(attributes))
     chunks = sum(part.chunk_count for part in parts)
     if version & 0xA00 or any(part.text.get("type", "scanlineimage") != "scanlineimage" for part in parts):
-        raise NotAnExr(f"{path} has tiles or deep pixels, which are not read")
+        raise NotAnExr(f"{path} has tiles or deep pixels, which are not supported")
     reader.take(8 * chunks)  # where each begins: they are read in the file's order
     lines = [np.zeros((part.height, part.line_bytes), np.uint8) if wanted(part.name) else None for part in parts]
     for _ in range(chunks):

@@ -29,7 +29,7 @@ class Matte:
     modes: list[dict[str, np.ndarray]]
     monitors: list[Monitor]
     is_box: bool
-    # By monitor the matrix from its primaries to the camera's channels, and the one back; None: they are the same.
+    # By monitor the matrix from its primaries to the camera's channels, and its inverse; None: they are the same.
     crosstalk: tuple[list[np.ndarray], np.ndarray] | None = None
     warnings: list[str] = field(default_factory=list)
 
@@ -43,7 +43,8 @@ class Matte:
 
     @functools.cached_property
     def monitor_from_camera(self):
-        """The affine map of camera px to the first monitor's, (2, 3), by what is seen beside the object. None: too little."""
+        """The affine map of camera px to the first monitor's, (2, 3), from what is seen beside the object. None: too
+        little."""
         seen = (self.coverage == 0) & (self.flags == 0)
         camera, monitor = [], []
         for mode in self.modes:
@@ -63,7 +64,7 @@ def read_matte(path):
     """Raises OSError, or ValueError that says what is wrong with the file."""
     parts = exr.read_parts(path, lambda name: name == "foreground" or re.fullmatch(r"mode\d+", name))
     if "glasswing:rays" in parts[0][0].text:
-        raise ValueError(f"{path} holds rays, which the 3D Viewport's panel sets into a scene; this needs a matte")
+        raise ValueError(f"{path} contains rays, which the 3D Viewport's panel puts into a scene; this needs a matte")
     text = parts[0][0].text.get("glasswing")
     if text is None:
         raise ValueError(f"{path} is not a matte: its header has no attribute \"glasswing\"")
@@ -71,7 +72,7 @@ def read_matte(path):
     if metadata.get("format_version") != 1:
         raise ValueError(f"{path} has format {metadata.get('format_version')}; this add-on reads 1")
     if metadata.get("footprint", "gaussian") not in ("", "gaussian", "box"):
-        raise ValueError(f"{path} has footprints of the kind \"{metadata['footprint']}\"; gaussian and box are known")
+        raise ValueError(f"{path} has footprints of the kind \"{metadata['footprint']}\"; gaussian and box are supported")
     planes = {part.name: _whole(part, of, metadata) for part, of in parts if of}
     if "foreground" not in planes:
         raise ValueError(f"{path} has no part \"foreground\"")
@@ -113,7 +114,7 @@ def _whole(part, planes, metadata):
 
 
 def _crosstalk(metadata, count):
-    """What each monitor's light is to the camera's channels, and the way back: (count matrices, matrix), or None."""
+    """How the camera's channels see each monitor's light, and the inverse: (count matrices, matrix), or None."""
     given = [each.get("share") for each in metadata.get("crosstalk", [])]
     given = (given + [None] * count)[:count]
     if not any(given):

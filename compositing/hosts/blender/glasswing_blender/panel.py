@@ -13,33 +13,33 @@ _IMAGE = "Glasswing"
 
 
 class GlasswingPicture(bpy.types.PropertyGroup):
-    """What stands on one monitor; `name` is the monitor's."""
+    """The picture on one monitor; `name` is the monitor's."""
 
     image: bpy.props.PointerProperty(
         type=bpy.types.Image, name="Picture", description="A still, sequence or movie; stretched over the monitor")
     offset: bpy.props.FloatVectorProperty(name="Offset", size=2, description="Monitor px, right and down")
     scale: bpy.props.FloatProperty(
-        name="Scale", default=1.0, min=0.01, max=100.0, description="About the monitor's middle")
+        name="Scale", default=1.0, min=0.01, max=100.0, description="About the monitor's centre")
     frame_offset: bpy.props.IntProperty(
-        name="Frame Offset", description="Frames that a sequence or movie is ahead")
+        name="Frame Offset", description="Frames by which a sequence or movie is ahead")
 
 
 class GlasswingSettings(bpy.types.PropertyGroup):
     matte: bpy.props.StringProperty(
-        name="Matte", subtype="FILE_PATH", description="An .exr of glasswing fetch, or a directory of them: a video's")
+        name="Matte", subtype="FILE_PATH", description="An .exr from glasswing fetch, or a directory of them for a video")
     pictures: bpy.props.CollectionProperty(type=GlasswingPicture)
     view: bpy.props.EnumProperty(
         name="View",
         items=[
             ("CAMERA", "Camera", "The whole picture that the rig's camera would have taken"),
-            ("OBJECT", "Object", "The object alone, premultiplied, to lay over something"),
+            ("OBJECT", "Object", "The object alone, premultiplied, to put over something"),
             ("FOOTAGE", "Over Footage", "The first monitor's picture with the object in it, moved and scaled"),
         ],
     )
     object_offset: bpy.props.FloatVectorProperty(
-        name="Object At", size=2, description="Top left corner of the matte's picture in the footage, px right and down")
+        name="Object At", size=2, description="Top-left corner of the matte's picture in the footage, px right and down")
     object_scale: bpy.props.FloatProperty(
-        name="Object Scale", default=1.0, min=0.01, max=100.0, description="Pixels of the footage for each of the matte")
+        name="Object Scale", default=1.0, min=0.01, max=100.0, description="Footage pixels per matte pixel")
     foreground_gain: bpy.props.FloatProperty(
         name="Foreground Gain", default=1.0, min=0.0, max=100.0, description="Factor on the object's own light")
     frame_start: bpy.props.IntProperty(
@@ -47,19 +47,19 @@ class GlasswingSettings(bpy.types.PropertyGroup):
     directory: bpy.props.StringProperty(
         name="Frames", subtype="DIR_PATH", default="//glasswing/", description="Directory for the scene's frames")
 
-    rays: bpy.props.StringProperty(name="Rays", subtype="FILE_PATH", description="An .exr of glasswing rays")
+    rays: bpy.props.StringProperty(name="Rays", subtype="FILE_PATH", description="An .exr from glasswing rays")
     camera: bpy.props.PointerProperty(
         type=bpy.types.Object, name="Camera", poll=lambda self, each: each.type == "CAMERA",
-        description="Gets the captured camera's lens and the card before it; none: a new camera is made")
+        description="Gets the captured camera's lens and the card in front of it; none: a new camera is made")
     unit_mm: bpy.props.FloatProperty(
-        name="Unit", default=1000.0, min=1e-3, max=1e6, description="Millimetres of a unit of the scene")
+        name="Unit", default=1000.0, min=1e-3, max=1e6, description="Millimetres per scene unit")
     exact_depth: bpy.props.FloatProperty(
         name="Exact Depth", min=0.0, max=1e7,
-        description="Where what stands behind the object shall be seen exactly, mm from the camera; 0: far away")
+        description="Depth at which things behind the object are shown exactly, mm from the camera; 0: far away")
     environment: bpy.props.PointerProperty(
         type=bpy.types.Image, name="Environment", description="An equirectangular picture")
     environment_turn: bpy.props.FloatProperty(
-        name="Turn", subtype="ANGLE", description="Of the environment: what lay ahead of the camera moves to the right")
+        name="Turn", subtype="ANGLE", description="Turn of the environment: the view ahead of the camera moves to the right")
     environment_gain: bpy.props.FloatProperty(
         name="Gain", default=1.0, min=0.0, max=1e4, description="Factor on the environment's light")
 
@@ -123,7 +123,7 @@ class GLASSWING_OT_frames(_Operator):
 
 
 class GLASSWING_OT_card(_Operator):
-    """Set the rays' object into the scene: a card before the camera that refracts what is behind it (Cycles)"""
+    """Put the rays' object into the scene: a card in front of the camera that refracts what is behind it (Cycles)"""
 
     bl_idname, bl_label, bl_options = "glasswing.card", "Set Into Scene", {"UNDO"}
 
@@ -141,14 +141,14 @@ class GLASSWING_OT_card(_Operator):
 
 
 class GLASSWING_OT_world(_Operator):
-    """Make the environment the scene's world, its middle ahead of the camera"""
+    """Make the environment the scene's world, with its centre ahead of the camera"""
 
     bl_idname, bl_label, bl_options = "glasswing.world", "Set World", {"UNDO"}
 
     def run(self, context, settings):
         camera = settings.camera or context.scene.camera
         if camera is None or settings.environment is None:
-            raise ValueError("choose an environment, and a camera that it is ahead of")
+            raise ValueError("choose an environment, and the camera that faces its centre")
         scene_3d.set_world(
             context.scene, camera, settings.environment, settings.environment_turn, settings.environment_gain)
 

@@ -1,4 +1,4 @@
-"""Light of Blender's images, and images of light. Arrays are (height, width, channels), the first row on top."""
+"""Light from Blender's images, and images from light. Arrays are (height, width, channels), the first row on top."""
 
 import contextlib
 import os
@@ -13,7 +13,7 @@ from . import exr
 
 
 def light_of(image, frame):
-    """(height, width, 3) scene-linear light of an image; of a sequence or movie of its frame `frame`, from 0 on, repeating."""
+    """(height, width, 3) scene-linear light of an image; for a sequence or movie its frame `frame`, from 0 on, repeating."""
     if image.source != "SEQUENCE":
         return _rendered(image, frame)
     files = _files_of(image)
@@ -26,18 +26,18 @@ def light_of(image, frame):
 
 
 def _files_of(sequence):
-    """Blender itself knows the first and a pattern: names that differ in their last number only."""
+    """Blender itself stores the first name and a pattern: names that differ only in their last number."""
     path = pathlib.Path(bpy.path.abspath(sequence.filepath))
     before, number, after = re.fullmatch(r"(.*?)(\d*)(\D*)", path.name).groups()
     numbered = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
     found = {file: int(match[1]) for file in path.parent.iterdir() if (match := numbered.fullmatch(file.name))}
     if not number or not found:
-        raise ValueError(f"{path} is not of a sequence of numbered files")
+        raise ValueError(f"{path} does not belong to a sequence of numbered files")
     return sorted(found, key=found.get)
 
 
 def _rendered(image, frame):
-    """By a compositor of one node, which knows every format, color space and movie."""
+    """Through a one-node compositor, which supports every format, color space and movie."""
     width, height = image.size
     if not width or not height:
         raise ValueError(f"{image.name} cannot be read: {image.filepath or image.source}")
@@ -63,7 +63,7 @@ def _rendered(image, frame):
 
 @contextlib.contextmanager
 def _exr_scene():
-    """A scene that writes pictures as OpenEXR of 32-bit floats."""
+    """A scene that writes pictures as 32-bit float OpenEXR."""
     scene = bpy.data.scenes.new("Glasswing picture")
     try:
         settings = scene.render.image_settings
@@ -88,6 +88,6 @@ def show(name, picture):
 
 
 def save(image, path):
-    # Not by image.save(), which gives floats the curve of sRGB (3.4.1).
+    # Not with image.save(), which applies the sRGB curve to floats (3.4.1).
     with _exr_scene() as scene:
         image.save_render(path, scene=scene)

@@ -18,9 +18,11 @@ def area(picture, width, height):
 
 
 def warped(picture, affine, width, height):
-    """(height, width, channels): what (2, 3) `affine` finds in `picture` for each pixel, in px from the outer corners.
+    """(height, width, channels): `picture` sampled through the (2, 3) `affine` map for each pixel, in px from the outer
+    corners.
 
-    Linear between pixels, of a picture that is first made as coarse as it will be seen. Beyond the edges it goes on as it ends.
+    Linear between pixels, from a picture that is first reduced to the resolution at which it will be seen. Beyond the edges
+    its edge pixels continue.
     """
     affine = np.array(affine, float)
     step = np.maximum(np.abs(affine[:, :2]).max(1), 1)
@@ -48,7 +50,7 @@ def chained(outer, inner):
 
 
 def stretched(picture, monitor, scale=1.0, dx=0.0, dy=0.0):
-    """The picture over a monitor's `width` and `height`, scaled about the middle, then moved by px of the monitor."""
+    """The picture over a monitor's `width` and `height`, scaled about its centre, then moved by monitor px."""
     x, y = picture.shape[1] / (monitor.width * scale), picture.shape[0] / (monitor.height * scale)
     affine = [[x, 0, 0.5 * picture.shape[1] - (0.5 * monitor.width + dx) * x],
               [0, y, 0.5 * picture.shape[0] - (0.5 * monitor.height + dy) * y]]

@@ -25,7 +25,7 @@ class Camera:
     distortion: tuple[float, float, float, float, float]  # k1, k2, p1, p2, k3
 
     def directions(self, pixels):
-        """(N, 3) units to places of the picture, (N, 2)."""
+        """(N, 3) unit vectors to positions in the picture, (N, 2)."""
         k1, k2, p1, p2, k3 = self.distortion
         distorted = (np.asarray(pixels, float) - (self.cx, self.cy)) / (self.fx, self.fy)
         u = distorted.copy()
@@ -62,7 +62,7 @@ def read_rays(path):
     parts = exr.read_parts(path, lambda name: name == "foreground" or re.fullmatch(r"ray\d+", name))
     text = parts[0][0].text
     if "glasswing:rays" not in text:
-        what = "a matte, which glasswing rays makes rays of" if "glasswing" in text else "no rays of glasswing rays"
+        what = "a matte; glasswing rays makes rays from it" if "glasswing" in text else "not a file of glasswing rays"
         raise ValueError(f"{path} holds {what}")
     metadata = json.loads(text["glasswing:rays"])
     if metadata.get("format_version") != 1:
@@ -73,8 +73,7 @@ def read_rays(path):
         normal, depth = _nearest_monitor(metadata)
         warnings = [metadata["approximation"]] if metadata.get("approximation") else []
         if metadata["matte"].get("crosstalk"):
-            warnings.append("The monitor's primaries leak into the camera's channels, which a material cannot show: "
-                            "colours are off by as much as they leak")
+            warnings.append("The monitor's primaries leak into the camera's channels, which a material cannot reproduce: colours are off by the amount of the leak")
         return Rays(
             foreground=np.stack([front[f"foreground.F.{colour}"] for colour in "RGB"], -1),
             coverage=front["foreground.coverage.Y"],

@@ -1,4 +1,4 @@
-"""Cards of rays in Blender's scene: camera, facets, the material that sends light on, and the world's environment."""
+"""Cards of rays in Blender's scene: camera, facets, the material that redirects light, and the world's environment."""
 
 import math
 
@@ -10,12 +10,12 @@ _FROM_CAMERA = np.array([1.0, -1.0, -1.0])  # Blender's cameras look along -Z, y
 _MATERIAL, _WORLD = "Glasswing rays", "Glasswing environment"
 _CARD = "glasswing_card"  # a property of its object: its name
 _FACET_VECTORS = ("target", "target_u", "target_v", "weight", "through", "light")
-_IOR = 0.05  # facets are tilted by less than 3 degrees, and Cycles leaves such normals as they are
+_IOR = 0.05  # facets are tilted by less than 3 degrees, and Cycles does not modify such normals
 _MAX_TURN = 1.5  # rad, of a bundle's parts about its middle
 
 
 def new_camera(scene):
-    """A level camera at the world's origin that looks along +Y; the scene's, if it has none."""
+    """A level camera at the world's origin that looks along +Y; becomes the scene's, if it has none."""
     camera = bpy.data.objects.new("Glasswing camera", bpy.data.cameras.new("Glasswing camera"))
     camera.rotation_euler = (math.pi / 2, 0, 0)
     scene.collection.objects.link(camera)
@@ -25,7 +25,8 @@ def new_camera(scene):
 
 
 def set_lens(scene, camera, of, nearest):
-    """The captured camera without its distortion, and the render's size. `nearest`: of what it must see, in the scene's units."""
+    """The captured camera without its distortion, and the render's size. `nearest`: distance of the nearest thing it must
+    see, in the scene's units."""
     lens = camera.data
     lens.type, lens.sensor_fit, lens.sensor_width = "PERSP", "HORIZONTAL", 36.0
     lens.lens = of.fx * lens.sensor_width / of.width
@@ -37,7 +38,7 @@ def set_lens(scene, camera, of, nearest):
 
 
 def new_card(scene, camera, name, card, unit_mm):
-    """The card as an object before the camera, in place of one of that name; `unit_mm`: of the scene's unit."""
+    """The card as an object in front of the camera, replacing one of that name; `unit_mm`: size of the scene's unit."""
     for before in [each for each in camera.children if each.get(_CARD) == name]:
         bpy.data.meshes.remove(before.data)  # and the object with it
     count = len(card.corners)
@@ -64,7 +65,7 @@ def new_card(scene, camera, name, card, unit_mm):
         setattr(made, f"visible_{way}", False)
     made.parent = camera
     scene.collection.objects.link(made)
-    # Facets of a pixel are passed one by one.
+    # A pixel's facets are passed one by one.
     scene.cycles.transparent_max_bounces = max(scene.cycles.transparent_max_bounces, card.max_facets + 8)
     return made
 
@@ -106,7 +107,7 @@ class _Nodes:
 
 
 def _material():
-    """Sends each sample's ray on along one line of its facet's bundle."""
+    """Redirects each sample's ray along one line of its facet's bundle."""
     material = bpy.data.materials.get(_MATERIAL)
     if material is not None:
         return material
@@ -117,7 +118,7 @@ def _material():
     to_camera = n.add("ShaderNodeNewGeometry").outputs["Incoming"]
     towards = _towards(n)
 
-    # Light from n to 1 goes on along d where the normal is along (to the camera) + n d: Snell's law with vectors.
+    # Light from index n to 1 continues along d if the normal is along (to the camera) + n d: Snell's law with vectors.
     normal = n.vector("NORMALIZE", n.vector("ADD", n.vector("SCALE", towards, _IOR), to_camera))
     weight = n.facet("weight")["Vector"]
     refracted = n.add("ShaderNodeBsdfRefraction", distribution="SHARP")
@@ -138,7 +139,7 @@ def _material():
 
 
 def _towards(n):
-    """The direction in the world, a unit, of a line of the bundle that this sample's place draws at random."""
+    """The direction in the world, a unit, of a line of the bundle, drawn at random from this sample's position."""
     place = n.add("ShaderNodeTexCoord").outputs["Object"]
     noise = n.add("ShaderNodeTexWhiteNoise", place, noise_dimensions="3D").outputs["Color"]
     drawn = n.add("ShaderNodeSeparateXYZ", noise).outputs
@@ -158,13 +159,13 @@ def _towards(n):
 
 
 def set_world(scene, camera, image, turn, gain):
-    """The environment as glasswing composite has it: the picture's middle ahead of the camera, then turned to the right."""
+    """The environment as in glasswing composite: the picture's centre ahead of the camera, then turned to the right."""
     world = scene.world = bpy.data.worlds.get(_WORLD) or bpy.data.worlds.new(_WORLD)
     world.use_nodes = True
     n = _Nodes(world.node_tree)
     turned = Matrix.Rotation(-turn, 3, "Y")  # the camera's y is up
     ahead, left, up = (camera.matrix_world.to_3x3() @ turned @ Vector(axis) for axis in ((0, 0, -1), (-1, 0, 0), (0, 1, 0)))
-    # Blender's map has its middle along +X, and its left half along +Y.
+    # Blender's map has its centre along +X, and its left half along +Y.
     mapping = n.add("ShaderNodeMapping", n.add("ShaderNodeTexCoord").outputs["Generated"])
     mapping.inputs["Rotation"].default_value = Matrix((ahead, left, up)).normalized().to_euler()
     picture = n.add("ShaderNodeTexEnvironment", mapping.outputs[0], image=image)

@@ -7,8 +7,8 @@ import type { MatteMetadata, Mode } from "./matte";
 type Vector = [number, number, number];
 
 /**
- * The covariance is along the horizontal, e1 = (z, 0, -x), and across it, e2 = direction x e1, rad^2, so that turns about the
- * vertical leave it as it is. Straight up and down e1 is (1, 0, 0).
+ * The covariance is along the horizontal, e1 = (z, 0, -x), and across it, e2 = direction x e1, rad^2, so rotations about the
+ * vertical do not change it. Straight up and down e1 is (1, 0, 0).
  */
 export interface Bundle {
   direction: Vector;

@@ -21,7 +21,7 @@ export interface Drawable {
   footprints: Footprints;
   /** Pixels without a result. */
   unsolved: Uint32Array<ArrayBuffer>;
-  /** The pixels that see a monitor's picture: not, for instance, the id patches below it. */
+  /** The pixels that see a monitor's picture: the id patches below it, for instance, are excluded. */
   seeing: Box;
 }
 
@@ -170,8 +170,8 @@ export class Compositor {
   }
 
   /**
-   * `gain`: factor on the composite's light. `step`: every how many pixels along both sides one is drawn. `moving`: each footprint
-   * about, by a few look-ups.
+   * `gain`: factor on the composite's light. `step`: one of this many pixels is drawn along both sides. `moving`: each
+   * footprint is approximated by a few look-ups.
    */
   draw(gain: number, step: number, moving = false): void {
     const { gl } = this.surface;
@@ -196,7 +196,7 @@ export class Compositor {
     this.surface.draw(program, step);
   }
 
-  /** Makes footprints' sketches anew if the matte or a picture's scale has changed. */
+  /** Recomputes the footprints' sketches if the matte or a picture's scale has changed. */
   private sketch(): void {
     if (this.sketched) return;
     const { gl } = this.surface;

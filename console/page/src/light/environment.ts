@@ -11,7 +11,7 @@ import { kBorder, pyramidShape, type PyramidShape } from "./pyramid_shape";
 import { kEverything } from "./shaders";
 import { Surface, kFreeUnit } from "./surface";
 
-/** Equirectangular: an sRGB picture, or Radiance's. */
+/** Equirectangular: an sRGB picture, or one in Radiance's format. */
 export type Environment = ImageBitmap | Hdr;
 
 const kFaces = 6;
@@ -114,7 +114,7 @@ class EnvironmentMap {
     const frame = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     gl.viewport(0, 0, width, height);
-    // A shader cannot read a texture that it draws on: the map before.
+    // A shader cannot read the texture that it draws on, so this is the previous map.
     const before = makeTexture(gl, gl.TEXTURE_2D, gl.LINEAR);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.REPEAT);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA16F, width, height);
@@ -167,7 +167,7 @@ export class EnvironmentCompositor {
     this.map = new EnvironmentMap(this.surface.gl, picture, this.mix.seen[0]!, shape);
   }
 
-  /** `turn`: of the environment about the vertical, rad: what lay ahead moves to the right. `gain`: on its light. */
+  /** `turn`: of the environment about the vertical, rad: what lay ahead moves to the right. `gain`: factor on its light. */
   draw(turn: number, gain: number, step: number): void {
     if (!this.map) return;
     const { gl } = this.surface;

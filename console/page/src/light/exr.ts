@@ -28,11 +28,12 @@ const kMaxParts = 16;
 
 export class NotAMatte extends Error {
   constructor(what: string) {
-    super(`the file is damaged or no matte: ${what}`);
+    super(`the file is damaged or not a matte: ${what}`);
   }
 }
 
-/** Reads a file's little-endian values one behind the other. `refused`: makes the error of a file that is not what it should be. */
+/** Reads a file's little-endian values one after the other. `refused`: makes the error of a file that is not what it should
+ * be. */
 export class Cursor {
   at = 0;
   private readonly view: DataView;
@@ -60,7 +61,7 @@ export class Cursor {
   }
   name(): string {
     const end = this.bytes.indexOf(0, this.at);
-    if (end < 0 || end - this.at > 255) throw this.refused("a name in its header does not end");
+    if (end < 0 || end - this.at > 255) throw this.refused("a name in its header is not terminated");
     const name = this.text(end - this.at);
     this.skip(1);
     return name;
@@ -116,9 +117,9 @@ function readHeader(cursor: Cursor, firstName: string): Header {
 
 export function readExr(bytes: Uint8Array<ArrayBuffer>): Exr {
   const cursor = new Cursor(bytes);
-  if (bytes.length < 8 || cursor.int() !== kMagic) throw new NotAMatte("it does not begin as OpenEXR does");
+  if (bytes.length < 8 || cursor.int() !== kMagic) throw new NotAMatte("it does not begin like an OpenEXR file");
   if ((cursor.int() & ~kLongNames) !== (kVersion | kMultiPart))
-    throw new NotAMatte("it is not OpenEXR of several parts");
+    throw new NotAMatte("it is not a multi-part OpenEXR file");
   const headers: Header[] = [];
   for (let name = cursor.name(); name !== ""; name = cursor.name()) {
     if (headers.length === kMaxParts) throw new NotAMatte(`it has more than ${kMaxParts} parts`);
@@ -128,7 +129,7 @@ export function readExr(bytes: Uint8Array<ArrayBuffer>): Exr {
   if (!first) throw new NotAMatte("it has no parts");
   for (const { part, window, lines } of headers) {
     if (JSON.stringify(window) !== JSON.stringify(first.window) || lines !== window.height)
-      throw new NotAMatte(`its part "${part.name}" has not the size of the others`);
+      throw new NotAMatte(`its part "${part.name}" differs in size from the others`);
     for (let line = 0; line < lines; ++line) part.chunks.push(cursor.offset());
   }
   return { bytes, window: first.window, parts: headers.map(({ part }) => part) };

@@ -44,7 +44,7 @@ function readChannels(cursor: Cursor): Channel[] {
     const type = cursor.int();
     cursor.skip(4);
     const [x, y] = [cursor.int(), cursor.int()];
-    if (type !== kHalf && type !== kFloat) throw refused(`its channel ${name} is of whole numbers`);
+    if (type !== kHalf && type !== kFloat) throw refused(`its channel ${name} has integer samples`);
     if (x !== 1 || y !== 1) throw refused(`its channel ${name} has fewer samples than pixels`);
     channels.push({ name, isHalf: type === kHalf });
   }
@@ -142,11 +142,11 @@ function skipParts(cursor: Cursor): void {
 
 export async function readExrPicture(bytes: Uint8Array<ArrayBuffer>): Promise<Hdr> {
   const cursor = new Cursor(bytes, refused);
-  if (cursor.int() !== kMagic) throw refused("it does not begin as OpenEXR does");
+  if (cursor.int() !== kMagic) throw refused("it does not begin like an OpenEXR file");
   const version = cursor.int();
   if ((version & 255) !== 2) throw refused(`its version is ${version & 255}; it must be 2`);
   if (version & (kTiled | kDeep)) throw refused(`it has ${version & kDeep ? "deep data" : "tiles"} and no scan lines`);
-  if (version & 0xffff00 & ~(kLongNames | kMultiPart)) throw refused("its version has flags that are not known");
+  if (version & 0xffff00 & ~(kLongNames | kMultiPart)) throw refused("its version has unknown flags");
   const isMultiPart = (version & kMultiPart) !== 0;
   const header = readHeader(cursor, cursor.name());
   if (isMultiPart) skipParts(cursor);
@@ -165,14 +165,14 @@ export async function readExrPicture(bytes: Uint8Array<ArrayBuffer>): Promise<Hd
   const table = Array.from({ length: Math.ceil(height / lines) }, () => cursor.offset());
   let since = performance.now();
   for (const place of table) {
-    // Between blocks the page stays alive.
+    // Between blocks the page stays responsive.
     if (performance.now() - since > kTurn_ms) {
       await new Promise((resolve) => setTimeout(resolve));
       since = performance.now();
     }
     const chunk = new Cursor(bytes, refused);
     chunk.skip(place);
-    if (isMultiPart && chunk.int() !== 0) throw refused("a chunk is not of its first part");
+    if (isMultiPart && chunk.int() !== 0) throw refused("a chunk does not belong to its first part");
     const row = chunk.int() - y0;
     if (row < 0 || row >= height || row % lines !== 0) throw refused(`a chunk begins with line ${row + y0}`);
     const count = Math.min(lines, height - row);

@@ -11,14 +11,14 @@ export interface Hdr {
 
 export class NotHdr extends Error {
   constructor(what: string) {
-    super(`the file is damaged or no picture of Radiance's: ${what}`);
+    super(`the file is damaged or not a Radiance picture: ${what}`);
   }
 }
 
 const kMaxPixels = 1 << 26;
 const [kMinExponent, kMaxExponent] = [-127, 127];
 
-/** Puts the nearest code of some light at a pixel. Light below 0 is 0, and so is what is no number. */
+/** Puts the nearest code of some light at a pixel. Light below 0 is 0, and so is NaN. */
 export function putLight(codes: Uint8Array, pixel: number, red: number, green: number, blue: number): void {
   const most = Math.max(red > 0 ? red : 0, green > 0 ? green : 0, blue > 0 ? blue : 0);
   if (most < 2 ** (kMinExponent - 9)) return void codes.fill(0, 4 * pixel, 4 * pixel + 4);
@@ -38,12 +38,12 @@ export function isHdr(bytes: Uint8Array): boolean {
   return bytes[0] === 0x23 && bytes[1] === 0x3f; // "#?"
 }
 
-/** Its header's lines end with an empty one and the size. */
+/** Its header ends with an empty line and the size. */
 function readHeader(bytes: Uint8Array): { width: number; height: number; at: number } {
   let at = 0;
   const line = (): string => {
     const end = bytes.indexOf(10, at);
-    if (end < 0 || end - at > 1000) throw new NotHdr("a line of its header does not end");
+    if (end < 0 || end - at > 1000) throw new NotHdr("a line of its header is not terminated");
     const text = new TextDecoder("latin1").decode(bytes.subarray(at, end));
     at = end + 1;
     return text.trim();

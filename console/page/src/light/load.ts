@@ -36,7 +36,7 @@ export function matteUrl(session: string, { frame, partial, region, pixels }: Ma
   return `/mattes/${encodeURIComponent(session)}.exr${text === "" ? "" : `?${text}`}`;
 }
 
-/** As many pixels as a page shows of a picture: more would cost a gigabyte of memory, and not be seen. */
+/** The most pixels of a picture that a page shows: more would cost a gigabyte of memory and not be visible. */
 export const kMostPixels = 1.5e6;
 /** Loaded and drawn in a second or two. */
 const kFirstPixels = 1.6e5;
@@ -56,7 +56,7 @@ function load<Result>(
       end();
       const result = take(data);
       if (result) resolve(result);
-      else reject(new Error("error" in data ? data.error : "the matte's reader answered something else"));
+      else reject(new Error("error" in data ? data.error : "the matte's reader gave an unexpected answer"));
     };
     worker.postMessage({ ...request, url: new URL(request.url, location.href).href });
   });

@@ -88,7 +88,7 @@ export function modesOf(matte: MatteData, pixel: number, channel: number): Mode[
   return modes;
 }
 
-/** Weights above this, which no object has, do not count: such a mode's light is that of others, less what they have too much. */
+/** Weights above this, which no object has, do not count: such a mode only compensates an excess of others. */
 const kMaxWeight = Math.fround(1.05);
 
 /** The first of a pixel's modes with the largest plausible weight in a channel (core/composite/stmap.h). */
@@ -130,7 +130,7 @@ function readMetadata(exr: Exr): MatteMetadata {
   try {
     metadata = JSON.parse(text) as Partial<MatteMetadata>;
   } catch {
-    throw new NotAMatte('its attribute "glasswing" is no JSON');
+    throw new NotAMatte('its attribute "glasswing" is not JSON');
   }
   const monitors = metadata.monitors ?? [];
   if (monitors.length === 0 || !monitors.every(({ width_px, height_px }) => width_px > 0 && height_px > 0))
@@ -245,7 +245,7 @@ export async function readMatte(
           modes.add(mode, x);
           if (!isGood(modes, metadata.monitors.length))
             throw new NotAMatte(
-              `pixel (${x + exr.window.x0}, ${row + exr.window.y0}) holds values that no matte has`,
+              `pixel (${x + exr.window.x0}, ${row + exr.window.y0}) has values that are invalid in a matte`,
             );
         }
       }

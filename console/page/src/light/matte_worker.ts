@@ -13,7 +13,7 @@ async function fetchBytes(url: string, report: (done: number) => void): Promise<
     throw new Error(said.message ?? `the server answered ${response.status} for ${url}`);
   }
   const total = Number(response.headers.get("Content-Length") ?? 0);
-  // A matte may be a gigabyte: where its size is known it is never there twice.
+  // A matte may be a gigabyte: if its size is known, it is never in memory twice.
   let bytes = new Uint8Array(total);
   let length = 0;
   for (const reader = response.body!.getReader(); ;) {

@@ -39,8 +39,8 @@ export class Pyramids {
   constructor(
     private readonly gl: WebGL2RenderingContext,
     private readonly shapes: PyramidShape[],
-    /** Beyond its edges a picture goes on as it ends, and the texture has roots of light in bytes, which software reads fast; else
-     * it is black there. */
+    /** Beyond its edges a picture is continued by its edge pixels, and the texture has roots of light in bytes, which
+     * software reads fast; else it is black there. */
     private readonly whole = false,
   ) {
     this.resize = new Program(gl, kEverything, kResize);

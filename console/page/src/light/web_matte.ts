@@ -50,7 +50,7 @@ export function checkedDescription(read: unknown): WebDescription {
     throw new NotAWebMatte(`the folder has version ${description.version}; this player reads version ${kVersion}`);
   const { width_px, height_px } = description;
   if (!(width_px >= 1 && height_px >= 1 && width_px * height_px <= kMostPixels))
-    throw new NotAWebMatte(`matte.json says ${width_px}x${height_px}; there must be 1 to ${kMostPixels} pixels`);
+    throw new NotAWebMatte(`matte.json declares ${width_px}x${height_px}; there must be 1 to ${kMostPixels} pixels`);
   return description;
 }
 
@@ -108,7 +108,7 @@ export async function readWebMatte(description: WebDescription, bytes: Uint8Arra
   const weightPlanes = ["red", "green", "blue"].map((name) => [plane(`${name}_low`), plane(`${name}_high`)] as const);
   const pixels = width * height;
   if (count.length !== pixels || wide.length !== description.footprints)
-    throw new NotAWebMatte("matte.bin has not as many pixels as matte.json says");
+    throw new NotAWebMatte("matte.bin and matte.json differ in their number of pixels");
 
   const foreground = new Float32Array(3 * pixels);
   const list = new (description.environments ? BundleList : FootprintList)(metadata, pixels, description.footprints);
@@ -129,7 +129,7 @@ export async function readWebMatte(description: WebDescription, bytes: Uint8Arra
     list.nextPixel();
     for (let slot = 0; slot < count[pixel]!; ++slot, ++next) {
       if (texture[next]! >= metadata.monitors.length)
-        throw new NotAWebMatte("matte.bin names a monitor that matte.json has not");
+        throw new NotAWebMatte("matte.bin names a monitor that is not in matte.json");
       const at = 8 * slot;
       mode.x = origin_px + unit_px * take(at, unfolded(x_low[next]!, x_high[next]!), 0xffff);
       mode.y = origin_px + unit_px * take(at + 1, unfolded(y_low[next]!, y_high[next]!), 0xffff);

@@ -45,7 +45,7 @@ export function Downloads({ session, captured, matte, frame, monitors = [] }: Do
         );
       })}
       {captured && (
-        <a href={`/archives/${name}.tar`} download={`${session}.tar`} title="All frames and the manifest">
+        <a href={`/archives/${name}.tar`} download={`${session}.tar`} title="All frames, and the manifest">
           the archive
         </a>
       )}

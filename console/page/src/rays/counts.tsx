@@ -4,8 +4,8 @@ import type { RayCount } from "./made_rays";
 const kMeanings: Record<RayState, string> = {
   matched: "through a place that was measured at either depth",
   ambiguous: "the same, but another match is about as likely",
-  extrapolated: "seen at one depth, direction by its neighbours: a guess with a standard error",
-  unknown: "seen at one depth, direction not known",
+  extrapolated: "seen at one depth, direction from its neighbours: an estimate with a standard error",
+  unknown: "seen at one depth, direction unknown",
 };
 
 /** How much of the object's light came along rays of each state. */

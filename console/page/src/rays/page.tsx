@@ -227,7 +227,7 @@ export default function Page({ path: [near = "", far = ""] }: PageProps) {
       <section class="card">
         <h1>Rays</h1>
         <p class="note">
-          Two sessions of one object before monitors at two depths say along which lines its light came. With them it
+          Two sessions of one object in front of monitors at two depths show along which lines its light came. With them it
           stands in any environment. The geometry is the file that <code>glasswing calibrate geometry</code> writes: drop
           it here, or choose it.
         </p>
@@ -247,7 +247,7 @@ export default function Page({ path: [near = "", far = ""] }: PageProps) {
           </label>
           <DepthField label="Near" sessions={sessions} poses={poses} depth={depths[0]} change={(to) => change(0, to)} />
           <DepthField label="Far" sessions={sessions} poses={poses} depth={depths[1]} change={(to) => change(1, to)} />
-          <label title="Light that no monitor showed is the environment's mean. For clear glass; a guess for all else.">
+          <label title="Light that no monitor showed is the environment's mean. For clear glass; a guess for everything else.">
             <input
               type="checkbox"
               checked={lossless}

@@ -7,7 +7,7 @@ export function RigTable({ rig: { camera, poses, warnings, residual_px } }: { ri
   return (
     <div class="rig-table">
       {warnings.length > 0 && (
-        <ul class="caution-text" aria-label="What is weak about the geometry">
+        <ul class="caution-text" aria-label="Weaknesses of the geometry">
           {warnings.map((warning) => (
             <li key={warning}>{warning}</li>
           ))}

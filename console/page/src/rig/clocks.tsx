@@ -37,8 +37,8 @@ export function ClockCharts({ nodes }: { nodes: NodeJson[] }) {
     <section class="card clocks">
       <h2>Clocks</h2>
       <p class="note">
-        How the offset of each node's clock from the server's has changed in the last hour, with its bounds: by how much it
-        was above that of now.
+        How the offset of each node's clock from the server's has changed in the last hour, with its bounds: by how much it was
+        above the present one.
       </p>
       <div class="charts">
         {shown.map(({ name = "", clock }) => {

@@ -47,7 +47,7 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
 function afterCancel(session: SessionJson): string {
   if (session.state === "SESSION_STATE_SOLVING" || session.tileCount)
     return "The solve ends. The frames stay, and a matte of before.";
-  return "A cancelled capture cannot be resumed or solved; to go on with it later, pause it.";
+  return "A cancelled capture cannot be resumed or solved; to continue it later, pause it instead.";
 }
 
 /** A button for each action that the server allows now; viewers get none. */

@@ -139,7 +139,7 @@ export function ImportDialog({ dropped, close }: { dropped: Promise<Files> | und
         )}
         {stored !== undefined && stored > 0 && error !== undefined && (
           <p class="note">
-            The frames that arrived are kept: import the archive again under the same name to go on, or delete the session.
+            The frames that arrived are kept: import the archive again under the same name to continue, or delete the session.
           </p>
         )}
         <FormEnd action="Import" busy={busy || !archive} error={error} close={close} />

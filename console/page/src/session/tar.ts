@@ -37,13 +37,13 @@ export async function filesOfTar(tar: Blob, maxCount: number): Promise<Map<strin
   let path: string | undefined;
   for (let at = 0; ;) {
     const block = await read(at, kBlock);
-    if (block.length < kBlock) throw new Error("it is cut short: a tar file ends with empty blocks");
+    if (block.length < kBlock) throw new Error("it is truncated: a tar file ends with empty blocks");
     if (block.every((byte) => byte === 0)) return files;
     const size = octal(block.subarray(124, 136));
     if (!isHeader(block) || Number.isNaN(size)) throw new Error("it is not a tar file, or damaged");
     const type = String.fromCharCode(block[156]!);
     const begin = at + kBlock;
-    if (begin + size > tar.size) throw new Error("it is cut short");
+    if (begin + size > tar.size) throw new Error("it is truncated");
     if (type === "x") {
       if (size > kMaxPax) throw new Error(`a path's records have more than ${kMaxPax} bytes`);
       path = pathIn(await read(begin, size));

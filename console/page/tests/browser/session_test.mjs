@@ -342,7 +342,7 @@ async function calibrate(page, rig) {
   );
   await page.getByRole("button", { name: "Calibrate the monitors…" }).click();
   await page.getByRole("dialog").getByRole("button", { name: "Start" }).click();
-  await page.getByText("monitor back has codes of 16 bits, which are light as they are").waitFor();
+  await page.getByText("monitor back uses linear 16-bit codes").waitFor();
   rig.glasswing("calibrate", "forget", cameras[0].camera);
   told("calibrated, by the page and by glasswing", cameras[0].camera);
 }
@@ -560,7 +560,7 @@ async function check_viewer(browser, rig) {
 async function check_bad_link(browser, rig) {
   const page = await (await browser.newContext()).newPage();
   await page.goto(`${rig.url}#token=0000`);
-  await page.getByRole("alert").filter({ hasText: "that is no token of this server" }).waitFor();
+  await page.getByRole("alert").filter({ hasText: "this is not a token of this server" }).waitFor();
   await page.context().close();
 }
 

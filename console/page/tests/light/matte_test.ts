@@ -76,15 +76,15 @@ test("what is no matte is refused in words", async () => {
     change(bytes);
     return bytes;
   };
-  await expect(read(new Uint8Array())).rejects.toThrow("does not begin as OpenEXR does");
-  await expect(read(changed((bytes) => (bytes[5] = 0)))).rejects.toThrow("not OpenEXR of several parts");
-  await expect(read(good.slice(0, good.length - 40))).rejects.toThrow("damaged or no matte");
+  await expect(read(new Uint8Array())).rejects.toThrow("does not begin like an OpenEXR file");
+  await expect(read(changed((bytes) => (bytes[5] = 0)))).rejects.toThrow("not a multi-part OpenEXR file");
+  await expect(read(good.slice(0, good.length - 40))).rejects.toThrow("damaged or not a matte");
   await expect(read(good.slice(0, 200))).rejects.toThrow("ends too early");
   await expect(read(matteBytes(textOf(["Y"], "disc")))).rejects.toThrow('its footprints are "disc"');
   await expect(read(matteBytes({ ...textOf(["Y"]), metadata: {} }))).rejects.toThrow("names no monitors");
   const far: Mode = { weight: 1, x: 0, y: 0, xx: 1, xy: 0, yy: 1, texture: 2, weight_sd: 0, centre_sd: 0 };
   await expect(read(matteBytes({ ...textOf(["Y"]), modes: () => [far] }))).rejects.toThrow(
-    "pixel (0, 0) holds values that no matte has",
+    "pixel (0, 0) has values that are invalid in a matte",
   );
 });
 
@@ -95,7 +95,7 @@ test("no changed byte makes anything but a matte or an error of ours", async () 
     const bytes = good.slice();
     bytes[Math.floor(next() * bytes.length)]! ^= 1 << Math.floor(8 * next());
     await read(bytes).catch((error: unknown) =>
-      expect(String(error)).toContain("the file is damaged or no matte"),
+      expect(String(error)).toContain("the file is damaged or not a matte"),
     );
   }
 });

@@ -39,8 +39,8 @@ describe("tar files", () => {
   });
   test("are refused if they end early or are something else", async () => {
     const bytes = tarOf({ "a.tif": "a".repeat(5000) }, "ustar");
-    await expect(filesOfTar(new Blob([bytes.slice(0, 3000)]), 10)).rejects.toThrow("cut short");
-    await expect(filesOfTar(new Blob([bytes.slice(0, 700)]), 10)).rejects.toThrow("cut short");
+    await expect(filesOfTar(new Blob([bytes.slice(0, 3000)]), 10)).rejects.toThrow("truncated");
+    await expect(filesOfTar(new Blob([bytes.slice(0, 700)]), 10)).rejects.toThrow("truncated");
     await expect(filesOfTar(new Blob(["z".repeat(2048)]), 10)).rejects.toThrow("not a tar file");
     bytes[512] = 65; // in the header of a.tif
     await expect(filesOfTar(new Blob([bytes]), 10)).rejects.toThrow("not a tar file, or damaged");

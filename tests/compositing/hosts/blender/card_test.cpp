@@ -308,7 +308,7 @@ TEST_F(BlenderCard, SaysWhatIsWrong) {
     add_case(name, {{"rays", path(name + std::string(".exr"))}}, {{"samples", 1}});
   run();
   for (const auto& [name, words] : {std::pair{"none", "No such file"},
-                                    {"matte", "matte.exr holds a matte, which glasswing rays makes rays of"},
+                                    {"matte", "matte.exr holds a matte; glasswing rays makes rays from it"},
                                     {"empty", "no pixel is inside the object"},
                                     {"picture", "picture.exr holds no rays"}})
     EXPECT_NE(error_of(name).find(words), std::string::npos) << name << ": " << error_of(name);

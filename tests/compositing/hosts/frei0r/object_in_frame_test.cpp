@@ -131,7 +131,7 @@ TEST_F(ObjectInFrameTest, SaysWhatIsWrong) {
   const auto said = [this] { return std::string(ObjectInFrame::open(path_).status().message()); };
   EXPECT_NE(said().find(path_.string()), std::string::npos);
   EXPECT_OK(write_file_durably(path_, "not a matte"));
-  EXPECT_NE(said().find(path_.string() + ": it is damaged or no matte"), std::string::npos) << said();
+  EXPECT_NE(said().find(path_.string() + ": it is damaged or not a matte"), std::string::npos) << said();
 
   const Frame frame = waves(8, 8);
   Frame out(frame.size());
