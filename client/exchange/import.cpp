@@ -294,39 +294,41 @@ void add_layout_options(CLI::App& command, const std::shared_ptr<ImportArguments
   add("--phase", options.phase_deg, "the phase of the first step of fringes, degrees; default: 0");
 }
 
+constexpr char kImportFooter[] =
+    "Every frame is checked before the first is sent; frames of an archive by their headers and sizes, "
+    "and\n"
+    "their checksums while they are sent. An interrupted import can be repeated.\n\n"
+    "A layout defines what the photographs of a folder show, by their order. Photographs do not show the "
+    "monitor's size: --layout needs\n"
+    "--monitor. A list has one photograph per line with what the monitor showed: tab-separated values with "
+    "a header\n"
+    "row: file, object (true or false), kind, and further fields of the stimulus (docs/archive.md):\n\n"
+    "  #monitor back:1920x1080\n"
+    "  #response srgb\n"
+    "  file\tobject\tkind\torient\tbar_width_px\tcolour\n"
+    "  IMG_1.jpg\ttrue\tsolid\t\t\t0,0,0\n"
+    "  IMG_2.jpg\ttrue\tsquare\tvertical_bars\t960\t\n\n"
+    "If neither the list nor --response gives the response of the codes, it is estimated from the\n"
+    "photographs, with a warning, or required.\n\n"
+    "A video of the ramp is a video file, or a directory of pictures whose names end in a number. It "
+    "needs\n"
+    "--monitor, and frames of the empty stage: --empty-frames or --empty.\n\n"
+    "Examples:\n"
+    "  glasswing import archives/vase --session vase\n"
+    "  glasswing import archives/pouring --sequence ramp_dark --session pouring\n"
+    "  glasswing import clip.mp4 --monitor back:1920x1080 --empty-frames 60 --session pouring\n"
+    "  glasswing import scan --layout auto --monitor 1024x768 --session vase\n"
+    "  glasswing import scan --layout opencv-graycode --monitor 1024x768 --archive archives/vase\n"
+    "  glasswing import scan --layout binary --order white,rows,columns --monitor 512x512 --response srgb\n"
+    "  glasswing import scan --layout phase-shift --steps 4 --periods 1,8,64 --monitor 1920x1080 --session "
+    "mirror\n"
+    "  glasswing import photographs --list photographs/list.tsv --session vase\n"
+    "  glasswing import photographs --list photographs/list.tsv --archive archives/vase";
+
 void add_import_command(CLI::App& app, Client& client) {
   CLI::App& command =
       *app.add_subcommand("import", "Import an archive, photographs or a video as a session.");
-  command.footer(
-      "Every frame is checked before the first is sent; frames of an archive by their headers and sizes, "
-      "and\n"
-      "their checksums while they are sent. An interrupted import can be repeated.\n\n"
-      "A layout defines what the photographs of a folder show, by their order. Photographs do not show the "
-      "monitor's size: --layout needs\n"
-      "--monitor. A list has one photograph per line with what the monitor showed: tab-separated values with "
-      "a header\n"
-      "row: file, object (true or false), kind, and further fields of the stimulus (docs/archive.md):\n\n"
-      "  #monitor back:1920x1080\n"
-      "  #response srgb\n"
-      "  file\tobject\tkind\torient\tbar_width_px\tcolour\n"
-      "  IMG_1.jpg\ttrue\tsolid\t\t\t0,0,0\n"
-      "  IMG_2.jpg\ttrue\tsquare\tvertical_bars\t960\t\n\n"
-      "If neither the list nor --response gives the response of the codes, it is estimated from the\n"
-      "photographs, with a warning, or required.\n\n"
-      "A video of the ramp is a video file, or a directory of pictures whose names end in a number. It "
-      "needs\n"
-      "--monitor, and frames of the empty stage: --empty-frames or --empty.\n\n"
-      "Examples:\n"
-      "  glasswing import archives/vase --session vase\n"
-      "  glasswing import archives/pouring --sequence ramp_dark --session pouring\n"
-      "  glasswing import clip.mp4 --monitor back:1920x1080 --empty-frames 60 --session pouring\n"
-      "  glasswing import scan --layout auto --monitor 1024x768 --session vase\n"
-      "  glasswing import scan --layout opencv-graycode --monitor 1024x768 --archive archives/vase\n"
-      "  glasswing import scan --layout binary --order white,rows,columns --monitor 512x512 --response srgb\n"
-      "  glasswing import scan --layout phase-shift --steps 4 --periods 1,8,64 --monitor 1920x1080 --session "
-      "mirror\n"
-      "  glasswing import photographs --list photographs/list.tsv --session vase\n"
-      "  glasswing import photographs --list photographs/list.tsv --archive archives/vase");
+  command.footer(kImportFooter);
   auto arguments = std::make_shared<ImportArguments>();
   command
       .add_option(

@@ -114,6 +114,43 @@ absl::Status list(const Client& client, const PkiArguments& arguments) {
   return absl::OkStatus();
 }
 
+void add_days(CLI::App& command, PkiArguments& arguments) {
+  command.add_option("--days", arguments.days, "validity of the certificates, days")
+      ->check(CLI::Range(1, CertificateAuthority::kMaxDays))
+      ->capture_default_str();
+}
+
+void add_issue_options(CLI::App& command, PkiArguments& arguments) {
+  command
+      .add_option("requests", arguments.requests,
+                  "ROLE[+ROLE...]:NAME[=HOST,HOST...]; makes NAME.pem and NAME.key")
+      ->required()
+      ->type_name("REQUEST");
+  add_days(command, arguments);
+  command.footer(
+      "ROLE determines what its owner may do: operator (runs sessions) or viewer (views them) for people; "
+      "server, display, camera\nor solver for programs, several for a machine that runs several; console for "
+      "the console's own certificate. HOST is a name or address under which others call the\nmachine; "
+      "default: NAME. Existing files are not replaced.\n\n"
+      "Examples:\n"
+      "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5\n"
+      "  glasswing pki issue certificates console:console=rig.lab,localhost,127.0.0.1\n"
+      "  glasswing pki issue certificates solver:solver-1=solver-1.lab operator:me viewer:guest --days 90");
+}
+
+void add_renew_options(CLI::App& command, PkiArguments& arguments) {
+  command.add_option("names", arguments.names, "names of the certificates; default: all that expire soon");
+  command.add_option("--within", arguments.within_days, "days until expiry that count as soon")
+      ->check(CLI::Range(0, CertificateAuthority::kMaxDays))
+      ->capture_default_str();
+  add_days(command, arguments);
+  command.footer(
+      "Programs load the new files once they replace the old ones.\n\n"
+      "Examples:\n  glasswing pki renew certificates\n"
+      "  glasswing pki renew certificates rig solver-1\n"
+      "  glasswing pki renew certificates --within 90");
+}
+
 }  // namespace
 
 void add_pki_commands(CLI::App& app, Client& client) {
@@ -144,48 +181,15 @@ void add_pki_commands(CLI::App& app, Client& client) {
     });
     return command;
   };
-  const auto add_days = [&](CLI::App& command) {
-    command.add_option("--days", arguments->days, "validity of the certificates, days")
-        ->check(CLI::Range(1, CertificateAuthority::kMaxDays))
-        ->capture_default_str();
-  };
 
   CLI::App& init_command = add("init", "Make an authority: ca.pem, valid for ten years, and ca.key.", init);
   init_command.add_option("--name", arguments->name, "name in the authority's certificate")
       ->capture_default_str();
   init_command.footer("Example:\n  glasswing pki init certificates --name \"Lab 3\"");
 
-  CLI::App& issue_command = add("issue", "Make a certificate and a key for each name.", issue);
-  issue_command
-      .add_option("requests", arguments->requests,
-                  "ROLE[+ROLE...]:NAME[=HOST,HOST...]; makes NAME.pem and NAME.key")
-      ->required()
-      ->type_name("REQUEST");
-  add_days(issue_command);
-  issue_command.footer(
-      "ROLE determines what its owner may do: operator (runs sessions) or viewer (views them) for people; "
-      "server, display, camera\nor solver for programs, several for a machine that runs several; console for "
-      "the console's own certificate. HOST is a name or address under which others call the\nmachine; "
-      "default: NAME. Existing files are not replaced.\n\n"
-      "Examples:\n"
-      "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5\n"
-      "  glasswing pki issue certificates console:console=rig.lab,localhost,127.0.0.1\n"
-      "  glasswing pki issue certificates solver:solver-1=solver-1.lab operator:me viewer:guest --days 90");
-
-  CLI::App& renew_command =
-      add("renew", "Renew certificates for the same roles and hosts, with new keys.", renew);
-  renew_command.add_option("names", arguments->names,
-                           "names of the certificates; default: all that expire soon");
-  renew_command.add_option("--within", arguments->within_days, "days until expiry that count as soon")
-      ->check(CLI::Range(0, CertificateAuthority::kMaxDays))
-      ->capture_default_str();
-  add_days(renew_command);
-  renew_command.footer(
-      "Programs load the new files once they replace the old ones.\n\n"
-      "Examples:\n  glasswing pki renew certificates\n"
-      "  glasswing pki renew certificates rig solver-1\n"
-      "  glasswing pki renew certificates --within 90");
-
+  add_issue_options(add("issue", "Make a certificate and a key for each name.", issue), *arguments);
+  add_renew_options(add("renew", "Renew certificates for the same roles and hosts, with new keys.", renew),
+                    *arguments);
   add("list", "List the issued certificates and when they expire.", list)
       .footer("Example:\n  glasswing pki list certificates");
 }

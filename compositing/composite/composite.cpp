@@ -170,6 +170,27 @@ absl::Status composited(const CommandLine& command_line, const CompositeArgument
                              : composite_still(command_line, arguments);
 }
 
+void add_rays_options(CLI::App& command, CompositeArguments& arguments) {
+  command
+      .add_option("--plane", arguments.planes,
+                  "for rays: DEPTH_MM[:PICTURE], a picture at this distance from the camera, as large as the "
+                  "monitor; default: --background's; may be repeated, nearer ones hide others")
+      ->allow_extra_args(false);
+  command.add_option(
+      "--environment", arguments.environment,
+      "for rays: a picture of all directions, equirectangular; its centre is straight ahead of the camera");
+  command
+      .add_option("--environment-turn", arguments.environment_turn_deg,
+                  "turn the environment about the vertical, degrees; the view ahead moves to the right")
+      ->check(CLI::Range(-3600.0, 3600.0));
+  command.add_option("--environment-gain", arguments.environment_gain, "factor on the environment's light")
+      ->check(CLI::Range(0.0f, 1e6f))
+      ->capture_default_str();
+  command.add_flag("--lossless", arguments.lossless,
+                   "the object absorbs nothing: light that no monitor showed is taken from the environment's "
+                   "mean");
+}
+
 void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
   command.add_option("matte", arguments.matte, "a matte from glasswing fetch, or a directory of them")
       ->required();
@@ -228,24 +249,7 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
   command.add_option("--crop", arguments.crop, kCropHelp);
   command.add_flag("--fill", arguments.fill,
                    "fill unsolved pixels, such as those that see the id patch, from their neighbours");
-  command
-      .add_option("--plane", arguments.planes,
-                  "for rays: DEPTH_MM[:PICTURE], a picture at this distance from the camera, as large as the "
-                  "monitor; default: --background's; may be repeated, nearer ones hide others")
-      ->allow_extra_args(false);
-  command.add_option(
-      "--environment", arguments.environment,
-      "for rays: a picture of all directions, equirectangular; its centre is straight ahead of the camera");
-  command
-      .add_option("--environment-turn", arguments.environment_turn_deg,
-                  "turn the environment about the vertical, degrees; the view ahead moves to the right")
-      ->check(CLI::Range(-3600.0, 3600.0));
-  command.add_option("--environment-gain", arguments.environment_gain, "factor on the environment's light")
-      ->check(CLI::Range(0.0f, 1e6f))
-      ->capture_default_str();
-  command.add_flag("--lossless", arguments.lossless,
-                   "the object absorbs nothing: light that no monitor showed is taken from the environment's "
-                   "mean");
+  add_rays_options(command, arguments);
   command.add_flag("--exact", arguments.exact,
                    "integrate every footprint, slowly; the default is within 0.002 rms of this");
   add_colour_options(command, arguments.colours);
