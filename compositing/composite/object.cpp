@@ -33,7 +33,7 @@ absl::StatusOr<ObjectInFront> ObjectInFront::create(const fs::path& file, const 
 
 absl::Status ObjectInFront::prepare(Pictures pictures, bool exact) {
   if (exact) {
-    GW_ASSIGN_OR_RETURN(exact_, decode_matte(mapped_->bytes()));
+    GW_ASSIGN_OR_RETURN(exact_, decode_matte(mapped_->bytes(), Pyramids::kKept));
     take(*exact_);
   } else if (pictures == Pictures::kMany) {
     GW_ASSIGN_OR_RETURN(many_, FastCompositor::create(mapped_->bytes(), [this](Matte& rows) { take(rows); }));
@@ -81,7 +81,7 @@ absl::StatusOr<ObjectPicture> ObjectInFront::composite(const std::vector<Radianc
 
 absl::StatusOr<RadianceImage> ObjectInFront::error(const std::vector<RadianceImage>& backgrounds,
                                                    const std::function<void(double)>& progress) const {
-  GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(mapped_->bytes()));
+  GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(mapped_->bytes(), Pyramids::kKept));
   GW_ASSIGN_OR_RETURN(const RadianceImage whole, composite_error(matte, backgrounds, 0, progress));
   return cropped(whole, crop_);
 }

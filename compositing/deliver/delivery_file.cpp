@@ -380,6 +380,7 @@ absl::StatusOr<Delivery> write_delivery(std::string_view matte, const DeliveryOp
                                                   options.tile_px, kMinTile_px, kMaxTile_px));
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   GW_ASSIGN_OR_RETURN(MatteOutline outline, outline_of(matte));
+  if (outline.pyramids) outline.metadata.clear_footprint();
   GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(outline.metadata));
   GW_ASSIGN_OR_RETURN(const Survey survey, survey_of(matte, outline, mix, thread_count, report));
   if (options.hug && survey.object.right < 0)

@@ -141,12 +141,17 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
     for (int y = next_row++; y < matte.height_px(); y = next_row++) {
       for (int x = 0; x < matte.width_px(); ++x) {
         for (int c = 0; c < kChannels; ++c) {
-          double light = matte.foreground(x, y)[c];
-          for (const Mode& mode : matte.modes(x, y, c)) {
+          double light = matte.foreground_of_gaussians(x, y, c);
+          const auto add = [&](const Mode& mode) {
             const size_t texture = mode.texture;
             if (mode.weight > 0.0f && texture < backgrounds.size()) {
               light += mode.weight * integral(mode, texture, c);
             }
+          };
+          if (matte.pyramids(x, y, c).empty()) {
+            std::ranges::for_each(matte.modes(x, y, c), add);
+          } else {
+            std::ranges::for_each(matte.gaussians(x, y, c), add);
           }
           out.at(x, y, c) = static_cast<float>(light);
         }

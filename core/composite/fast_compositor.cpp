@@ -76,10 +76,13 @@ absl::StatusOr<FastCompositor> FastCompositor::create(std::string_view file,
                                                       int thread_count) {
   GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(file));
   return create(outline.metadata, outline.width_px, outline.height_px, [&](Convert convert) {
-    return for_blocks_of_matte(file, thread_count, [&](Matte& rows) {
-      edit(rows);
-      return convert(rows, 0, rows.height_px(), rows.y0_px() - outline.y0_px);
-    });
+    return for_blocks_of_matte(
+        file, thread_count,
+        [&](Matte& rows) {
+          edit(rows);
+          return convert(rows, 0, rows.height_px(), rows.y0_px() - outline.y0_px);
+        },
+        Pyramids::kKept);
   });
 }
 
@@ -119,19 +122,22 @@ absl::StatusOr<RadianceImage> composite_file(std::string_view file,
   RadianceImage out(outline.width_px, outline.height_px);
   std::mutex mutex;
   int done = 0;
-  GW_RETURN_IF_ERROR(for_blocks_of_matte(file, thread_count, [&](Matte& matte) {
-    edit(matte);
-    FootprintRows rows(textures, boxes, kMaxTiles);
-    FootprintRow row;
-    for (int y = 0; y < matte.height_px(); ++y) {
-      rows.prepare(matte, y, row);
-      samples.composite(row, row_of(out, matte.y0_px() - outline.y0_px + y));
-    }
-    const std::lock_guard lock(mutex);
-    done += matte.height_px();
-    if (progress) progress(static_cast<double>(done) / outline.height_px);
-    return absl::OkStatus();
-  }));
+  GW_RETURN_IF_ERROR(for_blocks_of_matte(
+      file, thread_count,
+      [&](Matte& matte) {
+        edit(matte);
+        FootprintRows rows(textures, boxes, kMaxTiles);
+        FootprintRow row;
+        for (int y = 0; y < matte.height_px(); ++y) {
+          rows.prepare(matte, y, row);
+          samples.composite(row, row_of(out, matte.y0_px() - outline.y0_px + y));
+        }
+        const std::lock_guard lock(mutex);
+        done += matte.height_px();
+        if (progress) progress(static_cast<double>(done) / outline.height_px);
+        return absl::OkStatus();
+      },
+      Pyramids::kKept));
   return out;
 }
 

@@ -39,9 +39,15 @@ void FootprintRows::prepare(const Matte& matte, int y, FootprintRow& row) {
   row.boxes.clear();
   row.tiles.assign(matte.width_px(), {});
   for (int x = 0; x < matte.width_px(); ++x) {
-    const auto& foreground = matte.foreground(x, y);
-    row.foreground.insert(row.foreground.end(), foreground.begin(), foreground.end());
+    for (int c = 0; c < kChannels; ++c) row.foreground.push_back(matte.foreground_of_gaussians(x, y, c));
     PixelTiles& pixel = row.tiles[x];
+    if (!matte.pyramids(x, y, 0).empty() || !matte.pyramids(x, y, 1).empty() ||
+        !matte.pyramids(x, y, 2).empty()) {
+      for (int c = 0; c < kChannels; ++c) {
+        for (const Mode& mode : matte.gaussians(x, y, c)) pixel.own[c] += add(mode, c, false, x, row);
+      }
+      continue;
+    }
     const auto modes = [&](int c, size_t m) -> const Mode& { return matte.modes(x, y, c)[m]; };
     const size_t count = matte.modes_per_channel();
     const auto is_shared = [&](size_t m) {

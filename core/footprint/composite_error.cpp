@@ -1,5 +1,6 @@
 #include "core/footprint/composite_error.h"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -43,6 +44,29 @@ double variance_of(std::span<const Mode> modes, int channel, const MatteCovarian
   return (root.transpose() * slopes).squaredNorm();
 }
 
+// Of a channel with pyramids: none if modes bring it light of other monitors, too.
+double variance_of_pyramids(const Matte& matte, int x, int y, int channel, const MatteCovariance& covariance,
+                            const LitMonitors& monitors) {
+  const std::span<const PyramidFootprint> pyramids = matte.pyramids(x, y, channel);
+  double sum = 0.0;
+  for (const PyramidFootprint& pyramid : pyramids) {
+    Eigen::VectorXd slopes = Eigen::VectorXd::Zero(std::ssize(pyramid.coefficients));
+    for (Eigen::Index k = 0; k < slopes.size(); ++k) {
+      if (const auto& monitor = monitors[pyramid.texture]) {
+        const Mode mode = mode_of(pyramid.coefficients[k], pyramid.texture);
+        slopes[k] = monitor->slopes(footprint_of(mode), channel).light;
+      }
+    }
+    sum += covariance.variance(pyramid, slopes);
+  }
+  for (const Mode& mode : matte.modes(x, y, channel)) {
+    if (mode.weight > 0.0f &&
+        std::ranges::find(pyramids, mode.texture, &PyramidFootprint::texture) == pyramids.end())
+      return kUnknown;
+  }
+  return std::isfinite(sum) ? sum : kUnknown;
+}
+
 // For the primaries to which a composite is converted: independent channels.
 std::array<double, kChannels> mixed(const PrimaryMix& mix, const std::array<double, kChannels>& variances) {
   if (mix.is_unit()) return variances;
@@ -77,7 +101,9 @@ absl::StatusOr<RadianceImage> composite_error(const Matte& matte,
         const bool solved = matte.coverage(x, y) > 0.0f && matte.flags(x, y) == kFlagNone;
         std::array<double, kChannels> variances{kUnknown, kUnknown, kUnknown};
         for (int c = 0; solved && c < kChannels; ++c)
-          variances[c] = variance_of(matte.modes(x, y, c), c, covariance, monitors);
+          variances[c] = matte.pyramids(x, y, c).empty()
+                             ? variance_of(matte.modes(x, y, c), c, covariance, monitors)
+                             : variance_of_pyramids(matte, x, y, c, covariance, monitors);
         variances = mixed(mix, variances);
         for (int c = 0; c < kChannels; ++c) error.at(x, y, c) = static_cast<float>(std::sqrt(variances[c]));
       }

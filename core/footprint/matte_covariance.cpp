@@ -129,6 +129,53 @@ Eigen::MatrixXd MatteCovariance::of_sweeps(std::span<const Used> modes) const {
   return information;
 }
 
+double MatteCovariance::variance(const PyramidFootprint& pyramid, const Eigen::VectorXd& slopes) const {
+  std::vector<Footprint> places;
+  for (const Coefficient& own : pyramid.coefficients) {
+    places.push_back(footprint_of(mode_of(own, pyramid.texture)));
+    places.back().weight = 1.0;
+  }
+  const MonitorExtent& extent = extents_[pyramid.texture];
+  const Eigen::Index count = std::ssize(places);
+  const double noise = std::pow(static_cast<double>(pyramid.noise_sd), 2);
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(count + 1, count + 1);
+  information(0, 0) = 1.0 / noise;  // black
+  for (const Sweep& sweep : sweeps_) {
+    if (sweep.texture != pyramid.texture) continue;
+    Eigen::MatrixXd by = Eigen::MatrixXd::Zero(sweep.count, count + 1);
+    by.col(0).setOnes();
+    for (Eigen::Index k = 0; k < count; ++k) {
+      for (Eigen::Index i = 0; i < sweep.count; ++i) {
+        const double r_px = sweep.first_r_px + static_cast<double>(i) * sweep.step_px;
+        by(i, k + 1) = response(places[k], sweep.axis, r_px, extent);
+      }
+    }
+    information.noalias() += by.transpose() * by / noise;
+  }
+  std::vector<LitShare> shares;
+  for (const Footprint& place : places) shares.emplace_back(place, extent);
+  for (const Picture& picture : pictures_) {
+    if (picture.texture != pyramid.texture) continue;
+    Eigen::VectorXd by(count + 1);
+    by[0] = 1.0;
+    double seen = 0.0;
+    for (Eigen::Index k = 0; k < count; ++k) {
+      by[k + 1] = picture.light * shares[k].of(picture.lit).share;
+      seen += by[k + 1] * static_cast<double>(pyramid.coefficients[k].weight);
+    }
+    const double error = (picture.lit.bars ? kBarsError : kWhiteError) * seen;
+    information.noalias() += by * by.transpose() / (noise / picture.count + error * error);
+  }
+  for (Eigen::Index k = 0; k < count; ++k) {
+    const double prior = std::ldexp(static_cast<double>(pyramid.prior_sd), 2 * pyramid.coefficients[k].level);
+    information(k + 1, k + 1) += 1.0 / (prior * prior);
+  }
+  Eigen::VectorXd by(count + 1);
+  by << 1.0, slopes;
+  const Eigen::LLT<Eigen::MatrixXd> factor(information);
+  return factor.info() == Eigen::Success ? by.dot(factor.solve(by)) : INFINITY;
+}
+
 std::vector<MatteCovariance::Shown> MatteCovariance::shown(std::span<const Used> modes) const {
   std::vector<LitShare> shares;
   for (const Used& used : modes) shares.emplace_back(used.mode, extents_[used.texture]);

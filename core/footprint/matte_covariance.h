@@ -5,7 +5,8 @@
 //
 // with J_i the derivatives of sample i. Samples are those of the sweeps and of black, with w = 1, and of
 // white and bars, with w = s^2 / (s^2 / light^2 + e^2), where e is how much their model may be off
-// (lit_area.h). s is such that the strongest mode's weight has the standard error of the matte, s^2 N^-1.
+// (lit_area.h). Coefficients of pyramids have a prior (solver/any/pyramid_fit.h). s is such that the
+// strongest mode's weight has the standard error of the matte, s^2 N^-1.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -28,6 +29,10 @@ class MatteCovariance {
   // A matrix A with Cov = A A', of F and then R, cx, cy, xx, xy and yy of each mode with a weight, in light,
   // px and px^2. Empty if the strongest mode's standard error is not known, or no sweep sees a mode.
   Eigen::MatrixXd root(std::span<const Mode> modes) const;
+
+  // The variance of F + sum_k slopes[k] c_k, of a pyramid's coefficients: that of the Gaussian posterior of
+  // those that are above 0, (sum_i w_i J_i J_i' + prior^-1)^-1.
+  double variance(const PyramidFootprint& pyramid, const Eigen::VectorXd& slopes) const;
 
  private:
   struct Sweep {

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace glasswing {
 
@@ -35,6 +36,71 @@ void Matte::copy_pixel(const Matte& from, int from_x, int from_y, int x, int y) 
   flags(x, y) = from.flags(from_x, from_y);
   for (int c = 0; c < static_cast<int>(mode_channels_); ++c)
     std::ranges::copy(from.modes(from_x, from_y, c), modes(x, y, c).begin());
+  if (!has_pyramids() && !from.has_pyramids()) return;
+  for (int c = 0; c < kChannels; ++c) {
+    const std::span<const PyramidFootprint> own = from.pyramids(from_x, from_y, c);
+    const size_t key = kChannels * pixel(x, y) + c;
+    if (own.empty()) {
+      pyramids_.erase(key);
+    } else {
+      pyramids_[key].assign(own.begin(), own.end());
+    }
+  }
+}
+
+Mode mode_of(const Coefficient& coefficient, int texture) {
+  const float sigma = std::ldexp(1.0f, coefficient.level);
+  Mode mode;
+  mode.weight = coefficient.weight;
+  mode.x_px = sigma * static_cast<float>(2 * coefficient.column + 1);
+  mode.y_px = sigma * static_cast<float>(2 * coefficient.row + 1);
+  mode.xx_px2 = mode.yy_px2 = sigma * sigma;
+  mode.texture = texture;
+  return mode;
+}
+
+std::span<const PyramidFootprint> Matte::pyramids(int x, int y, int channel) const {
+  const auto found = pyramids_.find(kChannels * pixel(x, y) + channel);
+  return found == pyramids_.end() ? std::span<const PyramidFootprint>() : found->second;
+}
+
+std::span<PyramidFootprint> Matte::pyramids(int x, int y, int channel) {
+  const auto found = pyramids_.find(kChannels * pixel(x, y) + channel);
+  return found == pyramids_.end() ? std::span<PyramidFootprint>() : found->second;
+}
+
+void Matte::add_pyramid(int x, int y, int channel, PyramidFootprint pyramid) {
+  assert(!is_colourless());
+  pyramids_[kChannels * pixel(x, y) + channel].push_back(std::move(pyramid));
+}
+
+std::vector<Mode> Matte::gaussians(int x, int y, int channel) const {
+  const std::span<const PyramidFootprint> own = pyramids(x, y, channel);
+  std::vector<Mode> all;
+  for (const Mode& mode : modes(x, y, channel)) {
+    if (std::ranges::find(own, mode.texture, &PyramidFootprint::texture) == own.end()) all.push_back(mode);
+  }
+  for (const PyramidFootprint& pyramid : own) {
+    for (const Coefficient& coefficient : pyramid.coefficients)
+      all.push_back(mode_of(coefficient, pyramid.texture));
+  }
+  return all;
+}
+
+float Matte::foreground_of_gaussians(int x, int y, int channel) const {
+  float light = foreground(x, y)[channel];
+  for (const PyramidFootprint& pyramid : pyramids(x, y, channel)) light += pyramid.foreground;
+  return light;
+}
+
+void Matte::drop_pyramids() {
+  for (const auto& [key, _] : pyramids_) flags_[key / kChannels] |= kFlagPoorFit;
+  pyramids_.clear();
+  if (metadata.footprint() != kPyramidFootprint) return;
+  metadata.clear_footprint();
+  metadata.add_warnings(
+      "pixels whose light no few Gaussians describe are shown by their closest Gaussians, and flagged; only "
+      "glasswing composite shows them as measured");
 }
 
 PixelCount count_pixels(const Matte& matte) {

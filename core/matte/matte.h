@@ -15,6 +15,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <vector>
 
 #include "glasswing/v1/matte.pb.h"
@@ -27,6 +28,8 @@ inline constexpr std::array<const char*, kChannels> kChannelNames{"r", "g", "b"}
 
 // MatteMetadata.footprint of mattes whose modes are upright boxes, sides sqrt(12 xx) and sqrt(12 yy).
 inline constexpr std::string_view kBoxFootprint = "box";
+// The same of mattes that may hold pyramids beside Gaussian modes.
+inline constexpr std::string_view kPyramidFootprint = "pyramid";
 
 // One footprint. An unused mode has weight 0.
 struct Mode {
@@ -40,6 +43,26 @@ struct Mode {
   // Standard errors of the weight and of the centre (rms of x and y); 0: unknown.
   float weight_sd = 0.0f;
   float centre_sd_px = 0.0f;
+};
+
+// A Gaussian of a pyramid: of level l, sigma is 2^l px. Columns and rows are two sigma apart, the first one
+// sigma from the monitor's edge.
+struct Coefficient {
+  std::int32_t level = 0, column = 0, row = 0;
+  float weight = 0.0f;  // as R; > 0
+};
+inline constexpr int kPyramidLevels = 5;
+Mode mode_of(const Coefficient& coefficient, int texture);
+
+// The light of a channel from one monitor, where no few Gaussians describe it: stands for the modes there,
+// which are the closest Gaussians.
+struct PyramidFootprint {
+  std::int32_t texture = 0;
+  float foreground = 0.0f;  // added to F
+  // Standard deviation of a sample per light of 1, and prior standard deviation of a coefficient of level 0;
+  // of level l it is 4^l of that (core/footprint/pyramid_covariance.h).
+  float noise_sd = 0.0f, prior_sd = 0.0f;
+  std::vector<Coefficient> coefficients;
 };
 
 // Why a pixel is unreliable; 0: reliable.
@@ -95,6 +118,16 @@ class Matte {
   std::span<const Mode> modes(int x, int y, int channel) const {
     return {&modes_[mode_offset(x, y, channel)], static_cast<size_t>(modes_per_channel_)};
   }
+  // At most one of each monitor.
+  std::span<const PyramidFootprint> pyramids(int x, int y, int channel) const;
+  std::span<PyramidFootprint> pyramids(int x, int y, int channel);
+  void add_pyramid(int x, int y, int channel, PyramidFootprint pyramid);
+  bool has_pyramids() const { return !pyramids_.empty(); }
+  // Of a pixel with pyramids: the Gaussians that composites integrate, and their F.
+  std::vector<Mode> gaussians(int x, int y, int channel) const;
+  float foreground_of_gaussians(int x, int y, int channel) const;
+  // Leaves the modes alone; flags them where pyramids were, and adds a warning.
+  void drop_pyramids();
   // Copies the pixels of `tile`, which must lie within this matte; metadata stays.
   void put(const Matte& tile);
   // Copies a whole pixel of `from`, which has the same number of modes, and channels of modes, as this matte.
@@ -122,6 +155,7 @@ class Matte {
   std::vector<float> coverage_;
   std::vector<std::uint8_t> flags_;
   std::vector<Mode> modes_;
+  std::unordered_map<size_t, std::vector<PyramidFootprint>> pyramids_;  // by 3 pixel + channel
 };
 
 // The number of pixels that show the object, of those that are flagged, and of all unsolved pixels.

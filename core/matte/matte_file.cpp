@@ -54,6 +54,15 @@ absl::Status check(const Matte& matte, int first, int rows) {
            mode.xx_px2 >= 0.0f && mode.yy_px2 >= 0.0f && (!boxes || mode.xy_px2 == 0.0f) &&
            mode.texture >= 0 && mode.texture < matte.metadata.monitors_size();
   };
+  const auto is_pyramid = [&](const PyramidFootprint& pyramid) {
+    return std::isfinite(pyramid.foreground) && pyramid.noise_sd >= 0.0f && std::isfinite(pyramid.noise_sd) &&
+           pyramid.prior_sd >= 0.0f && std::isfinite(pyramid.prior_sd) && pyramid.texture >= 0 &&
+           pyramid.texture < matte.metadata.monitors_size() &&
+           std::ranges::all_of(pyramid.coefficients, [](const Coefficient& own) {
+             return own.level >= 0 && own.level < kPyramidLevels && own.weight > 0.0f &&
+                    std::isfinite(own.weight);
+           });
+  };
   for (int y = first; y < first + rows; ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
       bool good = std::isfinite(matte.coverage(x, y));
@@ -61,6 +70,7 @@ absl::Status check(const Matte& matte, int first, int rows) {
         good = good && std::isfinite(matte.foreground(x, y)[c]);
         if (!matte.is_colourless() || c == 0)
           good = good && std::ranges::all_of(matte.modes(x, y, c), is_good);
+        for (const PyramidFootprint& pyramid : matte.pyramids(x, y, c)) good = good && is_pyramid(pyramid);
       }
       if (!good)
         return absl::DataLossError(fmt::format("pixel ({}, {}) has values that no matte can have", x, y));
@@ -76,8 +86,8 @@ class RowReader {
       : outline_(head.outline),
         row_checksums_(head.row_checksums),
         stored_(file.header(0).dataWindow()),
-        parts_(matte_parts(outline_.modes_per_channel, outline_.colourless)),
-        block_(outline_.modes_per_channel, outline_.colourless, outline_.width_px) {
+        parts_(matte_parts(outline_.modes_per_channel, outline_.colourless, outline_.pyramids)),
+        block_(outline_.modes_per_channel, outline_.colourless, outline_.width_px, outline_.pyramids) {
     for (size_t i = 0; i < parts_.size(); ++i) inputs_.emplace_back(file, static_cast<int>(i));
   }
 
@@ -150,14 +160,15 @@ auto with_matte_file(std::string_view bytes, const Use& use)
 }  // namespace
 
 absl::StatusOr<std::string> encode_matte(const Matte& matte) {
-  std::vector<ExrPart> parts = matte_parts(matte.modes_per_channel(), matte.is_colourless());
+  const bool pyramids = matte.metadata.footprint() == kPyramidFootprint;
+  std::vector<ExrPart> parts = matte_parts(matte.modes_per_channel(), matte.is_colourless(), pyramids);
   const std::string metadata = json_of(matte.metadata);
   // Row checksums are known only after the pixels are written; a placeholder of the same length reserves
   // their place.
   describe(parts, metadata, std::string(static_cast<size_t>(matte.height_px()) * kRowChecksumDigits, '-'));
   return written_exr([&] {
     ExrWriter writer(parts, window_of(matte));
-    MatteBlock block(matte.modes_per_channel(), matte.is_colourless(), matte.width_px());
+    MatteBlock block(matte.modes_per_channel(), matte.is_colourless(), matte.width_px(), pyramids);
     std::vector<std::uint64_t> checksums;
     for (int y = 0; y < matte.height_px(); y += kMaxBlockRows) {
       const int rows = std::min(kMaxBlockRows, matte.height_px() - y);
@@ -175,9 +186,9 @@ absl::StatusOr<std::string> encode_matte(const Matte& matte) {
   });
 }
 
-absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
+absl::StatusOr<Matte> decode_matte(std::string_view bytes, Pyramids pyramids) {
   return with_matte_file(bytes,
-                         [](const MatteHead& head, Imf::MultiPartInputFile& file) -> absl::StatusOr<Matte> {
+                         [&](const MatteHead& head, Imf::MultiPartInputFile& file) -> absl::StatusOr<Matte> {
                            const MatteOutline& outline = head.outline;
                            Matte matte(outline.x0_px, outline.y0_px, outline.width_px, outline.height_px,
                                        outline.modes_per_channel, outline.colourless);
@@ -189,6 +200,7 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
                              reader.block().give(matte, y, rows);
                              GW_RETURN_IF_ERROR(check(matte, y, rows));
                            }
+                           if (pyramids == Pyramids::kDropped) matte.drop_pyramids();
                            return matte;
                          });
 }
@@ -199,7 +211,7 @@ absl::Status for_rows_of_matte(std::string_view bytes,
 }
 
 absl::Status for_blocks_of_matte(std::string_view bytes, int thread_count,
-                                 absl::FunctionRef<absl::Status(Matte& rows)> use) {
+                                 absl::FunctionRef<absl::Status(Matte& rows)> use, Pyramids pyramids) {
   GW_ASSIGN_OR_RETURN(const MatteHead head, read_matte_head(bytes));
   const MatteOutline& outline = head.outline;
   std::atomic<int> next = 0;
@@ -218,6 +230,7 @@ absl::Status for_blocks_of_matte(std::string_view bytes, int thread_count,
         rows.metadata = outline.metadata;
         reader.block().give(rows, 0, count);
         GW_RETURN_IF_ERROR(check(rows, 0, count));
+        if (pyramids == Pyramids::kDropped) rows.drop_pyramids();
         GW_RETURN_IF_ERROR(use(rows));
       }
     }

@@ -38,6 +38,15 @@ int matte_part_count(const Imf::MultiPartInputFile& file) {
   return is_delivery(file) && last.hasName() && last.name() == kIdsPart ? parts - 1 : parts;
 }
 
+bool has_pyramids(const Imf::MultiPartInputFile& file) {
+  const Imf::Header& last = file.header(matte_part_count(file) - 1);
+  return last.hasName() && last.name() == kPyramidPart;
+}
+
+int mode_count(const Imf::MultiPartInputFile& file) {
+  return matte_part_count(file) - static_cast<int>(kFirstModePart) - (has_pyramids(file) ? 1 : 0);
+}
+
 // Whether a part is packed like a matte, or as delivery files may be.
 bool is_well_packed(const Imf::Header& header, bool delivery) {
   if (!header.hasType()) return false;
@@ -56,7 +65,7 @@ struct Parts {
 // Checks that the file has the parts of a matte, and no more pixels than `file_bytes` can hold, so that later
 // reads are bounded by the file's size, whatever its header promises.
 absl::StatusOr<Parts> checked_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
-  const int part_count = matte_part_count(file), modes = part_count - static_cast<int>(kFirstModePart);
+  const int part_count = matte_part_count(file), modes = mode_count(file);
   if (modes < 1 || modes > kMaxModes) return absl::DataLossError("it does not have the parts of a matte");
   const Imath::Box2i& window = file.header(0).dataWindow();
   constexpr int kMaxSide = kMaxSide_px;
@@ -66,7 +75,7 @@ absl::StatusOr<Parts> checked_parts(const Imf::MultiPartInputFile& file, size_t 
   }
   const bool delivery = is_delivery(file);
   size_t pixel_bytes = 0;
-  Parts checked{.parts = matte_parts(modes, is_colourless(file))};
+  Parts checked{.parts = matte_parts(modes, is_colourless(file), has_pyramids(file))};
   for (int i = 0; i < file.parts(); ++i) {
     const Imf::Header& header = file.header(i);
     if (header.dataWindow() != window) return absl::DataLossError("its parts differ in size");
@@ -108,9 +117,10 @@ absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2
                                            metadata.monitors_size(), kMaxMonitors));
   }
   const std::string& footprint = metadata.footprint();
-  if (!footprint.empty() && footprint != "gaussian" && footprint != kBoxFootprint) {
-    return absl::FailedPreconditionError(
-        fmt::format("its footprints are \"{}\"; this program supports \"gaussian\" and \"box\"", footprint));
+  if (!footprint.empty() && footprint != "gaussian" && footprint != kBoxFootprint &&
+      footprint != kPyramidFootprint) {
+    return absl::FailedPreconditionError(fmt::format(
+        "its footprints are \"{}\"; this program reads \"gaussian\", \"box\" and \"pyramid\"", footprint));
   }
   return absl::OkStatus();
 }
@@ -134,9 +144,10 @@ absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, s
   outline.y0_px = window.min.y;
   outline.width_px = window.max.x - window.min.x + 1;
   outline.height_px = window.max.y - window.min.y + 1;
-  outline.modes_per_channel = matte_part_count(file) - static_cast<int>(kFirstModePart);
+  outline.modes_per_channel = mode_count(file);
   outline.colourless = is_colourless(file);
   outline.delivery = is_delivery(file);
+  outline.pyramids = has_pyramids(file);
   GW_ASSIGN_OR_RETURN(const std::string metadata, text_of(header, kMatteMetadata));
   GW_ASSIGN_OR_RETURN(head.row_checksums, text_of(header, kMatteRows));
   GW_ASSIGN_OR_RETURN(const std::string checksum, text_of(header, kMatteChecksum));
@@ -148,6 +159,8 @@ absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, s
   if (!google::protobuf::util::JsonStringToMessage(metadata, &outline.metadata, options).ok())
     return absl::DataLossError("its metadata cannot be read");
   GW_RETURN_IF_ERROR(check_metadata(outline.metadata, window));
+  if (outline.pyramids != (outline.metadata.footprint() == kPyramidFootprint))
+    return absl::DataLossError("its metadata and its parts disagree about pyramids");
   if (!outline.delivery) return head;
   outline.x0_px = outline.y0_px = 0;
   outline.width_px = outline.metadata.width_px();

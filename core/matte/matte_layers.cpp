@@ -4,6 +4,7 @@
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/base/checksum.h"
 
@@ -26,6 +27,10 @@ std::string foreground_name(int channel) {
   return fmt::format("foreground.F.{}", kColours[channel]);
 }
 
+constexpr int kPyramidHead = 9;  // numbers before its coefficients
+// A coefficient's place: level, column and row, from the corner of the pyramid.
+constexpr int kPlaceSide = 1024, kPlaces = kPlaceSide * kPlaceSide;
+
 // "mode1.weight.R", or "mode1.weight.Y" if it is the same in all channels. Compositors identify a layer by
 // its channel names alone, so these include the name of the part.
 std::string layer_name(size_t mode, size_t layer, int channel, bool colourless) {
@@ -35,7 +40,11 @@ std::string layer_name(size_t mode, size_t layer, int channel, bool colourless) 
 
 }  // namespace
 
-std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless) {
+int stored_size(const PyramidFootprint& pyramid) {
+  return kPyramidHead + 2 * static_cast<int>(pyramid.coefficients.size());
+}
+
+std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless, bool pyramids) {
   std::vector<ExrPart> parts;
   // A preview for people: half the weights and the foreground, so that any viewer shows the object;
   // premultiplied by the coverage, as every viewer expects.
@@ -49,6 +58,12 @@ std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless) {
       for (int c = 0; c < (colourless ? 1 : kChannels); ++c)
         part.channels.push_back(layer_name(m, layer, c, colourless));
     }
+  }
+  if (pyramids) {
+    ExrPart& part = parts.emplace_back();
+    part.name = kPyramidPart;
+    for (int i = 0; i < kPyramidPlanes; ++i)
+      part.channels.push_back(fmt::format("{}.{:03d}.Y", kPyramidPart, i));
   }
   for (ExrPart& part : parts) std::ranges::sort(part.channels);
   return parts;
@@ -97,9 +112,12 @@ std::string json_of(const v1::MatteMetadata& metadata) {
   return json;
 }
 
-MatteBlock::MatteBlock(int modes_per_channel, bool colourless, int width_px)
-    : modes_(modes_per_channel), channels_(colourless ? 1 : kChannels), width_px_(width_px) {
-  const std::vector<ExrPart> parts = matte_parts(modes_per_channel, colourless);
+MatteBlock::MatteBlock(int modes_per_channel, bool colourless, int width_px, bool pyramids)
+    : modes_(modes_per_channel),
+      channels_(colourless ? 1 : kChannels),
+      width_px_(width_px),
+      pyramids_(pyramids) {
+  const std::vector<ExrPart> parts = matte_parts(modes_per_channel, colourless, pyramids);
   size_t count = 0;
   for (const ExrPart& part : parts) count += part.channels.size();
   const size_t plane = static_cast<size_t>(width_px) * kMaxBlockRows;
@@ -170,6 +188,96 @@ void MatteBlock::take(const Matte& matte, int y, int rows) {
       }
     }
   }
+  if (pyramids_) take_pyramids(matte, y, rows);
+}
+
+std::vector<float> MatteBlock::pyramid_row(const Matte& matte, int y, std::vector<int>& left_out) const {
+  std::vector<float> numbers;
+  const int room = width_px_ * kPyramidPlanes;
+  for (int x = 0; x < width_px_; ++x) {
+    for (int c = 0; c < kChannels; ++c) {
+      for (const PyramidFootprint& own : matte.pyramids(x, y, c)) {
+        int left = kMaxSide_px, top = kMaxSide_px;
+        for (const Coefficient& at : own.coefficients) {
+          left = std::min(left, at.column << at.level);
+          top = std::min(top, at.row << at.level);
+        }
+        const size_t before = numbers.size();
+        numbers.insert(numbers.end(), {static_cast<float>(x + 1), static_cast<float>(c),
+                                       static_cast<float>(own.texture), own.foreground, own.noise_sd,
+                                       own.prior_sd, static_cast<float>(own.coefficients.size()),
+                                       static_cast<float>(left), static_cast<float>(top)});
+        bool fits = std::ssize(numbers) + 2 * std::ssize(own.coefficients) <= room;
+        for (const Coefficient& at : own.coefficients) {
+          const int column = at.column - (left >> at.level), row = at.row - (top >> at.level);
+          fits = fits && column < kPlaceSide && row < kPlaceSide;
+          numbers.push_back(static_cast<float>(at.level * kPlaces + column * kPlaceSide + row));
+          numbers.push_back(at.weight);
+        }
+        if (fits) continue;
+        numbers.resize(before);
+        left_out.push_back(x);
+      }
+    }
+  }
+  return numbers;
+}
+
+void MatteBlock::take_pyramids(const Matte& matte, int y, int rows) {
+  const std::vector<float*>& planes = planes_.back();
+  for (int row = 0; row < rows; ++row) {
+    std::vector<int> left_out;
+    std::vector<float> numbers = pyramid_row(matte, y + row, left_out);
+    numbers.resize(size_t{kPyramidPlanes} * static_cast<size_t>(width_px_));
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(row) * width_px_;
+    for (int p = 0; p < kPyramidPlanes; ++p)
+      std::copy_n(&numbers[static_cast<std::ptrdiff_t>(p) * width_px_], width_px_, planes[p] + at);
+    for (const int x : left_out) flags_[at + x] = static_cast<float>(matte.flags(x, y + row) | kFlagPoorFit);
+  }
+}
+
+void MatteBlock::give_pyramids(Matte& matte, int y, int rows) const {
+  const int room = width_px_ * kPyramidPlanes;
+  for (int row = 0; row < rows; ++row) {
+    int next = 0;
+    // Of anything that is no number of that range, -1, which no pyramid has.
+    const auto value = [&] {
+      const int at = next++;
+      return at < room
+                 ? planes_
+                       .back()[at / width_px_][static_cast<std::ptrdiff_t>(row) * width_px_ + at % width_px_]
+                 : 0.0f;
+    };
+    const auto whole = [&](int end) {
+      const float read = value();
+      return read >= 0.0f && read < static_cast<float>(end) ? static_cast<int>(read) : -1;
+    };
+    while (next < room) {
+      const int x = whole(width_px_ + 1) - 1;
+      if (x < 0) break;
+      const int channel = whole(kChannels);
+      PyramidFootprint own;
+      own.texture = whole(1024);
+      own.foreground = value();
+      own.noise_sd = value();
+      own.prior_sd = value();
+      const int count = whole(room), left = whole(kMaxSide_px), top = whole(kMaxSide_px);
+      if (channel < 0 || count < 0 || left < 0 || top < 0 || next + 2 * count > room) {
+        matte.coverage(x, y + row) = NAN;  // refused by the check of pixels
+        break;
+      }
+      for (int i = 0; i < count; ++i) {
+        const int place = whole(16 * kPlaces);
+        const int level = place / kPlaces;
+        own.coefficients.push_back({.level = level,
+                                    .column = (left >> level) + place % kPlaces / kPlaceSide,
+                                    .row = (top >> level) + place % kPlaceSide,
+                                    .weight = value()});
+        if (place < 0) own.texture = -1;
+      }
+      matte.add_pyramid(x, y + row, channel, std::move(own));
+    }
+  }
 }
 
 void MatteBlock::give(Matte& matte, int y, int rows) const {
@@ -202,6 +310,7 @@ void MatteBlock::give(Matte& matte, int y, int rows) const {
       }
     }
   }
+  if (pyramids_) give_pyramids(matte, y, rows);
 }
 
 std::vector<std::uint64_t> MatteBlock::checksums(int first_row, int rows, int first_column,

@@ -43,7 +43,12 @@ inline constexpr std::array<ModeLayer, 9> kModeLayers{{{"weight", &Mode::weight}
                                                        {"centre_sd", &Mode::centre_sd_px}}};
 
 // Without attributes.
-std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless);
+std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless, bool pyramids = false);
+inline constexpr const char* kPyramidPart = "pyramid";
+// Numbers of a row's pyramids, by pixel of its width.
+inline constexpr int kPyramidPlanes = 512;
+// Of one pyramid in its row.
+int stored_size(const PyramidFootprint& pyramid);
 // A channel of the first mode that only colourless mattes have.
 std::string colourless_channel();
 
@@ -64,7 +69,7 @@ std::string json_of(const v1::MatteMetadata& metadata);
 inline constexpr int kMaxBlockRows = 16;
 class MatteBlock {
  public:
-  MatteBlock(int modes_per_channel, bool colourless, int width_px);
+  MatteBlock(int modes_per_channel, bool colourless, int width_px, bool pyramids = false);
 
   // Copies rows between matte and planes, from y on, counted from the matte's first.
   void take(const Matte& matte, int y, int rows);
@@ -88,6 +93,13 @@ class MatteBlock {
   std::array<float*, kChannels> preview_, foreground_;
   float *preview_coverage_, *coverage_, *flags_;
   std::vector<float*> layers_;
+  // Of each row one list of numbers, plane by plane: for each pyramid x + 1, its channel, texture, F, noise,
+  // prior, the number of coefficients, its left column and top row at level 0, then two numbers for each
+  // coefficient; 0 ends it. One that finds no room is left out, and its pixel flagged.
+  std::vector<float> pyramid_row(const Matte& matte, int row, std::vector<int>& left_out) const;
+  void take_pyramids(const Matte& matte, int y, int rows);
+  void give_pyramids(Matte& matte, int y, int rows) const;
+  const bool pyramids_;
 };
 
 }  // namespace glasswing

@@ -31,7 +31,7 @@ static_assert(sizeof(ChunkHead) == 12);
 
 // Headers and a blank table of a file.
 absl::StatusOr<std::string> blank_head(const MatteOutline& outline, std::string_view row_checksums) {
-  std::vector<ExrPart> parts = matte_parts(outline.modes_per_channel, outline.colourless);
+  std::vector<ExrPart> parts = matte_parts(outline.modes_per_channel, outline.colourless, outline.pyramids);
   describe(parts, json_of(outline.metadata), std::string(row_checksums));
   return written_exr([&] {
     return ExrWriter(parts, {.x0_px = outline.x0_px,
@@ -45,7 +45,7 @@ absl::StatusOr<std::string> blank_head(const MatteOutline& outline, std::string_
 }
 
 size_t part_count(const MatteOutline& outline) {
-  return kFirstModePart + static_cast<size_t>(outline.modes_per_channel);
+  return kFirstModePart + static_cast<size_t>(outline.modes_per_channel) + (outline.pyramids ? 1 : 0);
 }
 
 void put_table(std::span<const std::uint64_t> table, std::string& head) {
@@ -112,7 +112,7 @@ absl::StatusOr<PackedMatteReader> PackedMatteReader::open(const PositionedFile& 
   if (head.bytes.size() - head.tables_at < table_bytes)
     return absl::DataLossError("it is damaged or not a matte: it lacks the positions of its rows");
   std::memcpy(reader.table_.data(), head.bytes.data() + head.tables_at, table_bytes);
-  for (const ExrPart& part : matte_parts(reader.outline_.modes_per_channel, reader.outline_.colourless)) {
+  for (const ExrPart& part : matte_parts(reader.outline_.modes_per_channel, reader.outline_.colourless, reader.outline_.pyramids)) {
     // A row that deflating would enlarge is stored plain.
     reader.max_row_bytes_.push_back(static_cast<std::uint32_t>(
         part.channels.size() * sizeof(float) * static_cast<size_t>(reader.outline_.width_px)));
@@ -166,7 +166,7 @@ absl::Status PackedMatteReader::for_rows(int first, int count,
   for (int row = 0; row < count; row += at_a_time) {
     GW_ASSIGN_OR_RETURN(const std::string packed,
                         rows(first + row * step, std::min(at_a_time, count - row), step));
-    GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(packed));
+    GW_ASSIGN_OR_RETURN(const Matte matte, decode_matte(packed, Pyramids::kKept));
     GW_RETURN_IF_ERROR(use(matte));
   }
   return absl::OkStatus();
@@ -185,7 +185,8 @@ absl::Status PackedMatteWriter::check_next(const MatteOutline& tile) const {
   const int next = whole_.y0_px + next_row_, end = whole_.y0_px + whole_.height_px;
   if (tile.x0_px != whole_.x0_px || tile.width_px != whole_.width_px)
     return absl::DataLossError(fmt::format("the tile from row {} on contains partial rows", tile.y0_px));
-  if (tile.modes_per_channel != whole_.modes_per_channel || tile.colourless != whole_.colourless)
+  if (tile.modes_per_channel != whole_.modes_per_channel || tile.colourless != whole_.colourless ||
+      tile.pyramids != whole_.pyramids)
     return absl::DataLossError(
         fmt::format("the tile from row {} on has different layers from the first", tile.y0_px));
   if (tile.y0_px < next) return absl::DataLossError(fmt::format("two tiles cover row {}", tile.y0_px));

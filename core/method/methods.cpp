@@ -39,6 +39,10 @@ std::vector<MethodOption> gaussian_options() {
        .low = 40.0,
        .high = 20000.0,
        .whole = true},
+      {.name = "footprints",
+       .usual = "gaussian",
+       .help = "any: pixels that Gaussians explain poorly get pyramids of many coefficients",
+       .choices = {"gaussian", "any"}},
   };
 }
 

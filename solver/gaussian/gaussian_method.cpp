@@ -9,6 +9,7 @@
 
 #include "core/base/status.h"
 #include "core/method/methods.h"
+#include "solver/any/any_method.h"
 #include "solver/gaussian/fewer_images.h"
 #include "solver/gaussian/stack_solver.h"
 #include "solver/mixture/mixture_method.h"
@@ -107,10 +108,22 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
   method->oriented_ = values.is_set("oriented");
   method->silhouette_tolerance_ = values.number("silhouette_tolerance");
   if (values.has("images")) method->images_ = values.whole("images");
+  method->any_footprints_ = values.text("footprints") == "any";
+  if (method->any_footprints_ && method->images_ != 0) {
+    return absl::InvalidArgumentError(
+        "footprints=any reads the recorded images; it cannot be combined with images");
+  }
   return method;
 }
 
 absl::StatusOr<std::unique_ptr<PreparedMethod>> GaussianMethod::prepare(
+    const v1::CaptureManifest& manifest) const {
+  GW_ASSIGN_OR_RETURN(std::unique_ptr<PreparedMethod> gaussians, prepare_gaussians(manifest));
+  if (!any_footprints_) return gaussians;
+  return with_pyramids(std::move(gaussians), manifest);
+}
+
+absl::StatusOr<std::unique_ptr<PreparedMethod>> GaussianMethod::prepare_gaussians(
     const v1::CaptureManifest& manifest) const {
   std::optional<SynthesizedCapture> capture;
   if (images_ != 0) {

@@ -17,11 +17,15 @@ class GaussianMethod final : public Method {
   absl::StatusOr<std::unique_ptr<PreparedMethod>> prepare(const v1::CaptureManifest& manifest) const override;
 
  private:
+  absl::StatusOr<std::unique_ptr<PreparedMethod>> prepare_gaussians(
+      const v1::CaptureManifest& manifest) const;
+
   MethodOptions options_;
   int modes_ = 0;
   bool oriented_ = true;
   double silhouette_tolerance_ = 0.0;
   int images_ = 0;  // 0: all
+  bool any_footprints_ = false;
 };
 
 }  // namespace glasswing

@@ -61,6 +61,16 @@ void remove_fall_off(const Shading& shading, int column_step, Matte& matte) {
           mode.weight /= light;
           mode.weight_sd /= light;
         }
+        for (PyramidFootprint& pyramid : matte.pyramids(x, y, c)) {
+          for (float* const light : {&pyramid.foreground, &pyramid.noise_sd, &pyramid.prior_sd})
+            *light /= static_cast<float>(camera);
+          for (Coefficient& own : pyramid.coefficients) {
+            const Mode mode = mode_of(own, pyramid.texture);
+            own.weight /=
+                static_cast<float>(camera * shading.monitor(pyramid.texture, static_cast<double>(mode.x_px),
+                                                            static_cast<double>(mode.y_px)));
+          }
+        }
       }
     }
   }

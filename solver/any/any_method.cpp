@@ -1,0 +1,53 @@
+#include "solver/any/any_method.h"
+
+#include <algorithm>
+#include <deque>
+#include <iterator>
+#include <utility>
+
+#include "core/base/status.h"
+#include "solver/any/pyramid_solver.h"
+
+namespace glasswing {
+namespace {
+
+class PreparedAny final : public PreparedMethod {
+ public:
+  PreparedAny(std::unique_ptr<PreparedMethod> gaussian, MixtureLayout layout)
+      : gaussian_(std::move(gaussian)), layout_(std::move(layout)) {
+    for (const MixtureMonitor& monitor : layout_.monitors)
+      answers_.emplace_back(monitor.patterns, monitor.extent);
+    const std::vector<int> own = frames_of(layout_);
+    std::ranges::set_union(gaussian_->frames_needed(), own, std::back_inserter(needed_));
+  }
+
+  const std::vector<int>& frames_needed() const override { return needed_; }
+
+  absl::StatusOr<Matte> solve(const FrameStack& rows) const override {
+    GW_ASSIGN_OR_RETURN(Matte matte, gaussian_->solve(rows));
+    matte.metadata.set_footprint(std::string(kPyramidFootprint));
+    PyramidSolver solver(rows, layout_, answers_);
+    for (int y = 0; y < rows.row_count; ++y) solver.refine_row(y, matte);
+    return matte;
+  }
+
+ private:
+  const std::unique_ptr<PreparedMethod> gaussian_;
+  const MixtureLayout layout_;
+  std::deque<PatternAnswers> answers_;
+  std::vector<int> needed_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<PreparedMethod>> with_pyramids(std::unique_ptr<PreparedMethod> gaussian,
+                                                              const v1::CaptureManifest& manifest) {
+  if (!manifest.camera().mosaic().empty()) {
+    return absl::FailedPreconditionError(
+        "footprints=any needs all colours of each pixel; this camera's mosaic measured one");
+  }
+  GW_ASSIGN_OR_RETURN(MixtureLayout layout, lay_out_mixture(manifest));
+  return std::make_unique<PreparedAny>(std::move(gaussian), std::move(layout));
+}
+
+}  // namespace glasswing

@@ -1,0 +1,126 @@
+#include "solver/any/pyramid_solver.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/median.h"
+#include "solver/method/exposure_merge.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kLeastNoise = 1e-4;     // the shape of pixels leaves as much
+constexpr double kUnknownNoise = 0.005;  // of cameras whose noise nothing tells
+constexpr double kMedianOfNormal = 0.67449;
+constexpr double kDetail = 0.002;      // of the highest sample
+constexpr double kBeyondNoise = 5.0;   // standard deviations of chi2, and
+constexpr double kUnexplained = 0.05;  // of the highest sample, that a fit may leave
+
+// Of a camera that does not say: from second differences of stripes, which are smooth where noise is not.
+double noise_of_stripes(const std::vector<ShownPattern>& patterns, const Eigen::VectorXd& y) {
+  std::vector<double> off;
+  const auto is_next = [&](size_t i) {
+    const ShownPattern &a = patterns[i], &b = patterns[i + 1];
+    return a.kind == ShownPattern::Kind::kStripe && b.kind == a.kind && a.axis.cos_phi == b.axis.cos_phi &&
+           a.axis.sin_phi == b.axis.sin_phi && a.axis.sigma_px == b.axis.sigma_px;
+  };
+  for (size_t i = 0; i + 2 < patterns.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    if (is_next(i) && is_next(i + 1)) off.push_back(std::abs(y[k] - 2.0 * y[k + 1] + y[k + 2]));
+  }
+  return off.empty() ? kUnknownNoise : median(std::move(off)) / (kMedianOfNormal * std::sqrt(6.0));
+}
+
+// Whether noise explains what is left.
+bool is_explained(double chi2, const Eigen::VectorXd& weight) {
+  const auto samples = static_cast<double>((weight.array() > 0.0).count());
+  return chi2 < samples + kBeyondNoise * std::sqrt(2.0 * samples);
+}
+
+}  // namespace
+
+PyramidSolver::PyramidSolver(const FrameStack& stack, const MixtureLayout& layout,
+                             const std::deque<PatternAnswers>& answers)
+    : stack_(stack),
+      layout_(layout),
+      answers_(answers),
+      fitters_(answers.begin(), answers.end()),
+      noise_(sample_noise(layout.stage.camera, 0.0)) {}
+
+void PyramidSolver::refine_row(int y, Matte& matte) {
+  for (int x = 0; x < matte.width_px(); ++x) {
+    if (!(matte.coverage(x, y) > 0.0f) || (matte.flags(x, y) & kFlagNoData) != 0) continue;
+    bool explained = true;
+    for (const int channel : stack_.channels(x, y)) {
+      for (size_t m = 0; m < layout_.monitors.size(); ++m)
+        explained = refine(m, x, y, channel, matte) && explained;
+    }
+    if (explained) matte.flags(x, y) = static_cast<std::uint8_t>(matte.flags(x, y) & ~kFlagPoorFit);
+  }
+}
+
+double PyramidSolver::gaussians_chi2(size_t m, const Footprints& modes, const Eigen::VectorXd& seen,
+                                     const Eigen::VectorXd& weight, const Eigen::VectorXd& peak) const {
+  const PatternAnswers& answers = answers_[m];
+  const Eigen::Index count = answers.size();
+  Eigen::VectorXd rest = seen;
+  Eigen::MatrixXd columns(count, PatternAnswers::kColumns);
+  for (const Footprint& mode : modes) {
+    answers.of(mode, true, columns.data(), count);
+    rest.head(count) -= peak.head(count).cwiseProduct(columns.col(0));
+  }
+  rest.array() -= weight.dot(rest) / weight.sum();
+  return weight.dot(rest.cwiseAbs2());
+}
+
+bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
+  const MixtureMonitor& monitor = layout_.monitors[m];
+  Footprints near;
+  for (const Mode& mode : matte.modes(x, y, channel)) {
+    if (mode.weight > 0.0f && mode.texture == monitor.texture && near.size() < kMaxFootprints)
+      near.push_back(footprint_of(mode));
+  }
+  if (near.empty()) return true;
+  const auto count = std::ssize(monitor.shots);
+  const size_t index = stack_.sample_index(x, y, channel);
+  Eigen::VectorXd seen(count + 1), weight(count + 1), peak = Eigen::VectorXd::Zero(count + 1);
+  const auto read = [&](const SampleNoise& noise) {
+    for (Eigen::Index i = 0; i <= count; ++i) {
+      const MergedSample merged =
+          merge(stack_, i < count ? monitor.shots[i] : layout_.stage.black, index, noise);
+      seen[i] = merged.radiance;
+      if (i < count) peak[i] = monitor.peaks[i][channel];
+      double variance = merged.variance + kLeastNoise * kLeastNoise;
+      if (i < count && monitor.patterns[i].kind == ShownPattern::Kind::kArea)
+        variance += std::pow((monitor.patterns[i].lit.bars ? kBarsError : kWhiteError) * seen[i], 2);
+      weight[i] = merged.saturated ? 0.0 : 1.0 / variance;
+    }
+  };
+  SampleNoise noise = noise_;
+  if (noise.read_sd <= 0.0) noise.read_sd = kUnknownNoise;
+  read(noise);
+  if (noise_.read_sd <= 0.0) {
+    noise.read_sd = std::max(noise_of_stripes(monitor.patterns, seen), kLeastNoise);
+    read(noise);
+  }
+  // The narrowest Gaussians are wider than some shapes' details.
+  const double detail = kDetail * (seen.maxCoeff() - seen[count]);
+  weight = (weight.cwiseInverse().array() + detail * detail).inverse();
+  const double of_gaussians = gaussians_chi2(m, near, seen, weight, peak);
+  if ((matte.flags(x, y) & kFlagPoorFit) == 0 && is_explained(of_gaussians, weight)) return true;
+  const std::optional<PyramidFit> fit = fitters_[m].fit(seen, weight, peak, near);
+  if (!fit || fit->coefficients.empty()) return false;
+  if (!is_explained(fit->chi2, weight) && fit->chi2 > of_gaussians) return false;
+  const double monitors = static_cast<double>(layout_.monitors.size());
+  matte.add_pyramid(
+      x, y, channel,
+      {.texture = monitor.texture,
+       .foreground = static_cast<float>((fit->floor - matte.foreground(x, y)[channel]) / monitors),
+       .noise_sd = static_cast<float>(std::sqrt(noise.variance(0.0))),
+       .prior_sd = static_cast<float>(fit->prior_sd),
+       .coefficients = fit->coefficients});
+  return is_explained(fit->chi2, weight) ||
+         std::sqrt(fit->chi2 / weight.sum()) < kUnexplained * (seen.maxCoeff() - seen[count]);
+}
+
+}  // namespace glasswing
