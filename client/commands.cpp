@@ -56,6 +56,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_fsck_command(app, client);
   app.group("Mattes");
   add_solve_command(app, client);
+  add_priority_command(app, client);
   add_fetch_command(app, client);
   add_matte_commands(app, client, [&client](const std::string& name, const std::filesystem::path& output) {
     return read_matte_input(client, name, output);

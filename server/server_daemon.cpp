@@ -12,6 +12,7 @@
 #include "server/metrics/server_metrics.h"
 #include "server/rig/clock_watch.h"
 #include "server/services/fleet_service.h"
+#include "server/services/job_service.h"
 #include "server/services/matte_service.h"
 #include "server/services/queue_service.h"
 #include "server/services/rig_service.h"
@@ -33,6 +34,7 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   RigServiceImpl rig(*server);
   MatteServiceImpl mattes(*server);
   QueueServiceImpl queue(*server);
+  JobServiceImpl jobs(*server);
   FleetServiceImpl fleet([&] { return server->fleet(); });
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens,
                       AccessTokens::open(options.store.data, server->problems()));
@@ -47,7 +49,7 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   std::optional<ClockWatch> clocks;
   const EventWatch events(server->sessions(), options.store.data, *hook);
   server->queue().observe([&hook](const Event& event) { hook->add(event); });
-  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &console},
+  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs, &console},
                         .principal_of =
                             [&](const std::string& login) {
                               return tokens->principal_of(login, AccessTokens::current_time());

@@ -61,6 +61,7 @@ constexpr MethodAccess kTable[] = {
     {"DisplayService/StopMove", kServer},
     {"EmissionService/WatchEmission", kCamera},
     {"FleetService/GetFleet", kPeople},
+    {"JobService/SetJobPriority", kOperator, kAudited},
     {"LiveService/RunLive", kOperator, kAudited},
     {"LogService/ListWarnings", kLookers},
     {"MatteService/PutMatte", kOperator, kAudited},

@@ -59,9 +59,9 @@ absl::StatusOr<std::int64_t> SqlJobStore::create(const JobSpec& spec, std::span<
   const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
     GW_ASSIGN_OR_RETURN(
         const SqlRows created,
-        connection.run("INSERT INTO jobs (server, session, computes, work, created) "
-                       "VALUES (?1, ?2, ?3, ?4, :now) RETURNING id",
-                       {options_.server_id, spec.session, spec.computes, SqlBytes{spec.work}}));
+        connection.run("INSERT INTO jobs (server, session, computes, work, owner, created) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, :now) RETURNING id",
+                       {options_.server_id, spec.session, spec.computes, SqlBytes{spec.work}, spec.owner}));
     job = created.integer(0, 0);
     return insert(connection, job, 0, 0, tiles);
   });
@@ -115,6 +115,11 @@ absl::Status SqlJobStore::add(std::int64_t job, std::span<const TileRange> tiles
   GW_RETURN_IF_ERROR(status);
   tiles_became_free();
   return absl::OkStatus();
+}
+
+absl::Status SqlJobStore::set_class(std::int64_t job, JobClass priority) {
+  return change_job(
+      job, fmt::format("UPDATE jobs SET priority = {} WHERE id = ?1", static_cast<int>(priority)));
 }
 
 absl::Status SqlJobStore::retry(std::int64_t job) {
@@ -183,11 +188,11 @@ absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solve
                                                         std::span<const std::string> computes, bool ahead) {
   std::optional<Lease> lease;
   if (computes.empty()) return lease;
-  const auto oldest = [this](const std::string& open, const std::string& free) {
-    return oldest_tile(open, free);
+  const auto next = [this](const std::string& open, const std::string& free) {
+    return next_tile(open, free);
   };
   const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(lease, claim_tile(connection, solver, computes, ahead, options_, oldest));
+    GW_ASSIGN_OR_RETURN(lease, claim_tile(connection, solver, computes, ahead, options_, next));
     return absl::OkStatus();
   });
   GW_RETURN_IF_ERROR(status);

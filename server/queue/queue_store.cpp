@@ -12,8 +12,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kItemColumns[] = "number, place, request_id, item";
-
 absl::StatusOr<Database> open_database(const fs::path& file) {
   GW_ASSIGN_OR_RETURN(Database database, Database::open(file));
   // Request ids are empty of copies and of calls that name none.
@@ -24,9 +22,9 @@ absl::StatusOr<Database> open_database(const fs::path& file) {
       "CREATE TABLE IF NOT EXISTS history (number INTEGER PRIMARY KEY AUTOINCREMENT, item INTEGER NOT NULL, "
       "event BLOB NOT NULL); "
       "CREATE INDEX IF NOT EXISTS history_of_items ON history (item, number)"));
-  GW_RETURN_IF_ERROR(protect_rows(database, "items", kItemColumns));
+  GW_RETURN_IF_ERROR(protect_rows(database, "items", kQueueColumns));
   GW_RETURN_IF_ERROR(database.check_structure());
-  GW_RETURN_IF_ERROR(check_rows(database, "items", kItemColumns));
+  GW_RETURN_IF_ERROR(check_rows(database, "items", kQueueColumns));
   return database;
 }
 

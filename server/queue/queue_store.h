@@ -66,7 +66,4 @@ class QueueStore {
   v1::QueueState state_;
 };
 
-// The file below the server's data, and its protected tables' columns.
-inline constexpr char kQueueFile[] = "queue.sqlite";
-
 }  // namespace glasswing

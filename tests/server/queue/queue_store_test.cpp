@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "server/storage/row_checksums.h"
 #include "tests/support/status.h"
 
 namespace glasswing {

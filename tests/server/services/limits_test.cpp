@@ -6,6 +6,7 @@
 
 #include "core/service/service.h"
 #include "server/services/fleet_service.h"
+#include "server/services/job_service.h"
 #include "server/services/matte_service.h"
 #include "server/services/queue_service.h"
 #include "server/services/rig_service.h"
@@ -70,9 +71,10 @@ TEST(Limits, HoldForEveryMethodOfTheServer) {
     FleetServiceImpl fleet([&] { return server->fleet(); });
     MatteServiceImpl mattes(*server);
     QueueServiceImpl queue(*server);
-    const auto host = ServiceHost::start({}, {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue}).value();
+    JobServiceImpl jobs(*server);
+    const auto host = ServiceHost::start({}, {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs}).value();
     int refused = 0;
-    for (const char* file : {"fleet", "matte", "node", "queue", "rig", "session", "work"}) {
+    for (const char* file : {"fleet", "job", "matte", "node", "queue", "rig", "session", "work"}) {
       const pb::FileDescriptor& described = *pb::DescriptorPool::generated_pool()->FindFileByName(
           fmt::format("glasswing/v1/{}_service.proto", file));
       const pb::ServiceDescriptor& service = *described.service(0);
