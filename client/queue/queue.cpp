@@ -53,10 +53,12 @@ absl::Status add_items(const Client& client, const std::string& plan, int times,
   wish.set_retry_wait_s(kRetryWait_s);
   GW_RETURN_IF_ERROR(enter_wish(options, wish));
   if (times > 1 && !wish.session().empty() && wish.session().find("{item}") == std::string::npos)
-    return absl::InvalidArgumentError("--times makes several items; --session must tell them apart, as vase-{item}");
+    return absl::InvalidArgumentError(
+        "--times makes several items; --session must tell them apart, as vase-{item}");
   const QueuePeer server = server_of(client);
   for (int i = 0; i < times; ++i) {
-    GW_ASSIGN_OR_RETURN(const v1::AddQueueItemResponse added, call_once(server, &Stub::AddQueueItem, request));
+    GW_ASSIGN_OR_RETURN(const v1::AddQueueItemResponse added,
+                        call_once(server, &Stub::AddQueueItem, request));
     print_item(client, added.item());
   }
   if (client.json) return absl::OkStatus();
@@ -65,13 +67,16 @@ absl::Status add_items(const Client& client, const std::string& plan, int times,
   return absl::OkStatus();
 }
 
-absl::Status edit_item(const Client& client, Number number, const std::string& plan, const WishOptions& options) {
+absl::Status edit_item(const Client& client, Number number, const std::string& plan,
+                       const WishOptions& options) {
   const QueuePeer server = server_of(client);
   v1::EditQueueItemRequest request;
   request.set_number(number);
   GW_ASSIGN_OR_RETURN(const v1::QueueItem item, item_of(server, number));
   *request.mutable_wish() = item.wish();
-  if (!plan.empty()) GW_ASSIGN_OR_RETURN(*request.mutable_wish()->mutable_plan(), read_plan(plan));
+  if (!plan.empty()) {
+    GW_ASSIGN_OR_RETURN(*request.mutable_wish()->mutable_plan(), read_plan(plan));
+  }
   GW_RETURN_IF_ERROR(enter_wish(options, *request.mutable_wish()));
   GW_ASSIGN_OR_RETURN(const v1::EditQueueItemResponse edited, call(server, &Stub::EditQueueItem, request));
   print_item(client, edited.item());
@@ -99,7 +104,8 @@ absl::Status stop_after(const Client& client, Number number) {
   return edit_item(client, number, "", options);
 }
 
-CLI::App& add_verb(CLI::App& queue, const std::string& verb, const std::string& help, const std::string& examples) {
+CLI::App& add_verb(CLI::App& queue, const std::string& verb, const std::string& help,
+                   const std::string& examples) {
   CLI::App& command = *queue.add_subcommand(verb, help);
   command.footer("Examples:\n" + examples);
   return command;
@@ -148,9 +154,10 @@ void add_add_verb(CLI::App& queue, Client& client) {
 }
 
 void add_edit_verb(CLI::App& queue, Client& client) {
-  CLI::App& command = add_verb(queue, "edit", "Change an item that waits; what is left out stays, but an approval ends.",
-                               "  glasswing queue edit 7 --exposure-ms 4,16\n"
-                               "  glasswing queue edit 7 --plan deploy/plans/quick.txtpb --no-solve");
+  CLI::App& command =
+      add_verb(queue, "edit", "Change an item that waits; what is left out stays, but an approval ends.",
+               "  glasswing queue edit 7 --exposure-ms 4,16\n"
+               "  glasswing queue edit 7 --plan deploy/plans/quick.txtpb --no-solve");
   const auto number = add_number(command);
   auto plan = std::make_shared<std::string>();
   auto options = std::make_shared<WishOptions>();
@@ -176,8 +183,9 @@ void add_list_verbs(CLI::App& queue, Client& client) {
       return absl::OkStatus();
     };
   });
-  CLI::App& history = add_verb(queue, "history", "Say who did what to the queue, when, and why; the newest first.",
-                               "  glasswing queue history\n  glasswing queue history --item 7 --tsv");
+  CLI::App& history =
+      add_verb(queue, "history", "Say who did what to the queue, when, and why; the newest first.",
+               "  glasswing queue history\n  glasswing queue history --item 7 --tsv");
   auto item = std::make_shared<Number>(0);
   history.add_option("--item", *item, "of this item alone")->check(CLI::PositiveNumber);
   history.callback([&client, item] {
@@ -233,16 +241,18 @@ void add_duplicate_verb(CLI::App& queue, Client& client) {
 }
 
 void add_queue_verbs(CLI::App& queue, Client& client) {
-  CLI::App& start = add_verb(queue, "start", "Run what the queue has, and what is added later.",
-                             "  glasswing queue start");
+  CLI::App& start =
+      add_verb(queue, "start", "Run what the queue has, and what is added later.", "  glasswing queue start");
   start.callback([&client] { client.run = [&client] { return set_queue(client, true); }; });
-  CLI::App& pause = add_verb(queue, "pause", "Begin no further item; the running one goes on.",
-                             "  glasswing queue pause");
+  CLI::App& pause =
+      add_verb(queue, "pause", "Begin no further item; the running one goes on.", "  glasswing queue pause");
   pause.callback([&client] { client.run = [&client] { return set_queue(client, false); }; });
-  CLI::App& stop = add_verb(queue, "stop-after", "Pause the queue once an item has been captured or has failed.",
-                            "  glasswing queue stop-after 7");
+  CLI::App& stop =
+      add_verb(queue, "stop-after", "Pause the queue once an item has been captured or has failed.",
+               "  glasswing queue stop-after 7");
   const auto number = add_number(stop);
-  stop.callback([&client, number] { client.run = [&client, number] { return stop_after(client, *number); }; });
+  stop.callback(
+      [&client, number] { client.run = [&client, number] { return stop_after(client, *number); }; });
 }
 
 }  // namespace

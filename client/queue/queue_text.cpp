@@ -72,7 +72,8 @@ void print_queue(const Client& client, const v1::GetQueueResponse& queue) {
     rows.push_back({std::to_string(item.number()), state_name(item.state()), name_of(item), item.added_by(),
                     conditions_of(item.wish()), item.reason()});
   }
-  print_table(client, {{"ITEM", true}, {"STATE"}, {"SESSION"}, {"ADDED BY"}, {"CONDITIONS"}, {"REASON"}}, rows);
+  print_table(client, {{"ITEM", true}, {"STATE"}, {"SESSION"}, {"ADDED BY"}, {"CONDITIONS"}, {"REASON"}},
+              rows);
 }
 
 void print_item(const Client& client, const v1::QueueItem& item) {

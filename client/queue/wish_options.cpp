@@ -9,20 +9,25 @@ namespace glasswing {
 namespace {
 
 // "--solve,!--no-solve": absent, true or false.
-void add_choice(CLI::App& command, const std::string& names, std::optional<bool>& value, const std::string& help) {
-  command.add_flag_function(names, [&value](std::int64_t count) { value = count > 0; }, help);
+void add_choice(CLI::App& command, const std::string& names, std::optional<bool>& value,
+                const std::string& help) {
+  command.add_flag_function(
+      names, [&value](std::int64_t count) { value = count > 0; }, help);
 }
 
 }  // namespace
 
 void add_wish_options(CLI::App& command, const std::shared_ptr<WishOptions>& options) {
   WishOptions& wish = *options;
-  command.add_option("--session", wish.session,
-                     "the session's name; {item} becomes the item's number, {date} and {time} those of its start");
+  command.add_option(
+      "--session", wish.session,
+      "the session's name; {item} becomes the item's number, {date} and {time} those of its start");
   add_choice(command, "--solve,!--no-solve", wish.solve, "solve it as soon as it is captured");
   command.add_option("--tag", wish.tags, "a tag of the session; may be repeated")->allow_extra_args(false);
   command.add_option("--note", wish.note, "a note of the session");
-  command.add_option("--exposure-ms", wish.exposure_ms, "exposure times instead of the plan's, divided by commas")
+  command
+      .add_option("--exposure-ms", wish.exposure_ms,
+                  "exposure times instead of the plan's, divided by commas")
       ->delimiter(',')
       ->type_name("MS,MS");
   command
@@ -30,7 +35,8 @@ void add_wish_options(CLI::App& command, const std::shared_ptr<WishOptions>& opt
                   "where a monitor shall stand: its rail moves it there; may be repeated")
       ->allow_extra_args(false)
       ->type_name("MONITOR:MM");
-  command.add_option("--retries", wish.retries, "how often a capture that broke off is tried again; default: 3")
+  command
+      .add_option("--retries", wish.retries, "how often a capture that broke off is tried again; default: 3")
       ->check(CLI::Range(0, 100));
   command.add_option("--retry-wait", wish.retry_wait_s, "seconds before it is tried again; default: 60")
       ->check(CLI::Range(0.0, 86400.0));
@@ -44,7 +50,9 @@ void add_wish_options(CLI::App& command, const std::shared_ptr<WishOptions>& opt
              "the same of whatever capture --dry-run would warn of");
   command.add_option("--not-before", wish.not_before, "wait until this time: 2026-11-01T20:00:00+01:00")
       ->type_name("TIME");
-  command.add_option("--give-up", wish.give_up_s, "seconds to wait for people; then the next item runs; 0: for ever")
+  command
+      .add_option("--give-up", wish.give_up_s,
+                  "seconds to wait for people; then the next item runs; 0: for ever")
       ->check(CLI::Range(0.0, 1e7));
   add_choice(command, "--pause-after,!--no-pause-after", wish.pause_after, "pause the queue after it");
 }
@@ -55,7 +63,8 @@ absl::Status enter_wish(const WishOptions& options, v1::QueueWish& wish) {
   if (options.not_before) wish.set_not_before(*options.not_before);
   if (!options.tags.empty()) wish.mutable_tags()->Assign(options.tags.begin(), options.tags.end());
   if (!options.exposure_ms.empty())
-    wish.mutable_plan()->mutable_exposure_ms()->Assign(options.exposure_ms.begin(), options.exposure_ms.end());
+    wish.mutable_plan()->mutable_exposure_ms()->Assign(options.exposure_ms.begin(),
+                                                       options.exposure_ms.end());
   for (const std::string& text : options.rail_mm) {
     GW_ASSIGN_OR_RETURN(const RailPositions at, parse_rail_positions("--rail-mm", text));
     if (at.monitor.empty() || at.mm.size() != 1) {

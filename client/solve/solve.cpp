@@ -71,7 +71,8 @@ absl::Status solve(const Client& client, const SolveArguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::SolveSessionResponse started,
                       call(server, &v1::SessionService::Stub::SolveSession, request, kLongCallTimeout));
-  if (!arguments.priority.empty()) GW_RETURN_IF_ERROR(set_priority(client, arguments.session, arguments.priority));
+  if (!arguments.priority.empty())
+    GW_RETURN_IF_ERROR(set_priority(client, arguments.session, arguments.priority));
   if (arguments.watch) return follow_to_outcome(client, arguments.session, Goal::kDone);
   print_session(started.session(), client.json);
   return absl::OkStatus();
@@ -135,7 +136,8 @@ void add_cluster_options(CLI::App& command, SolveArguments& arguments) {
 void add_priority_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("priority", "Say which of the solves under way go first.");
   command.footer(
-      "Tiles of a higher priority go first; within one, owners take turns. No tile is taken from a solver.\n\n"
+      "Tiles of a higher priority go first; within one, owners take turns. No tile is taken from a "
+      "solver.\n\n"
       "Examples:\n  glasswing priority vase interactive\n  glasswing priority film batch");
   auto session = std::make_shared<std::string>(), priority = std::make_shared<std::string>();
   command.add_option("session", *session, "the session's name")->required();

@@ -39,8 +39,8 @@ enum class JobClass { kBatch = -1, kNormal = 0, kInteractive = 1 };
 struct JobSpec {
   std::string session;
   std::string owner = {};  // who shares solvers with others: "anna@lab3"
-  std::string computes;  // the method and its version, "gaussian/1": only solvers that compute it get tiles
-  std::string work;      // a serialised v1::TileWork; opaque to the store
+  std::string computes;    // the method and its version, "gaussian/1": only solvers that compute it get tiles
+  std::string work;        // a serialised v1::TileWork; opaque to the store
 };
 
 // Names an attempt. A tile's attempts count from 1. Numbers are never reused, not even by a tile that
@@ -145,9 +145,9 @@ class JobStore {
   virtual absl::StatusOr<std::string> lease_key() = 0;
 
   // Leases a free tile of a job that computes one of these and is not suspended: of the highest class
-  // (but see class_waits), there of the owner who was last served the longest ago, there of the oldest job; tiles that
-  // failed come last. If no tile is free: one that only one other solver has leased, for longer than
-  // least_before_twice and than the job's last hundred tiles took on average; the first result counts.
+  // (but see class_waits), there of the owner who was last served the longest ago, there of the oldest job;
+  // tiles that failed come last. If no tile is free: one that only one other solver has leased, for longer
+  // than least_before_twice and than the job's last hundred tiles took on average; the first result counts.
   // `ahead`: only if at least as many tiles are free as solvers have leases, and never a tile that is leased.
   // Empty: nothing to do.
   // After kMaxLost expired leases a tile is quarantined.

@@ -118,8 +118,8 @@ absl::Status SqlJobStore::add(std::int64_t job, std::span<const TileRange> tiles
 }
 
 absl::Status SqlJobStore::set_class(std::int64_t job, JobClass priority) {
-  return change_job(
-      job, fmt::format("UPDATE jobs SET priority = {} WHERE id = ?1", static_cast<int>(priority)));
+  return change_job(job,
+                    fmt::format("UPDATE jobs SET priority = {} WHERE id = ?1", static_cast<int>(priority)));
 }
 
 absl::Status SqlJobStore::retry(std::int64_t job) {

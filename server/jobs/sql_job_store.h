@@ -55,8 +55,8 @@ class SqlJobStore : public JobStore, protected SqlReader {
   virtual absl::Status transaction(Change change) = 0;
   // Each statement of `change` is durable by itself.
   virtual absl::Status statements(Change change) = 0;
-  // The statement that selects job and number of the first `free` tile of the first `open` job (job_order()). It
-  // goes from job to job, so that dead index entries of tiles that are done or gone do not slow it.
+  // The statement that selects job and number of the first `free` tile of the first `open` job (job_order()).
+  // It goes from job to job, so that dead index entries of tiles that are done or gone do not slow it.
   virtual std::string next_tile(const std::string& open, const std::string& free) const = 0;
   // Hints to the other servers, if any, that tiles may have become free.
   virtual void tell_others() {}

@@ -92,13 +92,14 @@ absl::StatusOr<std::vector<JobState>> report_jobs(SqlReader& reader, const std::
   GW_ASSIGN_OR_RETURN(
       const SqlRows rows,
       reader.read(
-          fmt::format(
-              "SELECT j.id, j.session, j.computes, s.address, j.server, j.held, :now - j.created, "
-              "count(CASE WHEN done_attempt > 0 AND done_at > :now - 60000000 THEN 1 END), j.priority, j.owner, {} "
-              "FROM jobs j JOIN servers s ON s.id = j.server JOIN tiles t ON t.job = j.id "
-              "WHERE EXISTS (SELECT 1 FROM tiles WHERE job = j.id AND {}) "
-              "GROUP BY j.id, j.session, j.computes, s.address, j.server, j.held, j.created, j.priority, j.owner ORDER BY j.priority DESC, j.id",
-              kCounts, kOpen),
+          fmt::format("SELECT j.id, j.session, j.computes, s.address, j.server, j.held, :now - j.created, "
+                      "count(CASE WHEN done_attempt > 0 AND done_at > :now - 60000000 THEN 1 END), "
+                      "j.priority, j.owner, {} "
+                      "FROM jobs j JOIN servers s ON s.id = j.server JOIN tiles t ON t.job = j.id "
+                      "WHERE EXISTS (SELECT 1 FROM tiles WHERE job = j.id AND {}) "
+                      "GROUP BY j.id, j.session, j.computes, s.address, j.server, j.held, j.created, "
+                      "j.priority, j.owner ORDER BY j.priority DESC, j.id",
+                      kCounts, kOpen),
           {}));
   std::vector<JobState> jobs;
   for (size_t i = 0; i < rows.size(); ++i) {

@@ -29,7 +29,8 @@ inline constexpr char kServed[] =
     "SELECT max(lease_since) FROM tiles WHERE job = jobs.id AND lease_attempt > 0) AS uses) AS used_at "
     "FROM jobs WHERE held = 0), "
     "owners AS (SELECT owner, max(used_at) AS used_at FROM served GROUP BY owner), "
-    "classes AS (SELECT priority, coalesce(max(used_at), min(created)) AS used_at FROM served GROUP BY priority) ";
+    "classes AS (SELECT priority, coalesce(max(used_at), min(created)) AS used_at FROM served GROUP BY "
+    "priority) ";
 // Of jobs j that have joined their owner o and class c.
 inline constexpr char kJobsServed[] =
     "jobs j JOIN owners o ON o.owner = j.owner JOIN classes c ON c.priority = j.priority";

@@ -60,7 +60,8 @@ bool has_rig(const v1::QueueItem& item) {
 // "item 7 (vase-7)"
 std::string title(const v1::QueueItem& item) {
   const std::string& name = item.session().empty() ? item.wish().session() : item.session();
-  return name.empty() ? fmt::format("item {}", item.number()) : fmt::format("item {} ({})", item.number(), name);
+  return name.empty() ? fmt::format("item {}", item.number())
+                      : fmt::format("item {} ({})", item.number(), name);
 }
 
 // The request that makes the item's session. The time tells it from an item of a queue that was lost.
@@ -91,7 +92,8 @@ void CaptureQueue::start() {
 
 // --- calls of people
 
-absl::StatusOr<v1::QueueItem> CaptureQueue::add(const v1::AddQueueItemRequest& request, const Caller& caller) {
+absl::StatusOr<v1::QueueItem> CaptureQueue::add(const v1::AddQueueItemRequest& request,
+                                                const Caller& caller) {
   GW_RETURN_IF_ERROR(check_wish(request.wish()));
   v1::QueueItem item;
   item.set_state(v1::QUEUE_ITEM_STATE_WAITING);
@@ -134,7 +136,8 @@ absl::StatusOr<v1::QueueItem> CaptureQueue::change_waiting(std::int64_t number, 
   return item;
 }
 
-absl::StatusOr<v1::QueueItem> CaptureQueue::edit(const v1::EditQueueItemRequest& request, const Caller& caller) {
+absl::StatusOr<v1::QueueItem> CaptureQueue::edit(const v1::EditQueueItemRequest& request,
+                                                 const Caller& caller) {
   v1::QueueWish wish = request.wish();
   if (!wish.has_plan()) {
     GW_ASSIGN_OR_RETURN(*wish.mutable_plan(), [&]() -> absl::StatusOr<v1::Plan> {
@@ -149,7 +152,8 @@ absl::StatusOr<v1::QueueItem> CaptureQueue::edit(const v1::EditQueueItemRequest&
   });
 }
 
-absl::StatusOr<v1::QueueItem> CaptureQueue::move(const v1::MoveQueueItemRequest& request, const Caller& caller) {
+absl::StatusOr<v1::QueueItem> CaptureQueue::move(const v1::MoveQueueItemRequest& request,
+                                                 const Caller& caller) {
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(v1::QueueItem item, find_waiting(request.number(), "moved"));
   std::string where = "moved to the end";
@@ -168,10 +172,9 @@ absl::Status CaptureQueue::remove(std::int64_t number, const Caller& caller) {
   GW_ASSIGN_OR_RETURN(const v1::QueueItem item, store_.find(number));
   if (item.state() == v1::QUEUE_ITEM_STATE_RUNNING) {
     return absl::FailedPreconditionError(
-        item.session().empty()
-            ? fmt::format("{} is about to be captured; ask again", title(item))
-            : fmt::format("{0} is being captured; cancel that first: glasswing cancel {1}", title(item),
-                          item.session()));
+        item.session().empty() ? fmt::format("{} is about to be captured; ask again", title(item))
+                               : fmt::format("{0} is being captured; cancel that first: glasswing cancel {1}",
+                                             title(item), item.session()));
   }
   return store_.remove(number, event_of(caller.client, number, "removed: " + title(item)));
 }
@@ -275,7 +278,8 @@ absl::Status CaptureQueue::update(std::int64_t number, std::initializer_list<v1:
                                   const std::string& what, const Change& change) {
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(v1::QueueItem item, store_.find(number));
-  if (std::ranges::find(in, item.state()) == in.end()) return absl::AbortedError(title(item) + " has changed");
+  if (std::ranges::find(in, item.state()) == in.end())
+    return absl::AbortedError(title(item) + " has changed");
   change(item);
   std::optional<v1::QueueEvent> event;
   if (!what.empty()) event = event_of("", number, what);
@@ -326,13 +330,16 @@ void CaptureQueue::follow(const v1::QueueItem& item, const std::stop_token& stop
   }
 }
 
-void CaptureQueue::broke_off(const v1::QueueItem& item, const v1::Session& session, const std::stop_token& stop) {
-  if (waits_for_person(session) && (driven_.contains(item.number()) || item.state() != v1::QUEUE_ITEM_STATE_RUNNING)) {
+void CaptureQueue::broke_off(const v1::QueueItem& item, const v1::Session& session,
+                             const std::stop_token& stop) {
+  if (waits_for_person(session) &&
+      (driven_.contains(item.number()) || item.state() != v1::QUEUE_ITEM_STATE_RUNNING)) {
     (void)wait_for_person(item, session.reason());
     return;
   }
   // It was the server that ended.
-  if (item.state() == v1::QUEUE_ITEM_STATE_RUNNING && !driven_.contains(item.number())) return drive(item, stop);
+  if (item.state() == v1::QUEUE_ITEM_STATE_RUNNING && !driven_.contains(item.number()))
+    return drive(item, stop);
   try_again(item, session.reason(), stop);
 }
 
@@ -341,18 +348,18 @@ void CaptureQueue::try_again(const v1::QueueItem& item, const std::string& why, 
   if (item.tries() > wish.retries()) {
     return has_failed(item, item.tries() > 1 ? fmt::format("{} (tried {} times)", why, item.tries()) : why);
   }
-  const auto [due, is_new] = due_.try_emplace(
-      item.number(),
-      Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(wish.retry_wait_s())));
+  const auto [due, is_new] =
+      due_.try_emplace(item.number(), Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                                         std::chrono::duration<double>(wish.retry_wait_s())));
   if (is_new) says(item, fmt::format("is tried again in {:.0f} s: {}", wish.retry_wait_s(), why));
   if (Clock::now() < due->second) return;
-  const absl::Status counted =
-      update(item.number(), {item.state()}, fmt::format("tried again ({} of {}): {}", item.tries(), wish.retries(), why),
-             [](v1::QueueItem& now) {
-               now.set_state(v1::QUEUE_ITEM_STATE_RUNNING);
-               now.set_tries(now.tries() + 1);
-               now.clear_waits_since();
-             });
+  const absl::Status counted = update(
+      item.number(), {item.state()},
+      fmt::format("tried again ({} of {}): {}", item.tries(), wish.retries(), why), [](v1::QueueItem& now) {
+        now.set_state(v1::QUEUE_ITEM_STATE_RUNNING);
+        now.set_tries(now.tries() + 1);
+        now.clear_waits_since();
+      });
   if (!counted.ok()) return;
   due_.erase(due);
   if (const absl::StatusOr<v1::QueueItem> now = find(item.number()); now.ok()) drive(*now, stop);
@@ -362,7 +369,8 @@ std::optional<v1::QueueItem> CaptureQueue::next() {
   const std::lock_guard lock(mutex_);
   const std::vector<v1::QueueItem>& items = store_.items();
   const auto waits = [](const v1::QueueItem& item) { return item.state() == v1::QUEUE_ITEM_STATE_WAITING; };
-  auto found = std::ranges::find_if(items, [&](const v1::QueueItem& item) { return waits(item) && item.run_now(); });
+  auto found =
+      std::ranges::find_if(items, [&](const v1::QueueItem& item) { return waits(item) && item.run_now(); });
   if (found == items.end() && store_.state().running()) found = std::ranges::find_if(items, waits);
   return found == items.end() ? std::nullopt : std::optional(*found);
 }
@@ -370,13 +378,14 @@ std::optional<v1::QueueItem> CaptureQueue::next() {
 void CaptureQueue::begin_next(const std::stop_token& stop) {
   const std::optional<v1::QueueItem> item = next();
   if (!item || !may_begin(*item)) return;
-  const absl::Status begun = update(item->number(), {v1::QUEUE_ITEM_STATE_WAITING}, "begun", [](v1::QueueItem& now) {
-    now.set_state(v1::QUEUE_ITEM_STATE_RUNNING);
-    now.set_began(utc_now_rfc3339());
-    now.set_tries(1);
-    now.clear_reason();
-    now.clear_waits_since();
-  });
+  const absl::Status begun =
+      update(item->number(), {v1::QUEUE_ITEM_STATE_WAITING}, "begun", [](v1::QueueItem& now) {
+        now.set_state(v1::QUEUE_ITEM_STATE_RUNNING);
+        now.set_began(utc_now_rfc3339());
+        now.set_tries(1);
+        now.clear_reason();
+        now.clear_waits_since();
+      });
   if (!begun.ok()) return;
   fault_point("queue item begun");
   if (const absl::StatusOr<v1::QueueItem> now = find(item->number()); now.ok()) drive(*now, stop);
@@ -411,7 +420,9 @@ bool CaptureQueue::wait_for_person(const v1::QueueItem& item, const std::string&
     now.set_waits_since(utc_now_rfc3339());
   });
   if (stored.ok())
-    tell({.what = "needs-operator", .session = item.session(), .text = title(item) + " of the queue waits: " + why,
+    tell({.what = "needs-operator",
+          .session = item.session(),
+          .text = title(item) + " of the queue waits: " + why,
           .advice = fmt::format("glasswing queue show {}", item.number())});
   return false;
 }
@@ -465,7 +476,8 @@ absl::Status CaptureQueue::check_rig_for(const v1::QueueItem& item, const Caller
     v1::EstimateSessionRequest request;
     *request.mutable_plan() = wish.plan();
     GW_ASSIGN_OR_RETURN(const v1::EstimateSessionResponse estimate, parts_.captures.estimate(request));
-    if (!estimate.warnings().empty()) return absl::UnavailableError("a dry run warns: " + estimate.warnings(0));
+    if (!estimate.warnings().empty())
+      return absl::UnavailableError("a dry run warns: " + estimate.warnings(0));
   }
   if (!wish.doctor()) return absl::OkStatus();
   GW_ASSIGN_OR_RETURN(const RigLock::Drive drive, parts_.rig_lock.drive(holding, "doctor"));
@@ -485,7 +497,8 @@ absl::StatusOr<v1::Session> CaptureQueue::created(const v1::QueueItem& item, con
   const v1::QueueWish& wish = item.wish();
   v1::CreateSessionRequest request;
   request.set_request_id(id);
-  GW_ASSIGN_OR_RETURN(*request.mutable_name(), session_name(wish.session(), item.number(), time_of(item.began())));
+  GW_ASSIGN_OR_RETURN(*request.mutable_name(),
+                      session_name(wish.session(), item.number(), time_of(item.began())));
   *request.mutable_plan() = wish.plan();
   request.set_solve(wish.solve());
   if (!wish.rail_mm().empty()) {
@@ -527,8 +540,8 @@ absl::StatusOr<v1::Session> CaptureQueue::driven(const v1::QueueItem& item, cons
 
 void CaptureQueue::drive(const v1::QueueItem& item, const std::stop_token& stop) {
   // Only until the capture runs: it may be paused and cancelled by others.
-  const absl::StatusOr<RigLock::Hold> hold =
-      parts_.rig_lock.hold({.client = item.added_by(), .hold = ""}, fmt::format("queue item {}", item.number()));
+  const absl::StatusOr<RigLock::Hold> hold = parts_.rig_lock.hold(
+      {.client = item.added_by(), .hold = ""}, fmt::format("queue item {}", item.number()));
   if (!hold.ok()) return says(item, "waits for the rig: " + std::string(hold.status().message()));
   const absl::StatusOr<v1::Session> session =
       driven(item, {.client = item.added_by(), .hold = hold->get_deleter().token}, stop);
@@ -543,7 +556,8 @@ void CaptureQueue::drive(const v1::QueueItem& item, const std::stop_token& stop)
   due_.erase(item.number());
   if (item.session() == session->name() && item.reason().empty()) return;
   (void)update(item.number(), {v1::QUEUE_ITEM_STATE_RUNNING},
-               item.session().empty() ? "captured as session " + session->name() : "", [&](v1::QueueItem& now) {
+               item.session().empty() ? "captured as session " + session->name() : "",
+               [&](v1::QueueItem& now) {
                  now.set_session(session->name());
                  now.clear_reason();
                });
@@ -577,16 +591,15 @@ void CaptureQueue::is_done(const v1::QueueItem& item) {
 }
 
 void CaptureQueue::has_failed(const v1::QueueItem& item, const std::string& why) {
-  const absl::Status stored = update(
-      item.number(),
-      {v1::QUEUE_ITEM_STATE_WAITING, v1::QUEUE_ITEM_STATE_RUNNING, v1::QUEUE_ITEM_STATE_PAUSED,
-       v1::QUEUE_ITEM_STATE_SOLVING},
-      "failed: " + why, [&](v1::QueueItem& now) {
-        now.set_state(v1::QUEUE_ITEM_STATE_FAILED);
-        now.set_reason(why);
-        now.clear_waits_since();
-        now.set_ended(utc_now_rfc3339());
-      });
+  const absl::Status stored = update(item.number(),
+                                     {v1::QUEUE_ITEM_STATE_WAITING, v1::QUEUE_ITEM_STATE_RUNNING,
+                                      v1::QUEUE_ITEM_STATE_PAUSED, v1::QUEUE_ITEM_STATE_SOLVING},
+                                     "failed: " + why, [&](v1::QueueItem& now) {
+                                       now.set_state(v1::QUEUE_ITEM_STATE_FAILED);
+                                       now.set_reason(why);
+                                       now.clear_waits_since();
+                                       now.set_ended(utc_now_rfc3339());
+                                     });
   if (!stored.ok()) return;
   due_.erase(item.number());
   tell({.what = "needs-operator",
@@ -603,7 +616,8 @@ void CaptureQueue::left_the_rig(const v1::QueueItem& item) {
   v1::SetQueueRequest request;
   request.set_why(fmt::format("as wished after item {}", item.number()));
   if (const absl::Status set = this->set(request, {}).status(); !set.ok())
-    spdlog::error("the queue is not paused after item={} error=\"{}\"", item.number(), std::string(set.message()));
+    spdlog::error("the queue is not paused after item={} error=\"{}\"", item.number(),
+                  std::string(set.message()));
 }
 
 void CaptureQueue::tell(const Event& event) {
@@ -624,7 +638,8 @@ void CaptureQueue::tell_if_over() {
       if (!has_ended(item)) return;
       if (item.ended() < store_.state().since()) continue;
       if (item.state() == v1::QUEUE_ITEM_STATE_DONE) ++done;
-      if (item.state() == v1::QUEUE_ITEM_STATE_FAILED) failed += fmt::format("; {}: {}", title(item), item.reason());
+      if (item.state() == v1::QUEUE_ITEM_STATE_FAILED)
+        failed += fmt::format("; {}: {}", title(item), item.reason());
     }
   }
   tell({.what = "queue-done",

@@ -74,8 +74,8 @@ class CaptureQueue {
                                                const Change& change);
   absl::StatusOr<v1::QueueItem> find_waiting(std::int64_t number, const std::string& verb) const;
   // Changes the item if it is in one of the states; `what` empty: history need not know.
-  absl::Status update(std::int64_t number, std::initializer_list<v1::QueueItemState> in, const std::string& what,
-                      const Change& change);
+  absl::Status update(std::int64_t number, std::initializer_list<v1::QueueItemState> in,
+                      const std::string& what, const Change& change);
   void wake();
 
   void run(std::stop_token stop);

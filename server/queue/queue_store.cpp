@@ -73,9 +73,9 @@ absl::StatusOr<v1::QueueItem> QueueStore::find(std::int64_t number) const {
 }
 
 absl::StatusOr<std::vector<v1::QueueEvent>> QueueStore::history(std::int64_t item, int skipped, int count) {
-  Database::Query query = database_.query(
-      fmt::format("SELECT event FROM history {} ORDER BY number DESC LIMIT ? OFFSET ?",
-                  item == 0 ? "" : fmt::format("WHERE item = {}", item)));
+  Database::Query query =
+      database_.query(fmt::format("SELECT event FROM history {} ORDER BY number DESC LIMIT ? OFFSET ?",
+                                  item == 0 ? "" : fmt::format("WHERE item = {}", item)));
   query.bind(count).bind(skipped);
   std::vector<v1::QueueEvent> events;
   while (query.next()) {
@@ -127,7 +127,7 @@ absl::StatusOr<v1::QueueItem> QueueStore::add(v1::QueueItem item, const std::str
     return absl::ResourceExhaustedError(fmt::format(
         "the queue has {} items, the maximum; remove some, or wait until some have ended", kMaxQueueItems));
   }
-  GW_RETURN_IF_ERROR(commit([&]() -> absl::Status {
+  const absl::Status stored = commit([&]() -> absl::Status {
     Database::Query added = database_.query(
         "INSERT INTO items (place, request_id, item) VALUES "
         "((SELECT coalesce(max(place), 0) + 1 FROM items), ?, '') RETURNING number");
@@ -141,7 +141,8 @@ absl::StatusOr<v1::QueueItem> QueueStore::add(v1::QueueItem item, const std::str
                            .bind(item.number())
                            .finish());
     return note(event);
-  }));
+  });
+  GW_RETURN_IF_ERROR(stored);
   items_.push_back(item);
   GW_RETURN_IF_ERROR(forget_oldest());
   return item;
@@ -152,8 +153,7 @@ absl::Status QueueStore::forget_oldest() {
   const auto ended = std::ranges::count(items_, true, has_ended);
   if (ended <= kMaxQueueItems) return absl::OkStatus();
   const auto oldest = std::ranges::find(items_, true, has_ended);
-  GW_RETURN_IF_ERROR(
-      database_.query("DELETE FROM items WHERE number = ?").bind(oldest->number()).finish());
+  GW_RETURN_IF_ERROR(database_.query("DELETE FROM items WHERE number = ?").bind(oldest->number()).finish());
   items_.erase(oldest);
   return absl::OkStatus();
 }
@@ -161,13 +161,14 @@ absl::Status QueueStore::forget_oldest() {
 absl::Status QueueStore::change(const v1::QueueItem& item, const std::optional<v1::QueueEvent>& event) {
   const auto known = at(item.number());
   if (known == items_.end()) return find(item.number()).status();
-  GW_RETURN_IF_ERROR(commit([&]() -> absl::Status {
+  const absl::Status stored = commit([&]() -> absl::Status {
     GW_RETURN_IF_ERROR(database_.query("UPDATE items SET item = ? WHERE number = ?")
                            .bind(item.SerializeAsString())
                            .bind(item.number())
                            .finish());
     return event ? note(*event) : absl::OkStatus();
-  }));
+  });
+  GW_RETURN_IF_ERROR(stored);
   *known = item;
   return absl::OkStatus();
 }
@@ -179,31 +180,34 @@ absl::Status QueueStore::move(std::int64_t number, std::int64_t before, const v1
   std::vector<v1::QueueItem> next = items_;
   std::erase_if(next, [&](const v1::QueueItem& item) { return item.number() == number; });
   next.insert(std::ranges::find(next, before, &v1::QueueItem::number), moved);
-  GW_RETURN_IF_ERROR(commit([&]() -> absl::Status {
+  const absl::Status stored = commit([&]() -> absl::Status {
     GW_RETURN_IF_ERROR(store_places(next));
     return note(event);
-  }));
+  });
+  GW_RETURN_IF_ERROR(stored);
   items_ = std::move(next);
   return absl::OkStatus();
 }
 
 absl::Status QueueStore::remove(std::int64_t number, const v1::QueueEvent& event) {
   GW_RETURN_IF_ERROR(find(number).status());
-  GW_RETURN_IF_ERROR(commit([&]() -> absl::Status {
+  const absl::Status stored = commit([&]() -> absl::Status {
     GW_RETURN_IF_ERROR(database_.query("DELETE FROM items WHERE number = ?").bind(number).finish());
     return note(event);
-  }));
+  });
+  GW_RETURN_IF_ERROR(stored);
   items_.erase(at(number));
   return absl::OkStatus();
 }
 
 absl::Status QueueStore::set_state(const v1::QueueState& state, const v1::QueueEvent& event) {
-  GW_RETURN_IF_ERROR(commit([&]() -> absl::Status {
+  const absl::Status stored = commit([&]() -> absl::Status {
     GW_RETURN_IF_ERROR(database_.query("INSERT OR REPLACE INTO queue (one, state) VALUES (1, ?)")
                            .bind(state.SerializeAsString())
                            .finish());
     return note(event);
-  }));
+  });
+  GW_RETURN_IF_ERROR(stored);
   state_ = state;
   return absl::OkStatus();
 }

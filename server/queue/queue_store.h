@@ -19,7 +19,7 @@
 
 namespace glasswing {
 
-inline constexpr int kMaxQueueItems = 1000;   // that have not ended, and that have
+inline constexpr int kMaxQueueItems = 1000;     // that have not ended, and that have
 inline constexpr int kMaxQueueEvents = 10'000;  // of the history
 
 // DONE or FAILED.
@@ -29,7 +29,8 @@ bool has_ended(const v1::QueueItem& item);
 class QueueStore {
  public:
   // What is damaged is set aside, and `problems` says so.
-  static absl::StatusOr<std::unique_ptr<QueueStore>> open(const std::filesystem::path& data, Problems& problems);
+  static absl::StatusOr<std::unique_ptr<QueueStore>> open(const std::filesystem::path& data,
+                                                          Problems& problems);
 
   // In the order of work; those that have ended first, in the order in which they did.
   const std::vector<v1::QueueItem>& items() const { return items_; }

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <string_view>
 
 #include "core/base/name.h"
 #include "core/base/status.h"
@@ -13,7 +12,7 @@
 namespace glasswing {
 namespace {
 
-constexpr std::string_view kItem = "{item}";
+constexpr char kItem[] = "{item}";
 
 absl::Status check_range(const char* field, double value, double high) {
   if (value >= 0.0 && value <= high) return absl::OkStatus();  // false for NaN
@@ -24,7 +23,8 @@ absl::Status check_range(const char* field, double value, double high) {
 
 absl::Time earliest_start(const v1::QueueWish& wish) {
   absl::Time time = absl::InfinitePast();
-  if (!wish.not_before().empty()) (void)absl::ParseTime(absl::RFC3339_full, wish.not_before(), &time, nullptr);
+  if (!wish.not_before().empty())
+    (void)absl::ParseTime(absl::RFC3339_full, wish.not_before(), &time, nullptr);
   return time;
 }
 
@@ -35,8 +35,8 @@ absl::StatusOr<std::string> session_name(const std::string& pattern, std::int64_
                                                          {"{date}", absl::FormatTime("%Y%m%d", start, utc)},
                                                          {"{time}", absl::FormatTime("%H%M%S", start, utc)}});
   if (name.find_first_of("{}") != std::string::npos) {
-    return absl::InvalidArgumentError(
-        fmt::format("the session's name \"{}\" has other braces than {{item}}, {{date}} and {{time}}", pattern));
+    return absl::InvalidArgumentError(fmt::format(
+        "the session's name \"{}\" has other braces than {{item}}, {{date}} and {{time}}", pattern));
   }
   GW_RETURN_IF_ERROR(check_name("session", name));
   return name;
@@ -66,13 +66,14 @@ absl::Status check_wish(const v1::QueueWish& wish) {
   absl::Time time;
   if (wish.not_before().empty() || absl::ParseTime(absl::RFC3339_full, wish.not_before(), &time, nullptr))
     return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format(
-      "not_before is \"{}\"; it must be a time such as 2026-11-01T20:00:00Z", wish.not_before()));
+  return absl::InvalidArgumentError(
+      fmt::format("not_before is \"{}\"; it must be a time such as 2026-11-01T20:00:00Z", wish.not_before()));
 }
 
 v1::QueueWish copied_wish(v1::QueueWish wish) {
   const std::string& name = wish.session();
-  if (!name.empty() && name.find(kItem) == std::string::npos) wish.set_session(fmt::format("{}-{}", name, kItem));
+  if (!name.empty() && name.find(kItem) == std::string::npos)
+    wish.set_session(fmt::format("{}-{}", name, kItem));
   return wish;
 }
 

@@ -17,7 +17,8 @@ grpc::Status answer(absl::StatusOr<v1::QueueItem> item, Response* response) {
 
 }  // namespace
 
-grpc::Status QueueServiceImpl::AddQueueItem(grpc::ServerContext* context, const v1::AddQueueItemRequest* request,
+grpc::Status QueueServiceImpl::AddQueueItem(grpc::ServerContext* context,
+                                            const v1::AddQueueItemRequest* request,
                                             v1::AddQueueItemResponse* response) {
   GW_CHECK_LIMITS(*request);
   return answer(queue_.add(*request, caller_of(*context)), response);
@@ -69,7 +70,8 @@ grpc::Status QueueServiceImpl::RemoveQueueItem(grpc::ServerContext* context,
   return to_grpc(queue_.remove(request->number(), caller_of(*context)));
 }
 
-grpc::Status QueueServiceImpl::RunQueueItem(grpc::ServerContext* context, const v1::RunQueueItemRequest* request,
+grpc::Status QueueServiceImpl::RunQueueItem(grpc::ServerContext* context,
+                                            const v1::RunQueueItemRequest* request,
                                             v1::RunQueueItemResponse* response) {
   GW_CHECK_LIMITS(*request);
   return answer(queue_.run_now(request->number(), caller_of(*context)), response);

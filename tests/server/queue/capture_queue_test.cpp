@@ -219,7 +219,8 @@ TEST_F(CaptureQueueTest, WaitsForThePersonWhoPausedItsSession) {
 }
 
 TEST_F(CaptureQueueTest, WaitsWhileAnotherHasTheRig) {
-  const absl::StatusOr<RigLock::Hold> hold = rig_->server().rig_lock().hold({.client = "bob", .hold = ""}, "series");
+  const absl::StatusOr<RigLock::Hold> hold =
+      rig_->server().rig_lock().hold({.client = "bob", .hold = ""}, "series");
   ASSERT_OK(hold);
   const std::int64_t a = add(wish("a"));
   run();

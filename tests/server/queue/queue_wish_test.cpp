@@ -53,7 +53,8 @@ TEST(QueueWish, RefusesWhatCouldNeverRun) {
   refused("tag", [](v1::QueueWish& wish) { wish.add_tags("two words"); });
   refused("retries", [](v1::QueueWish& wish) { wish.set_retries(101); });
   refused("retry_wait_s", [](v1::QueueWish& wish) { wish.set_retry_wait_s(-1.0); });
-  refused("give_up_s", [](v1::QueueWish& wish) { wish.set_give_up_s(std::numeric_limits<double>::quiet_NaN()); });
+  refused("give_up_s",
+          [](v1::QueueWish& wish) { wish.set_give_up_s(std::numeric_limits<double>::quiet_NaN()); });
   refused("not_before", [](v1::QueueWish& wish) { wish.set_not_before("tomorrow"); });
   refused("rail_mm", [](v1::QueueWish& wish) {
     (*wish.mutable_rail_mm())["back"] = std::numeric_limits<double>::infinity();

@@ -71,7 +71,8 @@ TEST(Limits, HoldForEveryMethodOfTheServer) {
     MatteServiceImpl mattes(*server);
     QueueServiceImpl queue(*server);
     JobServiceImpl jobs(*server);
-    const auto host = ServiceHost::start({}, {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs}).value();
+    const auto host =
+        ServiceHost::start({}, {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs}).value();
     int refused = 0;
     for (const char* file : {"fleet", "job", "matte", "node", "queue", "rig", "session", "work"}) {
       const pb::FileDescriptor& described = *pb::DescriptorPool::generated_pool()->FindFileByName(
