@@ -259,7 +259,8 @@ TEST_P(JobContract, AHigherClassGoesFirst) {
   EXPECT_OK(store_->set_class(still, JobClass::kInteractive));
   EXPECT_TRUE(absl::IsNotFound(store_->set_class(still + 100, JobClass::kBatch)));
   std::vector<std::string> order;
-  for (const JobState& job : store_->jobs().value()) order.push_back(job.session);
+  const std::vector<JobState> jobs = store_->jobs().value();
+  for (const JobState& job : jobs) order.push_back(job.session);
   EXPECT_EQ(order, (std::vector<std::string>{"s", "m", "f"}));
   EXPECT_EQ(next_sessions(*store_, 2), "ss");
   EXPECT_OK(store_->suspend(middle));

@@ -75,8 +75,8 @@ class CaptureQueueTest : public testing::Test {
   std::vector<v1::Session> sessions() { return rig_->server().sessions().all_stored().value(); }
   std::string history(std::int64_t item) {
     std::string words;
-    for (const v1::QueueEvent& event : queue().history(item).value())
-      words = event.who() + ": " + event.what() + "\n" + words;
+    const std::vector<v1::QueueEvent> events = queue().history(item).value();
+    for (const v1::QueueEvent& event : events) words = event.who() + ": " + event.what() + "\n" + words;
     return words;
   }
 

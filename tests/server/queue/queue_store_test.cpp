@@ -46,7 +46,8 @@ class QueueStoreTest : public testing::Test {
   }
   std::vector<std::string> history(std::int64_t item = 0) {
     std::vector<std::string> words;
-    for (const v1::QueueEvent& each : store_->history(item, 0, 100).value())
+    const std::vector<v1::QueueEvent> events = store_->history(item, 0, 100).value();
+    for (const v1::QueueEvent& each : events)
       words.push_back(std::to_string(each.item()) + " " + each.what());
     return words;
   }
