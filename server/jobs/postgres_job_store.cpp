@@ -51,7 +51,7 @@ std::string postgres_schema() {
       "PRIMARY KEY (job, number)) WITH (fillfactor = 70); "
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
-      "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}",
+      "CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}",
       kPostgresSchemaVersion, kOpen, kDone, kLeased);
 }
 
@@ -101,6 +101,11 @@ absl::Status PostgresJobStore::prepare(PostgresConnection& to) {
                                   "ADD COLUMN owner text NOT NULL DEFAULT ''",
                                   {})
                              .status());
+      GW_RETURN_IF_ERROR(connection.run("DROP INDEX tiles_leased", {}).status());
+      GW_RETURN_IF_ERROR(
+          connection
+              .run(fmt::format("CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}", kLeased), {})
+              .status());
     }
     GW_ASSIGN_OR_RETURN(const SqlRows version, connection.run("SELECT max(number) FROM version", {}));
     if (version.integer(0, 0) != kPostgresSchemaVersion) {
@@ -168,12 +173,13 @@ absl::Status PostgresJobStore::statements(Change change) {
   return with_connection([&](PostgresConnection& connection) { return change(connection); });
 }
 
-std::string PostgresJobStore::next_tile(const std::string& open, const std::string& free) const {
+std::string PostgresJobStore::next_tile(const std::string& open, const std::string& free, bool rivals) const {
   return fmt::format(
       "{}SELECT f.job, f.number FROM (SELECT j.id FROM {} WHERE {} ORDER BY {}) j CROSS JOIN LATERAL "
       "(SELECT t.job, t.number FROM tiles t WHERE t.job = j.id AND {} ORDER BY t.failures, t.number "
       "LIMIT 1 :locking) f LIMIT 1",
-      kServed, kJobsServed, open, job_order(options_), free);
+      rivals ? kServed : "", rivals ? kJobsServed : "jobs j", open, rivals ? job_order(options_) : "j.id",
+      free);
 }
 
 absl::StatusOr<SqlRows> PostgresJobStore::read(const std::string& sql, const SqlValues& values) {

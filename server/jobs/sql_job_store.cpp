@@ -118,8 +118,10 @@ absl::Status SqlJobStore::add(std::int64_t job, std::span<const TileRange> tiles
 }
 
 absl::Status SqlJobStore::set_class(std::int64_t job, JobClass priority) {
-  return change_job(job,
-                    fmt::format("UPDATE jobs SET priority = {} WHERE id = ?1", static_cast<int>(priority)));
+  GW_RETURN_IF_ERROR(change_job(
+      job, fmt::format("UPDATE jobs SET priority = {} WHERE id = ?1", static_cast<int>(priority))));
+  tiles_became_free();  // for other solvers than before
+  return absl::OkStatus();
 }
 
 absl::Status SqlJobStore::retry(std::int64_t job) {
@@ -184,14 +186,31 @@ absl::StatusOr<std::string> SqlJobStore::lease_key() {
   return key;
 }
 
+absl::StatusOr<bool> SqlJobStore::has_rivals(SqlConnection& connection) {
+  constexpr std::chrono::milliseconds kHolds(200);
+  const auto now = std::chrono::steady_clock::now();
+  {
+    const std::lock_guard lock(rivals_mutex_);
+    if (now < rivals_until_) return rivals_;
+  }
+  GW_ASSIGN_OR_RETURN(const SqlRows found,
+                      connection.run("SELECT CASE WHEN min(owner) <> max(owner) OR min(priority) <> "
+                                     "max(priority) THEN 1 ELSE 0 END FROM jobs",
+                                     {}));
+  const std::lock_guard lock(rivals_mutex_);
+  rivals_until_ = now + kHolds;
+  return rivals_ = found.integer(0, 0) != 0;
+}
+
 absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solver,
                                                         std::span<const std::string> computes, bool ahead) {
   std::optional<Lease> lease;
   if (computes.empty()) return lease;
-  const auto next = [this](const std::string& open, const std::string& free) {
-    return next_tile(open, free);
-  };
   const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const bool rivals, has_rivals(connection));
+    const auto next = [&](const std::string& open, const std::string& free) {
+      return next_tile(open, free, rivals);
+    };
     GW_ASSIGN_OR_RETURN(lease, claim_tile(connection, solver, computes, ahead, options_, next));
     return absl::OkStatus();
   });
@@ -280,6 +299,10 @@ absl::StatusOr<std::vector<LeaseState>> SqlJobStore::leases() {
 }
 
 void SqlJobStore::tiles_became_free() {
+  {
+    const std::lock_guard lock(rivals_mutex_);
+    rivals_until_ = {};
+  }
   hinted();
   tell_others();
 }

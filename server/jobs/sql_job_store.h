@@ -57,7 +57,8 @@ class SqlJobStore : public JobStore, protected SqlReader {
   virtual absl::Status statements(Change change) = 0;
   // The statement that selects job and number of the first `free` tile of the first `open` job (job_order()).
   // It goes from job to job, so that dead index entries of tiles that are done or gone do not slow it.
-  virtual std::string next_tile(const std::string& open, const std::string& free) const = 0;
+  // Without rivals the oldest job is the first.
+  virtual std::string next_tile(const std::string& open, const std::string& free, bool rivals) const = 0;
   // Hints to the other servers, if any, that tiles may have become free.
   virtual void tell_others() {}
 
@@ -68,6 +69,12 @@ class SqlJobStore : public JobStore, protected SqlReader {
 
  private:
   absl::Status change_job(std::int64_t job, const std::string& sql);
+  // True if jobs are of several owners or classes; what other servers changed is seen a little later.
+  absl::StatusOr<bool> has_rivals(SqlConnection& connection);
+
+  std::mutex rivals_mutex_;
+  bool rivals_ = false;                                   // guarded by rivals_mutex_
+  std::chrono::steady_clock::time_point rivals_until_{};  // it holds; guarded by rivals_mutex_
 
   std::mutex hint_mutex_;
   std::condition_variable hint_;

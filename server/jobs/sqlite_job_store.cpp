@@ -41,7 +41,7 @@ std::string sqlite_schema() {
       "number)) WITHOUT ROWID; "
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
-      "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}; "
+      "CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}; "
       "PRAGMA user_version = {}",
       kOpen, kDone, kLeased, kSqliteSchemaVersion);
 }
@@ -88,9 +88,11 @@ absl::Status upgrade(Database& writer) {
   }
   if (version.integer(0, 0) != 1 && version.integer(0, 0) != 2) return absl::OkStatus();
   return writer.run(
-      "ALTER TABLE jobs ADD COLUMN priority INTEGER NOT NULL DEFAULT 0; "
-      "ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT ''; "
-      "PRAGMA user_version = 3");
+      fmt::format("ALTER TABLE jobs ADD COLUMN priority INTEGER NOT NULL DEFAULT 0; "
+                  "ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT ''; "
+                  "DROP INDEX tiles_leased; CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}; "
+                  "PRAGMA user_version = 3",
+                  kLeased));
 }
 
 class Writer : public SqlConnection {
@@ -195,7 +197,13 @@ void SqliteJobStore::commit_all(std::span<Waiting* const> batch) {
   for (Waiting* each : batch) each->status = status;
 }
 
-std::string SqliteJobStore::next_tile(const std::string& open, const std::string& free) const {
+std::string SqliteJobStore::next_tile(const std::string& open, const std::string& free, bool rivals) const {
+  if (!rivals) {
+    return fmt::format(
+        "SELECT t.job, t.number FROM jobs j CROSS JOIN tiles t WHERE {} AND t.job = j.id AND {} "
+        "ORDER BY j.id, t.failures, t.number LIMIT 1",
+        open, free);
+  }
   return fmt::format(
       "{}SELECT j.id, f.number FROM (SELECT id, (SELECT number FROM tiles t WHERE t.job = jobs.id AND {} "
       "ORDER BY failures, number LIMIT 1) AS number FROM jobs WHERE {}) f JOIN {} WHERE j.id = f.id AND "
