@@ -59,4 +59,11 @@ done
 glasswing sessions --tag night --tsv | grep -q vase-7 || fail "no tags: $(glasswing sessions)"
 glasswing queue history --tsv | grep -q "the queue.*failed: .*nowhere" || fail "$(glasswing queue history)"
 glasswing fetch vase-8 -o "$work/vase.exr"
+
+echo "== whose tiles go first"
+refused "only one that is being solved has a priority" glasswing priority vase-8 batch
+glasswing solve vase-8 --priority interactive >/dev/null
+first_solve() { glasswing fleet --tsv | awk -F'\t' '$1 == "vase-8" { print $4 }'; }
+[[ $(first_solve) == interactive || $(shown vase-8 state) == SESSION_STATE_DONE ]] || fail "$(glasswing fleet)"
+glasswing wait vase-8
 echo "all checks passed"
