@@ -5,6 +5,7 @@
 #include "client/exchange/commands.h"
 #include "client/live/commands.h"
 #include "client/pki/commands.h"
+#include "client/queue/commands.h"
 #include "client/rig/commands.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/matte_input.h"
@@ -48,12 +49,14 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_plan_check_command(plan, client);
   add_plan_estimate_command(plan, client);
   add_capture_command(app, client);
+  add_queue_commands(app, client);
   add_import_command(app, client);
   add_export_command(app, client);
   add_replicate_command(app, client);
   add_fsck_command(app, client);
   app.group("Mattes");
   add_solve_command(app, client);
+  add_priority_command(app, client);
   add_fetch_command(app, client);
   add_matte_commands(app, client, [&client](const std::string& name, const std::filesystem::path& output) {
     return read_matte_input(client, name, output);

@@ -12,7 +12,9 @@
 #include "server/metrics/server_metrics.h"
 #include "server/rig/clock_watch.h"
 #include "server/services/fleet_service.h"
+#include "server/services/job_service.h"
 #include "server/services/matte_service.h"
+#include "server/services/queue_service.h"
 #include "server/services/rig_service.h"
 #include "server/services/server.h"
 #include "server/services/session_service.h"
@@ -31,6 +33,8 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   WorkServiceImpl work(*server);
   RigServiceImpl rig(*server);
   MatteServiceImpl mattes(*server);
+  QueueServiceImpl queue(*server);
+  JobServiceImpl jobs(*server);
   FleetServiceImpl fleet([&] { return server->fleet(); });
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens,
                       AccessTokens::open(options.store.data, server->problems()));
@@ -44,20 +48,22 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   const AskedMetrics disk([&] { return disk_metrics(options.store.data); });
   std::optional<ClockWatch> clocks;
   const EventWatch events(server->sessions(), options.store.data, *hook);
-  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &console},
-                        .principal_of =
-                            [&](const std::string& login) {
-                              return tokens->principal_of(login, AccessTokens::current_time());
-                            },
-                        .begin = [&](ServiceHost*) -> absl::Status {
-                          clocks.emplace(server->rig());
-                          return absl::OkStatus();
-                        },
-                        .end =
-                            [&] {
-                              sessions.stop();
-                              rig.stop();
-                            }});
+  server->queue().observe([&hook](const Event& event) { hook->add(event); });
+  return serve(daemon,
+               {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs, &console},
+                .principal_of =
+                    [&](const std::string& login) {
+                      return tokens->principal_of(login, AccessTokens::current_time());
+                    },
+                .begin = [&](ServiceHost*) -> absl::Status {
+                  clocks.emplace(server->rig());
+                  return absl::OkStatus();
+                },
+                .end =
+                    [&] {
+                      sessions.stop();
+                      rig.stop();
+                    }});
 }
 
 }  // namespace glasswing

@@ -77,7 +77,7 @@ void print_solvers(const Client& client, const v1::GetFleetResponse& fleet) {
 void print_solves(const Client& client, const v1::GetFleetResponse& fleet) {
   std::vector<std::vector<std::string>> rows;
   for (const v1::FleetSolve& solve : fleet.solves()) {
-    rows.push_back({solve.session(), state_of(solve), solve.method(),
+    rows.push_back({solve.session(), state_of(solve), solve.method(), solve.priority(), solve.owner(),
                     fmt::format("{}/{}", solve.tiles_done(), solve.tile_count()),
                     std::to_string(solve.tiles_leased()), rate_text(solve.tiles_per_second()),
                     solve.seconds_left() > 0.0 ? left_text(solve.seconds_left()) : "-",
@@ -88,6 +88,8 @@ void print_solves(const Client& client, const v1::GetFleetResponse& fleet) {
               {{"SESSION"},
                {"STATE"},
                {"METHOD"},
+               {"PRIORITY"},
+               {"OWNER"},
                {"TILES", true},
                {"LEASED", true},
                {"TILES/S", true},

@@ -9,5 +9,6 @@ namespace glasswing {
 
 // Declares its options and sets Client::run.
 void add_solve_command(CLI::App& app, Client& client);
+void add_priority_command(CLI::App& app, Client& client);
 
 }  // namespace glasswing

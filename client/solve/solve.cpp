@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
@@ -15,6 +16,7 @@
 #include "core/cli/output_file.h"
 #include "core/method/methods.h"
 #include "core/pattern/plan.h"
+#include "glasswing/v1/job_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -25,6 +27,7 @@ struct SolveArguments {
   std::string method;
   std::vector<std::string> options;
   bool watch = false;
+  std::string priority;            // empty: normal
   std::string on;                  // a cluster; empty: the server's solvers
   SlurmSolve slurm;                // what its options say
   std::vector<std::string> parts;  // solved elsewhere
@@ -37,6 +40,18 @@ absl::Status take_parts(const Client& client, const SolveArguments& arguments) {
                                 matte.path(), 0.0));
   print_session(session, client.json);
   return absl::OkStatus();
+}
+
+const std::map<std::string, v1::JobPriority> kPriorities{{"batch", v1::JOB_PRIORITY_BATCH},
+                                                         {"normal", v1::JOB_PRIORITY_NORMAL},
+                                                         {"interactive", v1::JOB_PRIORITY_INTERACTIVE}};
+
+absl::Status set_priority(const Client& client, const std::string& session, const std::string& priority) {
+  v1::SetJobPriorityRequest request;
+  request.set_session(session);
+  request.set_priority(kPriorities.at(priority));
+  const Peer<v1::JobService> server(client.server_title(), client.server);
+  return call(server, &v1::JobService::Stub::SetJobPriority, request).status();
 }
 
 absl::Status solve(const Client& client, const SolveArguments& arguments) {
@@ -56,6 +71,8 @@ absl::Status solve(const Client& client, const SolveArguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::SolveSessionResponse started,
                       call(server, &v1::SessionService::Stub::SolveSession, request, kLongCallTimeout));
+  if (!arguments.priority.empty())
+    GW_RETURN_IF_ERROR(set_priority(client, arguments.session, arguments.priority));
   if (arguments.watch) return follow_to_outcome(client, arguments.session, Goal::kDone);
   print_session(started.session(), client.json);
   return absl::OkStatus();
@@ -119,12 +136,29 @@ void add_cluster_options(CLI::App& command, SolveArguments& arguments) {
 
 }  // namespace
 
+void add_priority_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("priority", "Say which of the solves under way go first.");
+  command.footer(
+      "Tiles of a higher priority go first; within one, owners take turns. No tile is taken from a "
+      "solver.\n\n"
+      "Examples:\n  glasswing priority vase interactive\n  glasswing priority film batch");
+  auto session = std::make_shared<std::string>(), priority = std::make_shared<std::string>();
+  command.add_option("session", *session, "the session's name")->required();
+  command.add_option("priority", *priority, "interactive, normal or batch")
+      ->required()
+      ->check(CLI::IsMember({"batch", "normal", "interactive"}));
+  command.callback([&client, session, priority] {
+    client.run = [&client, session, priority] { return set_priority(client, *session, *priority); };
+  });
+}
+
 void add_solve_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("solve", "Solve a captured session.");
   command.footer(
       "Examples:\n  glasswing solve vase --watch\n"
       "  glasswing solve vase --method gaussian --set images=100\n"
       "  glasswing solve vase --method fringe --set modes=2\n"
+      "  glasswing solve vase --priority interactive --watch\n"
       "  glasswing solve vase --on slurm --parts 32 --sbatch=--partition=lab\n"
       "  glasswing solve vase --from parts/part-*.exr\n"
       "  glasswing solve --help gaussian");
@@ -138,6 +172,12 @@ void add_solve_command(CLI::App& app, Client& client) {
       ->allow_extra_args(false);
   command.add_flag("--watch", arguments->watch, "wait until it is done; any other outcome is a failure");
   add_cluster_options(command, *arguments);
+  command
+      .add_option("--priority", arguments->priority,
+                  "whose tiles go first: interactive, normal or batch; default: normal")
+      ->check(CLI::IsMember({"batch", "normal", "interactive"}))
+      ->excludes("--on")
+      ->excludes("--from");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return solve(client, *arguments); }; });
 }

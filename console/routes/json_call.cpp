@@ -16,6 +16,7 @@
 #include "glasswing/v1/fleet_service.pb.h"
 #include "glasswing/v1/live_service.pb.h"
 #include "glasswing/v1/node_service.pb.h"
+#include "glasswing/v1/queue_service.pb.h"
 #include "glasswing/v1/rig_service.pb.h"
 #include "glasswing/v1/session_service.pb.h"
 
@@ -34,6 +35,7 @@ void link_services() {
   (void)v1::GetFleetRequest::descriptor();      // FleetService
   (void)v1::RunLiveRequest::descriptor();       // LiveService
   (void)v1::ListNodesRequest::descriptor();     // NodeService
+  (void)v1::GetQueueRequest::descriptor();      // QueueService
   (void)v1::CheckRigRequest::descriptor();      // RigService
   (void)v1::ListSessionsRequest::descriptor();  // SessionService
 }

@@ -109,9 +109,10 @@ CaptureOutcome Capture::outcome_of(const absl::Status& status, bool stopped) con
     return {Kind::kStopped, video_.has_run() ? "the video is over; what was recorded of it is kept" : ""};
   if (object_wanted_) {
     const v1::Session& session = progress_.session();
-    const char* what = !*object_wanted_           ? "take the object off the stage, then"
-                       : is_video(session.plan()) ? "place the object on the stage; to start the video"
-                                                  : "place the object on the stage, then";
+    const std::string what = !*object_wanted_ ? fmt::format("{} off the stage, then", kTakeObject)
+                             : is_video(session.plan())
+                                 ? fmt::format("{} on the stage; to start the video", kPlaceObject)
+                                 : fmt::format("{} on the stage, then", kPlaceObject);
     return {Kind::kNeedsOperator, fmt::format("{}: glasswing resume {}", what, session.name())};
   }
   if (status.ok()) return {Kind::kCaptured, ""};

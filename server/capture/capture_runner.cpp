@@ -211,8 +211,8 @@ void CaptureRunner::note_outcome(v1::Session session, const CaptureOutcome& outc
     case Kind::kStopped:
       session.set_state(wish_ == Wish::kCancel ? v1::SESSION_STATE_CANCELLED : v1::SESSION_STATE_PAUSED);
       if (wish_ != Wish::kCancel)
-        session.set_reason("paused on request" + (outcome.reason.empty() ? "" : "; " + outcome.reason) +
-                           go_on(session));
+        session.set_reason(std::string(kPausedOnRequest) +
+                           (outcome.reason.empty() ? "" : "; " + outcome.reason) + go_on(session));
       break;
     case Kind::kNodeLost:
       session.set_state(v1::SESSION_STATE_PAUSED);
@@ -221,7 +221,7 @@ void CaptureRunner::note_outcome(v1::Session session, const CaptureOutcome& outc
     case Kind::kNeedsOperator:
       session.set_state(v1::SESSION_STATE_PAUSED);
       session.set_reason(outcome.reason);
-      operator_asked_[session.name()] = outcome.reason.starts_with("place");
+      operator_asked_[session.name()] = outcome.reason.starts_with(kPlaceObject);
       break;
     case Kind::kFailed:
       session.set_state(v1::SESSION_STATE_FAILED);

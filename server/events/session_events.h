@@ -12,8 +12,8 @@
 namespace glasswing {
 
 // All events, as --hook-events and the hook's JSON name them.
-inline constexpr std::array<std::string_view, 6> kEvents{"session-done", "needs-operator", "paused",
-                                                         "disk-low",     "drift",          "knocked"};
+inline constexpr std::array<std::string_view, 7> kEvents{
+    "session-done", "needs-operator", "paused", "disk-low", "drift", "knocked", "queue-done"};
 
 struct Event {
   std::string_view what;  // of kEvents

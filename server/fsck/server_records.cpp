@@ -56,6 +56,12 @@ void ServerRecords::open(Check& check) {
       check);
   open_jobs(check);
   if (catalogue_) read_sessions(check);
+  (void)open_database(kQueueFile,
+                      {.file = "",
+                       .what = "",
+                       .meaning = "the captures that wait in the queue are lost",
+                       .repair = "it is set aside; add them again: glasswing queue add"},
+                      check);
   (void)open_database(kTokensFile,
                       {.file = "",
                        .what = "",

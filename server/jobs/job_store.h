@@ -33,10 +33,14 @@ struct TileRange {
   int count = 0;
 };
 
+// Tiles of jobs of a higher class go first.
+enum class JobClass { kBatch = -1, kNormal = 0, kInteractive = 1 };
+
 struct JobSpec {
   std::string session;
-  std::string computes;  // the method and its version, "gaussian/1": only solvers that compute it get tiles
-  std::string work;      // a serialised v1::TileWork; opaque to the store
+  std::string owner = {};  // who shares solvers with others: "anna@lab3"
+  std::string computes;    // the method and its version, "gaussian/1": only solvers that compute it get tiles
+  std::string work;        // a serialised v1::TileWork; opaque to the store
 };
 
 // Names an attempt. A tile's attempts count from 1. Numbers are never reused, not even by a replacement tile.
@@ -81,6 +85,8 @@ struct JobCounts {
 // A job of any server that shares the store.
 struct JobState {
   std::int64_t id = 0;
+  JobClass priority = JobClass::kNormal;
+  std::string owner = {};
   std::string session, computes, server_address;
   bool own = true, suspended = false;
   JobCounts counts;
@@ -100,6 +106,8 @@ struct JobStoreOptions {
   std::string server_address;  // where solvers send results of this server's jobs
   std::chrono::milliseconds lease{10000};
   std::chrono::milliseconds least_before_twice{2000};  // a tile with a younger lease is not handed out twice
+  // A class none of whose jobs had a tile handed out or done for so long has the next one all the same.
+  std::chrono::milliseconds class_waits{20000};
 };
 
 // Thread-safe. UNAVAILABLE: the database does not answer (PostgreSQL: the next call reconnects). Whether the
@@ -118,7 +126,8 @@ class JobStore {
   virtual absl::Status recut(const TileAttempt& survey, const std::string& work,
                              std::span<const TileRange> tiles) = 0;
 
-  // These four return NOT_FOUND if there is no such job.
+  // NOT_FOUND of these five: there is no such job.
+  virtual absl::Status set_class(std::int64_t job, JobClass priority) = 0;
   virtual absl::Status add(std::int64_t job, std::span<const TileRange> tiles) = 0;  // adds tiles
   // Frees quarantined tiles; failures count from 0 again.
   virtual absl::Status retry(std::int64_t job) = 0;
@@ -135,11 +144,13 @@ class JobStore {
   // 128 random bits in hex, the same for all servers that share the store, used to seal leases.
   virtual absl::StatusOr<std::string> lease_key() = 0;
 
-  // Leases a free tile of the oldest job that computes one of these and is not suspended; failed tiles come
-  // last. If no tile is free: one leased by only one other solver, for longer than least_before_twice and
-  // than the average of the job's last hundred tiles; the first result counts. `ahead`: only if at least as
-  // many tiles are free as solvers have leases, and never a tile that is leased. Empty: nothing to do. After
-  // kMaxLost expired leases a tile is quarantined.
+  // Leases a free tile of a job that computes one of these and is not suspended: of the highest class
+  // (but see class_waits), there of the owner who was last served the longest ago, there of the oldest job;
+  // tiles that failed come last. If no tile is free: one leased by only one other solver, for longer than
+  // least_before_twice and than the average of the job's last hundred tiles; the first result counts.
+  // `ahead`: only if at least as many tiles are free as solvers have leases, and never a tile that is leased.
+  // Empty: nothing to do.
+  // After kMaxLost expired leases a tile is quarantined.
   virtual absl::StatusOr<std::optional<Lease>> claim(const std::string& solver,
                                                      std::span<const std::string> computes, bool ahead) = 0;
   // Extends the lease. ABORTED: the tile is done or removed, or the lease expired and the tile was handed out

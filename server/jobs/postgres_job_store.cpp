@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMaxConnections = 8;
 constexpr int kTries = 5;
-constexpr std::int64_t kPostgresSchemaVersion = 2;
+constexpr std::int64_t kPostgresSchemaVersion = 3;
 // An arbitrary number, the same for all servers: if several start at once, one creates the tables.
 constexpr std::int64_t kSchemaLock = 0x676c617373;
 
@@ -34,7 +34,8 @@ std::string postgres_schema() {
       "CREATE TABLE jobs (id bigint GENERATED ALWAYS AS IDENTITY PRIMARY KEY, "
       "server text NOT NULL REFERENCES servers, session text NOT NULL, computes text NOT NULL, "
       "work bytea NOT NULL, held int NOT NULL DEFAULT 0, created bigint NOT NULL, "
-      "survey_tile int NOT NULL DEFAULT 0, survey_attempt int NOT NULL DEFAULT 0); "
+      "survey_tile int NOT NULL DEFAULT 0, survey_attempt int NOT NULL DEFAULT 0, "
+      "priority int NOT NULL DEFAULT 0, owner text NOT NULL DEFAULT ''); "
       "CREATE TABLE tiles (job bigint NOT NULL REFERENCES jobs ON DELETE CASCADE, number int NOT NULL, "
       "first int NOT NULL, count int NOT NULL, attempts int NOT NULL, "
       "failures int NOT NULL DEFAULT 0, lost int NOT NULL DEFAULT 0, quarantined int NOT NULL DEFAULT 0, "
@@ -50,7 +51,7 @@ std::string postgres_schema() {
       "PRIMARY KEY (job, number)) WITH (fillfactor = 70); "
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
-      "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}",
+      "CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}",
       kPostgresSchemaVersion, kOpen, kDone, kLeased);
 }
 
@@ -89,6 +90,21 @@ absl::Status PostgresJobStore::prepare(PostgresConnection& to) {
     if (!earlier.empty()) {
       GW_RETURN_IF_ERROR(
           connection.run("ALTER TABLE tiles ADD COLUMN unsolved_pixels bigint NOT NULL DEFAULT 0", {})
+              .status());
+    }
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows second,
+        connection.run("UPDATE version SET number = 3 WHERE number = 2 RETURNING number", {}));
+    if (!second.empty()) {
+      GW_RETURN_IF_ERROR(connection
+                             .run("ALTER TABLE jobs ADD COLUMN priority int NOT NULL DEFAULT 0, "
+                                  "ADD COLUMN owner text NOT NULL DEFAULT ''",
+                                  {})
+                             .status());
+      GW_RETURN_IF_ERROR(connection.run("DROP INDEX tiles_leased", {}).status());
+      GW_RETURN_IF_ERROR(
+          connection
+              .run(fmt::format("CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}", kLeased), {})
               .status());
     }
     GW_ASSIGN_OR_RETURN(const SqlRows version, connection.run("SELECT max(number) FROM version", {}));
@@ -157,12 +173,13 @@ absl::Status PostgresJobStore::statements(Change change) {
   return with_connection([&](PostgresConnection& connection) { return change(connection); });
 }
 
-std::string PostgresJobStore::oldest_tile(const std::string& open, const std::string& free) const {
+std::string PostgresJobStore::next_tile(const std::string& open, const std::string& free, bool rivals) const {
   return fmt::format(
-      "SELECT f.job, f.number FROM (SELECT id FROM jobs WHERE {} ORDER BY id) j CROSS JOIN LATERAL "
+      "{}SELECT f.job, f.number FROM (SELECT j.id FROM {} WHERE {} ORDER BY {}) j CROSS JOIN LATERAL "
       "(SELECT t.job, t.number FROM tiles t WHERE t.job = j.id AND {} ORDER BY t.failures, t.number "
       "LIMIT 1 :locking) f LIMIT 1",
-      open, free);
+      rivals ? kServed : "", rivals ? kJobsServed : "jobs j", open, rivals ? job_order(options_) : "j.id",
+      free);
 }
 
 absl::StatusOr<SqlRows> PostgresJobStore::read(const std::string& sql, const SqlValues& values) {

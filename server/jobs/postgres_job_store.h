@@ -21,7 +21,7 @@ class PostgresJobStore : public SqlJobStore {
   absl::Status transaction(Change change) override;
   absl::Status statements(Change change) override;
   absl::StatusOr<SqlRows> read(const std::string& sql, const SqlValues& values) override;
-  std::string oldest_tile(const std::string& open, const std::string& free) const override;
+  std::string next_tile(const std::string& open, const std::string& free, bool rivals) const override;
   void tell_others() override;
 
  private:

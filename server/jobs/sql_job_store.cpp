@@ -59,9 +59,9 @@ absl::StatusOr<std::int64_t> SqlJobStore::create(const JobSpec& spec, std::span<
   const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
     GW_ASSIGN_OR_RETURN(
         const SqlRows created,
-        connection.run("INSERT INTO jobs (server, session, computes, work, created) "
-                       "VALUES (?1, ?2, ?3, ?4, :now) RETURNING id",
-                       {options_.server_id, spec.session, spec.computes, SqlBytes{spec.work}}));
+        connection.run("INSERT INTO jobs (server, session, computes, work, owner, created) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, :now) RETURNING id",
+                       {options_.server_id, spec.session, spec.computes, SqlBytes{spec.work}, spec.owner}));
     job = created.integer(0, 0);
     return insert(connection, job, 0, 0, tiles);
   });
@@ -114,6 +114,13 @@ absl::Status SqlJobStore::add(std::int64_t job, std::span<const TileRange> tiles
   });
   GW_RETURN_IF_ERROR(status);
   tiles_became_free();
+  return absl::OkStatus();
+}
+
+absl::Status SqlJobStore::set_class(std::int64_t job, JobClass priority) {
+  GW_RETURN_IF_ERROR(change_job(
+      job, fmt::format("UPDATE jobs SET priority = {} WHERE id = ?1", static_cast<int>(priority))));
+  tiles_became_free();  // for other solvers than before
   return absl::OkStatus();
 }
 
@@ -179,15 +186,32 @@ absl::StatusOr<std::string> SqlJobStore::lease_key() {
   return key;
 }
 
+absl::StatusOr<bool> SqlJobStore::has_rivals(SqlConnection& connection) {
+  constexpr std::chrono::milliseconds kHolds(200);
+  const auto now = std::chrono::steady_clock::now();
+  {
+    const std::lock_guard lock(rivals_mutex_);
+    if (now < rivals_until_) return rivals_;
+  }
+  GW_ASSIGN_OR_RETURN(const SqlRows found,
+                      connection.run("SELECT CASE WHEN min(owner) <> max(owner) OR min(priority) <> "
+                                     "max(priority) THEN 1 ELSE 0 END FROM jobs",
+                                     {}));
+  const std::lock_guard lock(rivals_mutex_);
+  rivals_until_ = now + kHolds;
+  return rivals_ = found.integer(0, 0) != 0;
+}
+
 absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solver,
                                                         std::span<const std::string> computes, bool ahead) {
   std::optional<Lease> lease;
   if (computes.empty()) return lease;
-  const auto oldest = [this](const std::string& open, const std::string& free) {
-    return oldest_tile(open, free);
-  };
   const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(lease, claim_tile(connection, solver, computes, ahead, options_, oldest));
+    GW_ASSIGN_OR_RETURN(const bool rivals, has_rivals(connection));
+    const auto next = [&](const std::string& open, const std::string& free) {
+      return next_tile(open, free, rivals);
+    };
+    GW_ASSIGN_OR_RETURN(lease, claim_tile(connection, solver, computes, ahead, options_, next));
     return absl::OkStatus();
   });
   GW_RETURN_IF_ERROR(status);
@@ -275,6 +299,10 @@ absl::StatusOr<std::vector<LeaseState>> SqlJobStore::leases() {
 }
 
 void SqlJobStore::tiles_became_free() {
+  {
+    const std::lock_guard lock(rivals_mutex_);
+    rivals_until_ = {};
+  }
   hinted();
   tell_others();
 }

@@ -22,6 +22,7 @@ class SqlJobStore : public JobStore, protected SqlReader {
   absl::Status recut(const TileAttempt& survey, const std::string& work,
                      std::span<const TileRange> tiles) override;
   absl::Status add(std::int64_t job, std::span<const TileRange> tiles) override;
+  absl::Status set_class(std::int64_t job, JobClass priority) override;
   absl::Status retry(std::int64_t job) override;
   absl::Status suspend(std::int64_t job) override;
   absl::Status resume(std::int64_t job) override;
@@ -54,9 +55,10 @@ class SqlJobStore : public JobStore, protected SqlReader {
   virtual absl::Status transaction(Change change) = 0;
   // Each statement of `change` is durable by itself.
   virtual absl::Status statements(Change change) = 0;
-  // The statement that selects the job and number of the first `free` tile of the oldest `open` job. It goes
-  // from job to job, so that dead index entries of finished or removed tiles do not slow it.
-  virtual std::string oldest_tile(const std::string& open, const std::string& free) const = 0;
+  // The statement that selects job and number of the first `free` tile of the first `open` job (job_order()).
+  // It goes from job to job, so that dead index entries of finished or removed tiles do not slow it. Without
+  // rivals the oldest job is the first.
+  virtual std::string next_tile(const std::string& open, const std::string& free, bool rivals) const = 0;
   // Hints to the other servers, if any, that tiles may have become free.
   virtual void tell_others() {}
 
@@ -67,6 +69,12 @@ class SqlJobStore : public JobStore, protected SqlReader {
 
  private:
   absl::Status change_job(std::int64_t job, const std::string& sql);
+  // True if jobs are of several owners or classes; what other servers changed is seen a little later.
+  absl::StatusOr<bool> has_rivals(SqlConnection& connection);
+
+  std::mutex rivals_mutex_;
+  bool rivals_ = false;                                   // guarded by rivals_mutex_
+  std::chrono::steady_clock::time_point rivals_until_{};  // it holds; guarded by rivals_mutex_
 
   std::mutex hint_mutex_;
   std::condition_variable hint_;

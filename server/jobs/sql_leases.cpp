@@ -72,9 +72,9 @@ absl::StatusOr<bool> may_claim_ahead(SqlConnection& connection, std::span<const 
   return free.integer(0, 0) >= solvers.integer(0, 0);
 }
 
-// `oldest` selects the tile. Expired leases replaced by the claim count as lost.
+// `next` selects the tile. Expired leases replaced by the claim count as lost.
 absl::StatusOr<SqlRows> claim_free(SqlConnection& connection, const std::string& solver,
-                                   std::int64_t lease_us, const std::string& oldest,
+                                   std::int64_t lease_us, const std::string& next,
                                    std::span<const std::string> computes) {
   return connection.run(
       fmt::format(
@@ -83,7 +83,7 @@ absl::StatusOr<SqlRows> claim_free(SqlConnection& connection, const std::string&
           "1, lease_solver = ?1, "
           "lease_since = :now, lease_until = :now + ?2, twin_attempt = 0, twin_solver = '', twin_since = 0, "
           "twin_until = 0 WHERE (job, number) = ({}){}",
-          oldest, kLeaseOfClaim),
+          next, kLeaseOfClaim),
       with({solver, lease_us}, computes));
 }
 
@@ -139,7 +139,7 @@ std::string end_lease() {
 
 absl::StatusOr<std::optional<Lease>> claim_tile(SqlConnection& connection, const std::string& solver,
                                                 std::span<const std::string> computes, bool ahead,
-                                                const JobStoreOptions& options, OldestTile oldest_tile) {
+                                                const JobStoreOptions& options, NextTile next_tile) {
   if (ahead) {
     GW_ASSIGN_OR_RETURN(const bool may, may_claim_ahead(connection, computes));
     if (!may) return std::nullopt;
@@ -148,7 +148,7 @@ absl::StatusOr<std::optional<Lease>> claim_tile(SqlConnection& connection, const
   do {
     if (!rows.empty()) GW_RETURN_IF_ERROR(quarantine_lost(connection, rows));
     GW_ASSIGN_OR_RETURN(rows, claim_free(connection, solver, std::chrono::microseconds(options.lease).count(),
-                                         oldest_tile(open_jobs(3, computes.size()), is_free()), computes));
+                                         next_tile(open_jobs(3, computes.size()), is_free()), computes));
   } while (!rows.empty() && rows.integer(0, 9) >= kMaxLost);
   if (rows.empty() && !ahead) {
     GW_ASSIGN_OR_RETURN(rows, claim_twice(connection, solver, options, computes));

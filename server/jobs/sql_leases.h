@@ -11,13 +11,13 @@
 
 namespace glasswing {
 
-// Like SqlJobStore::oldest_tile.
-using OldestTile = absl::FunctionRef<std::string(const std::string& open, const std::string& free)>;
+// As SqlJobStore::next_tile.
+using NextTile = absl::FunctionRef<std::string(const std::string& open, const std::string& free)>;
 
 // Like JobStore::claim; each statement may be durable by itself. `computes` is not empty.
 absl::StatusOr<std::optional<Lease>> claim_tile(SqlConnection& connection, const std::string& solver,
                                                 std::span<const std::string> computes, bool ahead,
-                                                const JobStoreOptions& options, OldestTile oldest_tile);
+                                                const JobStoreOptions& options, NextTile next_tile);
 
 struct FailedAttempt {
   bool had_lease = false;  // otherwise nothing has changed

@@ -12,7 +12,7 @@
 namespace glasswing {
 namespace {
 
-constexpr std::int64_t kSqliteSchemaVersion = 2;
+constexpr std::int64_t kSqliteSchemaVersion = 3;
 
 std::string sqlite_schema() {
   return fmt::format(
@@ -23,7 +23,8 @@ std::string sqlite_schema() {
       "CREATE TABLE jobs (id INTEGER PRIMARY KEY AUTOINCREMENT, server TEXT NOT NULL, session TEXT NOT NULL, "
       "computes TEXT NOT NULL, work BLOB NOT NULL, held INTEGER NOT NULL DEFAULT 0, created INTEGER NOT "
       "NULL, "
-      "survey_tile INTEGER NOT NULL DEFAULT 0, survey_attempt INTEGER NOT NULL DEFAULT 0); "
+      "survey_tile INTEGER NOT NULL DEFAULT 0, survey_attempt INTEGER NOT NULL DEFAULT 0, "
+      "priority INTEGER NOT NULL DEFAULT 0, owner TEXT NOT NULL DEFAULT ''); "
       "CREATE TABLE tiles (job INTEGER NOT NULL REFERENCES jobs ON DELETE CASCADE, number INTEGER NOT NULL, "
       "first INTEGER NOT NULL, count INTEGER NOT NULL, attempts INTEGER NOT NULL, "
       "failures INTEGER NOT NULL DEFAULT 0, lost INTEGER NOT NULL DEFAULT 0, quarantined INTEGER NOT NULL "
@@ -40,7 +41,7 @@ std::string sqlite_schema() {
       "number)) WITHOUT ROWID; "
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
-      "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}; "
+      "CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}; "
       "PRAGMA user_version = {}",
       kOpen, kDone, kLeased, kSqliteSchemaVersion);
 }
@@ -80,10 +81,18 @@ absl::StatusOr<SqlRows> run_in(Database& database, const std::string& sql, const
 // Adds what tables of an earlier version lack.
 absl::Status upgrade(Database& writer) {
   GW_ASSIGN_OR_RETURN(const SqlRows version, run_in(writer, "PRAGMA user_version", {}));
-  if (version.integer(0, 0) != 1) return absl::OkStatus();
+  if (version.integer(0, 0) == 1) {
+    GW_RETURN_IF_ERROR(
+        writer.run("ALTER TABLE tiles ADD COLUMN unsolved_pixels INTEGER NOT NULL DEFAULT 0; "
+                   "PRAGMA user_version = 2"));
+  }
+  if (version.integer(0, 0) != 1 && version.integer(0, 0) != 2) return absl::OkStatus();
   return writer.run(
-      "ALTER TABLE tiles ADD COLUMN unsolved_pixels INTEGER NOT NULL DEFAULT 0; "
-      "PRAGMA user_version = 2");
+      fmt::format("ALTER TABLE jobs ADD COLUMN priority INTEGER NOT NULL DEFAULT 0; "
+                  "ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT ''; "
+                  "DROP INDEX tiles_leased; CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}; "
+                  "PRAGMA user_version = 3",
+                  kLeased));
 }
 
 class Writer : public SqlConnection {
@@ -188,11 +197,18 @@ void SqliteJobStore::commit_all(std::span<Waiting* const> batch) {
   for (Waiting* each : batch) each->status = status;
 }
 
-std::string SqliteJobStore::oldest_tile(const std::string& open, const std::string& free) const {
+std::string SqliteJobStore::next_tile(const std::string& open, const std::string& free, bool rivals) const {
+  if (!rivals) {
+    return fmt::format(
+        "SELECT t.job, t.number FROM jobs j CROSS JOIN tiles t WHERE {} AND t.job = j.id AND {} "
+        "ORDER BY j.id, t.failures, t.number LIMIT 1",
+        open, free);
+  }
   return fmt::format(
-      "SELECT t.job, t.number FROM jobs j CROSS JOIN tiles t WHERE {} AND t.job = j.id AND {} "
-      "ORDER BY j.id, t.failures, t.number LIMIT 1",
-      open, free);
+      "{}SELECT j.id, f.number FROM (SELECT id, (SELECT number FROM tiles t WHERE t.job = jobs.id AND {} "
+      "ORDER BY failures, number LIMIT 1) AS number FROM jobs WHERE {}) f JOIN {} WHERE j.id = f.id AND "
+      "f.number IS NOT NULL ORDER BY {} LIMIT 1",
+      kServed, free, open, kJobsServed, job_order(options_));
 }
 
 absl::StatusOr<SqlRows> SqliteJobStore::read(const std::string& sql, const SqlValues& values) {

@@ -79,6 +79,9 @@ class TimedJobStore final : public JobStore {
   absl::Status add(std::int64_t job, std::span<const TileRange> tiles) override {
     return timed(kChange, [&] { return store_->add(job, tiles); });
   }
+  absl::Status set_class(std::int64_t job, JobClass priority) override {
+    return timed(kChange, [&] { return store_->set_class(job, priority); });
+  }
   absl::Status retry(std::int64_t job) override {
     return timed(kChange, [&] { return store_->retry(job); });
   }

@@ -42,6 +42,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
   GW_ASSIGN_OR_RETURN(stores.sessions, SessionStore::open(data));
   GW_ASSIGN_OR_RETURN(stores.images, ImageFiles::open(data / "images", stores.sessions->photos()));
   GW_ASSIGN_OR_RETURN(stores.calibrations, CalibrationStore::open(data, *stores.problems));
+  GW_ASSIGN_OR_RETURN(stores.queue, QueueStore::open(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(NodeNames names, NodeNames::open(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(const std::string id, server_id(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(
@@ -73,6 +74,11 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
           },
           [this](const v1::Session& session) { drafts_.note(session); },
           [this](const std::string& session) { following_solves_.look(session); }),
+      queue_(*stores_.queue, {.sessions = *stores_.sessions,
+                              .captures = captures_,
+                              .rig_lock = rig_lock_,
+                              .nodes = rig_,
+                              .calibrations = *stores_.calibrations}),
       control_(*stores_.sessions, captures_, solves_),
       importer_(*stores_.sessions, rig_),
       replicator_(*stores_.sessions, rig_),
@@ -95,6 +101,7 @@ absl::Status Server::take_up() {
     following_solves_.take_up(all);
     drafts_.take_up();
   }
+  queue_.start();
   const absl::Status taken = take_up_solves();
   if (!absl::IsUnavailable(taken)) return taken;
   waiting_ = std::jthread([this](std::stop_token stop) { take_up_solves_later(stop); });

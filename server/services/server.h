@@ -17,6 +17,7 @@
 #include "server/archives/session_deleter.h"
 #include "server/capture/capture_runner.h"
 #include "server/jobs/job_store.h"
+#include "server/queue/capture_queue.h"
 #include "server/rig/calibration_store.h"
 #include "server/rig/node_registry.h"
 #include "server/rig/rig_lock.h"
@@ -59,6 +60,7 @@ class Server {
   SessionStore& sessions() { return *stores_.sessions; }
   ImageFiles& images() { return *stores_.images; }
   CaptureRunner& captures() { return captures_; }
+  CaptureQueue& queue() { return queue_; }
   SolveRunner& solves() { return solves_; }
   Drafts& drafts() { return drafts_; }
   TileDispatcher& tiles() { return tiles_; }
@@ -81,6 +83,7 @@ class Server {
     std::unique_ptr<SessionStore> sessions;
     std::unique_ptr<ImageFiles> images;
     std::unique_ptr<JobStore> jobs;
+    std::unique_ptr<QueueStore> queue;
   };
   Server(const ServerOptions& options, NodeNames names, Stores stores);
   absl::Status take_up();
@@ -98,6 +101,7 @@ class Server {
   AdaptiveRounds rounds_;
   TileDispatcher tiles_;
   CaptureRunner captures_;  // after what it uses: its end pauses a running capture
+  CaptureQueue queue_;      // after captures_, so that it does not take that pause for a person's
   SessionControl control_;
   Importer importer_;
   Replicator replicator_;

@@ -150,6 +150,13 @@ bool rests_in_solve(const v1::Session& session) {
   return rests && session.job() != 0;
 }
 
+bool waits_for_person(const v1::Session& session) {
+  const std::string& reason = session.reason();
+  return session.state() == v1::SESSION_STATE_PAUSED &&
+         (reason.starts_with(kPausedOnRequest) || reason.starts_with(kPlaceObject) ||
+          reason.starts_with(kTakeObject));
+}
+
 std::vector<v1::SessionAction> allowed_actions(const v1::Session& session) {
   std::vector<v1::SessionAction> actions;
   for (const Rule& rule : kRules) {

@@ -30,6 +30,9 @@ inline constexpr std::string_view kWaitsForNode = "waiting", kWaitsForRoom = "wa
 inline constexpr std::string_view kStalled = "stalled";
 // In RigChange.what after a knock.
 inline constexpr std::string_view kTouched = "the camera, the monitor or the table was touched";
+// How the reason of a capture begins that waits for a person, who paused it or must move the object.
+inline constexpr std::string_view kPausedOnRequest = "paused on request", kPlaceObject = "place the object",
+                                  kTakeObject = "take the object";
 // The reason of a capture that is being stopped.
 inline constexpr std::string_view kPausing = "being paused", kCancelling = "being cancelled";
 
@@ -38,6 +41,9 @@ std::string state_of(const v1::Session& session);
 
 // True if it is the session's solve that is paused or failed, not its capture.
 bool rests_in_solve(const v1::Session& session);
+
+// True if the session is paused until a person lets it go on.
+bool waits_for_person(const v1::Session& session);
 
 // The actions that the session allows now, in the order of SessionAction. One may still be refused because of
 // other activity: the rig is busy, the session is being replicated or deleted, a node does not answer.

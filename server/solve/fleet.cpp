@@ -36,6 +36,10 @@ v1::FleetSolve described(const JobState& job) {
   solve.set_quarantined(job.counts.quarantined);
   solve.set_tiles_per_second(job.tiles_per_second);
   solve.set_held(job.suspended);
+  solve.set_priority(job.priority == JobClass::kBatch         ? "batch"
+                     : job.priority == JobClass::kInteractive ? "interactive"
+                                                              : "normal");
+  solve.set_owner(job.owner);
   const int left = job.counts.tiles - job.counts.done - job.counts.quarantined;
   if (!job.suspended && job.tiles_per_second > 0.0) solve.set_seconds_left(left / job.tiles_per_second);
   return solve;

@@ -256,6 +256,7 @@ absl::StatusOr<v1::Session> SolveRunner::begin(SessionStore::Edit& edit, v1::Ses
   GW_ASSIGN_OR_RETURN(const std::vector<TileRange> tiles, first_tiles(session, manifest));
   const v1::TileWork work = work_of(session, manifest);
   GW_ASSIGN_OR_RETURN(const std::int64_t job, stores_.jobs.create({.session = session.name(),
+                                                                   .owner = session.started_by(),
                                                                    .computes = computes(session.method()),
                                                                    .work = work.SerializeAsString()},
                                                                   tiles));

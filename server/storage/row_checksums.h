@@ -35,6 +35,10 @@ inline constexpr char kTokensFile[] = "console.sqlite";
 inline constexpr char kTokenColumns[] = "id, hash, name, role, made_by, parent, expires";
 inline constexpr char kLoginColumns[] = "hash, token";
 
+// The same of the queue of captures.
+inline constexpr char kQueueFile[] = "queue.sqlite";
+inline constexpr char kQueueColumns[] = "number, place, request_id, item";
+
 // Accepts all rows as they are now.
 absl::Status accept_rows(Database& database, const std::string& table, const std::string& columns);
 

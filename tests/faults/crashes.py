@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import pathlib
 import resource
 import signal
@@ -14,7 +16,7 @@ import grpc
 from glasswing.v1 import session_pb2
 
 from case import CannotBeDone, Cases, Report, struck
-from daemon import BIN, Daemon
+from daemon import BIN, ROOT, Daemon, free_port, listens
 from lab import SESSION, glasswing, until
 from ledger import fetch_matte
 from postgres import NotInstalled, Postgres
@@ -117,6 +119,56 @@ def kill_while_a_matte_is_put(stage: Stage) -> Report:
     server.end()
     server.start()
     return Report()
+
+
+def _add_kills_of_a_queue() -> None:
+    for point in ("queue item begun", "queue session created"):
+
+        def do(stage: Stage, point: str = point) -> Report:
+            return _kill_while_the_queue_runs(stage, point)
+
+        case("crashes.points", f'SIGKILL of the server at "{point}"', "the item becomes one session, captured to its end")(do)
+
+
+def _kill_while_the_queue_runs(stage: Stage, point: str) -> Report:
+    """On a rig of its own, since the stage's has no display."""
+    work = stage.work / point.replace(" ", "-")
+    work.mkdir()
+    ports = [free_port() for _ in range(3)]
+    server, display, camera = (f"127.0.0.1:{port}" for port in ports)
+    daemons = [
+        Daemon(name, [f"glasswing-{name}", "--listen", listen, *options], work / f"{name}.log")
+        for name, listen, options in (
+            ("server", server, ["--data", str(work / "server")]),
+            ("display", display, ["--server", server, "--name", "display-1", "--backend", "sim", "--monitor", "back=128x104@60", "--patch-rows", "8"]),
+            ("camera", camera, ["--server", server, "--name", "camera-1", "--data", str(work / "camera"), "--size", "128x104", "--scene", "none", "--tap", display]),
+        )
+    ]
+    plan = str(ROOT / "deploy/plans/quick.txtpb")
+    try:
+        daemons[0].start(f"{point}=kill")
+        for daemon in daemons[1:]:
+            daemon.start()
+        until(lambda: listens(ports[0]), "the server listens")
+        until(lambda: glasswing(server, "nodes", "--json").count('"up": true') == 2, "the nodes are up")
+        glasswing(server, "queue", "add", plan, "--session", "queued")
+        with contextlib.suppress(AssertionError):  # it may die before it answers
+            glasswing(server, "queue", "start")
+        until(lambda: not daemons[0].is_running(), f'the server has passed "{point}"')
+        daemons[0].start()
+        struck(daemons[0].ends == [-signal.SIGKILL], f'the server never passed "{point}"')
+        until(lambda: listens(ports[0]), "the server listens")
+        until(lambda: "\tdone\t" in glasswing(server, "queue", "list", "--all", "--tsv"), "the item is done", 120.0)
+        listed = json.loads(glasswing(server, "sessions", "--json"))["sessions"]
+        assert [session["name"] for session in listed] == ["queued"] and listed[0]["proven_count"] == listed[0]["step_count"], listed
+    finally:
+        for daemon in daemons:
+            if daemon.is_running():
+                daemon.end()
+    return Report()
+
+
+_add_kills_of_a_queue()
 
 
 def put_parts(stage: Stage, part: pathlib.Path) -> None:

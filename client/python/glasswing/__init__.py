@@ -28,6 +28,7 @@ except ModuleNotFoundError as missing:
         f"{missing}: glasswing runs in Debian's Python, /usr/bin/python3, with its python3-grpcio and python3-numpy; this is "
         f"{sys.executable}"
     ) from None
+from glasswing.capture_queue import CaptureQueue, ItemState, QueueEvent, QueueItem
 from glasswing.errors import (
     AlreadyExists,
     Damaged,
@@ -77,6 +78,7 @@ __all__ = [
     "AlreadyExists",
     "Calibration",
     "CalibrationFrames",
+    "CaptureQueue",
     "Colour",
     "Correspondences",
     "Damaged",
@@ -91,6 +93,7 @@ __all__ = [
     "Fringes",
     "Holder",
     "InvalidInput",
+    "ItemState",
     "Lease",
     "Level",
     "LiveComposite",
@@ -110,6 +113,8 @@ __all__ = [
     "Plan",
     "PlanMonitor",
     "Preparation",
+    "QueueEvent",
+    "QueueItem",
     "Ramp",
     "RayState",
     "Rays",

@@ -61,6 +61,10 @@ class Solve:
     """At that rate; None: not known yet."""
     held: bool
     """True if paused or failed: no tiles are handed out."""
+    priority: str = "normal"
+    """"interactive", "normal" or "batch": whose tiles go first."""
+    owner: str = ""
+    """Who takes turns with others: "anna@lab3"."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,4 +112,6 @@ def _solve(message: pb.FleetSolve) -> Solve:
         tiles_per_second=message.tiles_per_second,
         seconds_left=message.seconds_left or None,
         held=message.held,
+        priority=message.priority or "normal",
+        owner=message.owner,
     )

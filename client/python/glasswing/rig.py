@@ -19,6 +19,7 @@ import grpc
 import numpy.typing as npt
 
 from glasswing import live, notebook, pictures
+from glasswing.capture_queue import CaptureQueue
 from glasswing.connection import CHUNK_BYTES, LONG_CALL_SECONDS, Connection, Hold
 from glasswing.errors import Error, Refused, TimedOut, Unavailable
 from glasswing.fleet import Fleet
@@ -182,6 +183,8 @@ class Rig:
         self._nodes = connection.stub(NodeServiceStub)
         self._rig = connection.stub(RigServiceStub)
         self._sessions = connection.stub(SessionServiceStub)
+        self.queue = CaptureQueue(connection)
+        """Captures that the server runs one after the other."""
 
     def __repr__(self) -> str:
         return f"<rig of the {self._connection.title}>"

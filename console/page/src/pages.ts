@@ -15,6 +15,7 @@ export interface PageEntry {
 export const kPages: PageEntry[] = [
   { name: "rig", title: "Rig", load: () => import("./rig/page") },
   { name: "session", title: "Sessions", load: () => import("./session/page") },
+  { name: "queue", title: "Queue", load: () => import("./queue/page") },
   { name: "calibrations", title: "Calibrations", load: () => import("./rig/calibrations_page") },
   { name: "matte", title: "Matte", load: () => import("./matte/page") },
   { name: "play", title: "Play", load: () => import("./play/page") },

@@ -21,9 +21,11 @@
 #include "glasswing/v1/display_service.grpc.pb.h"
 #include "glasswing/v1/emission_service.grpc.pb.h"
 #include "glasswing/v1/fleet_service.grpc.pb.h"
+#include "glasswing/v1/job_service.grpc.pb.h"
 #include "glasswing/v1/live_service.grpc.pb.h"
 #include "glasswing/v1/matte_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
+#include "glasswing/v1/queue_service.grpc.pb.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
@@ -39,16 +41,18 @@ namespace {
 using Services =
     std::tuple<v1::ArchiveService::Service, v1::CalibrationService::Service, v1::CameraService::Service,
                v1::ConsoleService::Service, v1::DisplayService::Service, v1::EmissionService::Service,
-               v1::FleetService::Service, v1::LiveService::Service, v1::MatteService::Service,
-               v1::NodeService::Service, v1::RigService::Service, v1::SessionService::Service,
-               v1::StageService::Service, v1::WorkService::Service>;
+               v1::FleetService::Service, v1::JobService::Service, v1::LiveService::Service,
+               v1::MatteService::Service, v1::NodeService::Service, v1::QueueService::Service,
+               v1::RigService::Service, v1::SessionService::Service, v1::StageService::Service,
+               v1::WorkService::Service>;
 
 // "WorkService/ClaimTile" and so on, from all proto files that are linked here.
 std::set<std::string> all_methods() {
   (void)v1::RunLiveRequest::descriptor();  // links its file
   std::set<std::string> methods;
-  for (const char* name : {"archive", "calibration", "camera", "clock", "console", "display", "emission",
-                           "fleet", "live", "log", "matte", "node", "rig", "session", "stage", "work"}) {
+  for (const char* name :
+       {"archive", "calibration", "camera", "clock", "console", "display", "emission", "fleet", "job", "live",
+        "log", "matte", "node", "queue", "rig", "session", "stage", "work"}) {
     const auto* file = google::protobuf::DescriptorPool::generated_pool()->FindFileByName(
         fmt::format("glasswing/v1/{}_service.proto", name));
     EXPECT_NE(file, nullptr) << name;

@@ -107,7 +107,7 @@ TEST_F(FsckServer, WhatIsWholeIsClean) {
   const CheckReport report = check(true);
   EXPECT_EQ(report.kind, "server");
   EXPECT_TRUE(report.findings.empty()) << report.findings[0].file << ": " << report.findings[0].what;
-  EXPECT_EQ(report.file_count, 2 + 4 + 1 + 1 + 1 + 1);  // databases, mattes, tile, image, calibration, id
+  EXPECT_EQ(report.file_count, 3 + 4 + 1 + 1 + 1 + 1);  // databases, mattes, tile, image, calibration, id
 }
 
 TEST_F(FsckServer, ASessionWhoseMatteIsDamagedCanBeSolvedAgain) {

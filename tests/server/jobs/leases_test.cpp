@@ -240,5 +240,60 @@ TEST_P(JobContract, HandingBackIsNoFailure) {
   EXPECT_EQ(store_->counts(job)->quarantined, 0);
 }
 
+// The sessions of the next claims, each done at once.
+std::string next_sessions(JobStore& store, int count) {
+  const std::vector<std::string> computes{"gaussian/1"};
+  std::string sessions;
+  for (int i = 0; i < count; ++i) {
+    const std::optional<Lease> lease = store.claim("solver", computes, false).value();
+    if (!lease) return sessions + "-";
+    sessions += lease->session;
+    EXPECT_OK(store.complete(lease->id, result("tile")));
+  }
+  return sessions;
+}
+
+TEST_P(JobContract, AHigherClassGoesFirst) {
+  const std::int64_t film = create(3, "f"), middle = create(3, "m"), still = create(3, "s");
+  EXPECT_OK(store_->set_class(film, JobClass::kBatch));
+  EXPECT_OK(store_->set_class(still, JobClass::kInteractive));
+  EXPECT_TRUE(absl::IsNotFound(store_->set_class(still + 100, JobClass::kBatch)));
+  std::vector<std::string> order;
+  const std::vector<JobState> jobs = store_->jobs().value();
+  for (const JobState& job : jobs) order.push_back(job.session);
+  EXPECT_EQ(order, (std::vector<std::string>{"s", "m", "f"}));
+  EXPECT_EQ(next_sessions(*store_, 2), "ss");
+  EXPECT_OK(store_->suspend(middle));
+  EXPECT_EQ(next_sessions(*store_, 2), "sf");
+  EXPECT_OK(store_->resume(middle));
+  EXPECT_EQ(next_sessions(*store_, 6), "mmmff-");
+}
+
+TEST_P(JobContract, NoClassStarves) {
+  JobStoreOptions patient = options();
+  patient.class_waits = kShort;
+  open(patient);
+  const std::int64_t film = create(1, "f");
+  create(100'000, "s");
+  EXPECT_OK(store_->set_class(film, JobClass::kBatch));
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  EXPECT_EQ(next_sessions(*store_, 1), "s");
+  while (next_sessions(*store_, 1) != "f") ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+  EXPECT_GT(store_->jobs()->size(), 0u);  // it did not wait for the other's end
+}
+
+TEST_P(JobContract, OwnersTakeTurns) {
+  const auto create_of = [&](const std::string& owner, const std::string& session) {
+    const std::vector<TileRange> four(4, TileRange{0, 4});
+    return store_->create({.session = session, .owner = owner, .computes = "gaussian/1", .work = "w"}, four)
+        .value();
+  };
+  create_of("anna", "a");
+  create_of("anna", "b");
+  create_of("bob", "c");
+  // Anna's older solve first; Bob, who came last, has every second tile.
+  EXPECT_EQ(next_sessions(*store_, 12), "acacacacbbbb");
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -55,12 +55,15 @@ TEST_F(JobsFile, AnotherBootEndsLeases) {
   EXPECT_EQ(open().value()->claim("b", computes, false)->value().id.job, job);
 }
 
-TEST_F(JobsFile, JobsOfTheVersionBeforeGoOn) {
+TEST_F(JobsFile, JobsOfTheVersionsBeforeGoOn) {
+  const std::string kUndo =
+      "ALTER TABLE jobs DROP COLUMN priority; ALTER TABLE jobs DROP COLUMN owner; "
+      "ALTER TABLE tiles DROP COLUMN unsolved_pixels; ";
   const std::int64_t job =
       open().value()->create({.session = "s", .computes = "c", .work = ""}, ranges(1)).value();
-  run("ALTER TABLE tiles DROP COLUMN unsolved_pixels; PRAGMA user_version = 1");
+  run(kUndo + "PRAGMA user_version = 1");
   EXPECT_EQ(SqliteJobStore::open_unclaimed(path_).value()->counts(job)->tiles, 1);
-  run("ALTER TABLE tiles DROP COLUMN unsolved_pixels; PRAGMA user_version = 1");
+  run(kUndo + "PRAGMA user_version = 1");
   const auto after = open().value();
   const std::vector<std::string> computes{"c"};
   ASSERT_OK(after->complete(after->claim("a", computes, false)->value().id, result("tile")));
@@ -69,10 +72,10 @@ TEST_F(JobsFile, JobsOfTheVersionBeforeGoOn) {
 
 TEST_F(JobsFile, ANewerVersionIsRefused) {
   ASSERT_OK(open());
-  run("PRAGMA user_version = 3");
+  run("PRAGMA user_version = 4");
   const absl::Status refused = open().status();
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
-  EXPECT_NE(refused.message().find("version 3"), std::string::npos) << refused;
+  EXPECT_NE(refused.message().find("version 4"), std::string::npos) << refused;
 }
 
 }  // namespace

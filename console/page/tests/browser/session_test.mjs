@@ -450,6 +450,7 @@ const kPages = [
   ["play", "#/play/first", ".stage:visible"],
   ["rays-start", "#/rays", ".ray-choice"],
   ["fleet", "#/fleet", "table"],
+  ["queue", "#/queue", "main .card"],
 ];
 
 async function check_accessible(page) {

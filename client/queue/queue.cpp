@@ -1,0 +1,282 @@
+#include <fmt/format.h>
+
+#include <iostream>
+
+#include "client/cli/rpc.h"
+#include "client/queue/commands.h"
+#include "client/queue/queue_text.h"
+#include "client/queue/wish_options.h"
+#include "core/base/name.h"
+#include "core/base/status.h"
+#include "core/base/utf8.h"
+#include "core/cli/output.h"
+#include "core/pattern/plan.h"
+#include "glasswing/v1/queue_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+using Stub = v1::QueueService::Stub;
+using QueuePeer = Peer<v1::QueueService>;
+using Number = std::int64_t;
+
+constexpr int kRetries = 3;
+constexpr double kRetryWait_s = 60.0;
+
+QueuePeer server_of(const Client& client) {
+  return {client.server_title(), client.server};
+}
+
+// A call with a request id, made again where only its answer was lost.
+template <typename Request, typename Response>
+absl::StatusOr<Response> call_once(const QueuePeer& server,
+                                   grpc::Status (Stub::*rpc)(grpc::ClientContext*, const Request&, Response*),
+                                   Request request) {
+  request.set_request_id(random_token());
+  absl::StatusOr<Response> answer = call(server, rpc, request);
+  if (absl::IsDeadlineExceeded(answer.status())) answer = call(server, rpc, request);
+  return answer;
+}
+
+absl::StatusOr<v1::QueueItem> item_of(const QueuePeer& server, Number number) {
+  v1::GetQueueItemRequest request;
+  request.set_number(number);
+  GW_ASSIGN_OR_RETURN(v1::GetQueueItemResponse found, call(server, &Stub::GetQueueItem, request));
+  return std::move(*found.mutable_item());
+}
+
+absl::Status add_items(const Client& client, const std::string& plan, int times, const WishOptions& options) {
+  v1::AddQueueItemRequest request;
+  v1::QueueWish& wish = *request.mutable_wish();
+  GW_ASSIGN_OR_RETURN(*wish.mutable_plan(), read_plan(plan));
+  wish.set_retries(kRetries);
+  wish.set_retry_wait_s(kRetryWait_s);
+  GW_RETURN_IF_ERROR(enter_wish(options, wish));
+  if (times > 1 && !wish.session().empty() && wish.session().find("{item}") == std::string::npos)
+    return absl::InvalidArgumentError(
+        "--times makes several items; --session must tell them apart, as vase-{item}");
+  const QueuePeer server = server_of(client);
+  for (int i = 0; i < times; ++i) {
+    GW_ASSIGN_OR_RETURN(const v1::AddQueueItemResponse added,
+                        call_once(server, &Stub::AddQueueItem, request));
+    print_item(client, added.item());
+  }
+  if (client.json) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(const v1::GetQueueResponse queue, call(server, &Stub::GetQueue, {}));
+  if (!queue.queue().running()) std::cout << printable(state_text(queue.queue())) << "\n";
+  return absl::OkStatus();
+}
+
+absl::Status edit_item(const Client& client, Number number, const std::string& plan,
+                       const WishOptions& options) {
+  const QueuePeer server = server_of(client);
+  v1::EditQueueItemRequest request;
+  request.set_number(number);
+  GW_ASSIGN_OR_RETURN(const v1::QueueItem item, item_of(server, number));
+  *request.mutable_wish() = item.wish();
+  if (!plan.empty()) {
+    GW_ASSIGN_OR_RETURN(*request.mutable_wish()->mutable_plan(), read_plan(plan));
+  }
+  GW_RETURN_IF_ERROR(enter_wish(options, *request.mutable_wish()));
+  GW_ASSIGN_OR_RETURN(const v1::EditQueueItemResponse edited, call(server, &Stub::EditQueueItem, request));
+  print_item(client, edited.item());
+  return absl::OkStatus();
+}
+
+absl::Status set_queue(const Client& client, bool running) {
+  v1::SetQueueRequest request;
+  request.set_running(running);
+  GW_ASSIGN_OR_RETURN(const v1::SetQueueResponse set, call(server_of(client), &Stub::SetQueue, request));
+  if (client.json) {
+    print_json(set.queue());
+  } else {
+    std::cout << printable(state_text(set.queue())) << "\n";
+  }
+  return absl::OkStatus();
+}
+
+// Of an item that has the rig already the queue itself is paused.
+absl::Status stop_after(const Client& client, Number number) {
+  GW_ASSIGN_OR_RETURN(const v1::QueueItem item, item_of(server_of(client), number));
+  if (item.state() != v1::QUEUE_ITEM_STATE_WAITING) return set_queue(client, false);
+  WishOptions options;
+  options.pause_after = true;
+  return edit_item(client, number, "", options);
+}
+
+CLI::App& add_verb(CLI::App& queue, const std::string& verb, const std::string& help,
+                   const std::string& examples) {
+  CLI::App& command = *queue.add_subcommand(verb, help);
+  command.footer("Examples:\n" + examples);
+  return command;
+}
+
+std::shared_ptr<Number> add_number(CLI::App& command, const std::string& help = "the item's number") {
+  auto number = std::make_shared<Number>(0);
+  command.add_option("item", *number, help)->required()->check(CLI::PositiveNumber);
+  return number;
+}
+
+// A verb that calls with the item's number and prints the item.
+template <typename Request, typename Response>
+void add_number_verb(CLI::App& queue, Client& client, const std::string& verb, const std::string& help,
+                     grpc::Status (Stub::*rpc)(grpc::ClientContext*, const Request&, Response*)) {
+  CLI::App& command = add_verb(queue, verb, help, fmt::format("  glasswing queue {} 7", verb));
+  const auto number = add_number(command);
+  command.callback([&client, number, rpc] {
+    client.run = [&client, number, rpc]() -> absl::Status {
+      Request request;
+      request.set_number(*number);
+      GW_ASSIGN_OR_RETURN(const Response answer, call(server_of(client), rpc, request));
+      if constexpr (requires { answer.item(); }) print_item(client, answer.item());
+      return absl::OkStatus();
+    };
+  });
+}
+
+void add_add_verb(CLI::App& queue, Client& client) {
+  CLI::App& command = add_verb(
+      queue, "add", "Add a capture to the end of the queue.",
+      "  glasswing queue add deploy/plans/crystal.txtpb --session vase --solve\n"
+      "  glasswing queue add deploy/plans/crystal.txtpb --session 'vase-{item}' --times 8 --approval\n"
+      "  glasswing queue add vase.txtpb --session vase-200 --rail-mm back:200 --doctor --retries 5\n"
+      "  glasswing queue add vase.txtpb --session night --not-before \"$(date -d 20:00 +%FT%T%:z)\"");
+  auto plan = std::make_shared<std::string>();
+  auto times = std::make_shared<int>(1);
+  auto options = std::make_shared<WishOptions>();
+  command.add_option("plan", *plan, "the plan, a .txtpb file without photos")->required();
+  command.add_option("--times", *times, "add as many such items; the session needs {item} then")
+      ->check(CLI::Range(1, 1000));
+  add_wish_options(command, options);
+  command.callback([&client, plan, times, options] {
+    client.run = [&client, plan, times, options] { return add_items(client, *plan, *times, *options); };
+  });
+}
+
+void add_edit_verb(CLI::App& queue, Client& client) {
+  CLI::App& command =
+      add_verb(queue, "edit", "Change an item that waits; what is left out stays, but an approval ends.",
+               "  glasswing queue edit 7 --exposure-ms 4,16\n"
+               "  glasswing queue edit 7 --plan deploy/plans/quick.txtpb --no-solve");
+  const auto number = add_number(command);
+  auto plan = std::make_shared<std::string>();
+  auto options = std::make_shared<WishOptions>();
+  command.add_option("--plan", *plan, "another plan, a .txtpb file");
+  add_wish_options(command, options);
+  command.callback([&client, number, plan, options] {
+    client.run = [&client, number, plan, options] { return edit_item(client, *number, *plan, *options); };
+  });
+}
+
+void add_list_verbs(CLI::App& queue, Client& client) {
+  CLI::App& list = add_verb(queue, "list", "List the items in the order of work.",
+                            "  glasswing queue list\n  glasswing queue list --all --json");
+  auto all = std::make_shared<bool>(false);
+  list.add_flag("--all", *all, "also those that are done or failed");
+  list.callback([&client, all] {
+    client.run = [&client, all]() -> absl::Status {
+      v1::GetQueueRequest request;
+      request.set_ended(*all);
+      GW_ASSIGN_OR_RETURN(const v1::GetQueueResponse answer,
+                          call_pages(server_of(client), &Stub::GetQueue, request));
+      print_queue(client, answer);
+      return absl::OkStatus();
+    };
+  });
+  CLI::App& history =
+      add_verb(queue, "history", "Say who did what to the queue, when, and why; the newest first.",
+               "  glasswing queue history\n  glasswing queue history --item 7 --tsv");
+  auto item = std::make_shared<Number>(0);
+  history.add_option("--item", *item, "of this item alone")->check(CLI::PositiveNumber);
+  history.callback([&client, item] {
+    client.run = [&client, item]() -> absl::Status {
+      v1::ListQueueHistoryRequest request;
+      request.set_item(*item);
+      GW_ASSIGN_OR_RETURN(const v1::ListQueueHistoryResponse answer,
+                          call_pages(server_of(client), &Stub::ListQueueHistory, request));
+      print_history(client, answer);
+      return absl::OkStatus();
+    };
+  });
+}
+
+void add_move_verb(CLI::App& queue, Client& client) {
+  CLI::App& command = add_verb(queue, "move", "Move an item that waits.",
+                               "  glasswing queue move 7 --before 3\n  glasswing queue move 7 --last");
+  const auto number = add_number(command);
+  auto before = std::make_shared<Number>(0);
+  auto last = std::make_shared<bool>(false);
+  CLI::Option* const to_end = command.add_flag("--last", *last, "to the end");
+  command.add_option("--before", *before, "before this item, which waits too")
+      ->check(CLI::PositiveNumber)
+      ->excludes(to_end);
+  command.callback([&client, number, before, last] {
+    client.run = [&client, number, before, last]() -> absl::Status {
+      if (*before == 0 && !*last) return absl::InvalidArgumentError("say where to: --before ITEM, or --last");
+      v1::MoveQueueItemRequest request;
+      request.set_number(*number);
+      request.set_before(*before);
+      GW_ASSIGN_OR_RETURN(const v1::MoveQueueItemResponse moved,
+                          call(server_of(client), &Stub::MoveQueueItem, request));
+      print_item(client, moved.item());
+      return absl::OkStatus();
+    };
+  });
+}
+
+void add_duplicate_verb(CLI::App& queue, Client& client) {
+  CLI::App& command = add_verb(queue, "duplicate", "Add a copy of an item, also of one that has ended.",
+                               "  glasswing queue duplicate 7");
+  const auto number = add_number(command);
+  command.callback([&client, number] {
+    client.run = [&client, number]() -> absl::Status {
+      v1::DuplicateQueueItemRequest request;
+      request.set_number(*number);
+      GW_ASSIGN_OR_RETURN(const v1::DuplicateQueueItemResponse added,
+                          call_once(server_of(client), &Stub::DuplicateQueueItem, request));
+      print_item(client, added.item());
+      return absl::OkStatus();
+    };
+  });
+}
+
+void add_queue_verbs(CLI::App& queue, Client& client) {
+  CLI::App& start =
+      add_verb(queue, "start", "Run what the queue has, and what is added later.", "  glasswing queue start");
+  start.callback([&client] { client.run = [&client] { return set_queue(client, true); }; });
+  CLI::App& pause =
+      add_verb(queue, "pause", "Begin no further item; the running one goes on.", "  glasswing queue pause");
+  pause.callback([&client] { client.run = [&client] { return set_queue(client, false); }; });
+  CLI::App& stop =
+      add_verb(queue, "stop-after", "Pause the queue once an item has been captured or has failed.",
+               "  glasswing queue stop-after 7");
+  const auto number = add_number(stop);
+  stop.callback(
+      [&client, number] { client.run = [&client, number] { return stop_after(client, *number); }; });
+}
+
+}  // namespace
+
+void add_queue_commands(CLI::App& app, Client& client) {
+  CLI::App& queue = *app.add_subcommand("queue", "Captures that the server runs one after the other.");
+  queue.require_subcommand(1);
+  queue.footer(
+      "Examples:\n"
+      "  glasswing queue add deploy/plans/crystal.txtpb --session vase --solve\n"
+      "  glasswing queue start\n"
+      "  glasswing queue list");
+  add_add_verb(queue, client);
+  add_list_verbs(queue, client);
+  add_number_verb(queue, client, "show", "Show an item; with --json all of it.", &Stub::GetQueueItem);
+  add_edit_verb(queue, client);
+  add_move_verb(queue, client);
+  add_duplicate_verb(queue, client);
+  add_number_verb(queue, client, "remove", "Remove an item that is not being captured; its session stays.",
+                  &Stub::RemoveQueueItem);
+  add_number_verb(queue, client, "run", "Run an item next, also while the queue is paused, and approve it.",
+                  &Stub::RunQueueItem);
+  add_number_verb(queue, client, "approve", "Approve an item that waits for it.", &Stub::ApproveQueueItem);
+  add_queue_verbs(queue, client);
+}
+
+}  // namespace glasswing
