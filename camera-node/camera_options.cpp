@@ -1,14 +1,10 @@
 #include "camera-node/camera_options.h"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
-
 #include <algorithm>
 
 #include "camera-node/backend_table.h"
 #include "core/base/scanner.h"
 #include "core/base/status.h"
-#include "core/daemon/daemon_options.h"
 
 namespace glasswing {
 namespace {
@@ -64,12 +60,7 @@ void add_shared_options(CLI::App& app, CameraOptions& camera) {
 }  // namespace
 
 absl::StatusOr<OpenedCamera> CameraOptions::open(const CLI::App& app) const {
-  for (const auto& [option, takers] : takers_of) {
-    if (app.count(option) == 0 || std::ranges::find(takers, backend) != takers.end()) continue;
-    return absl::InvalidArgumentError(
-        fmt::format("{} is given with --backend {}; it must be left out, or used with --backend {}", option,
-                    backend, fmt::join(takers, " or ")));
-  }
+  GW_RETURN_IF_ERROR(backend_options.check(app, backend));
   CameraSettings given = settings;
   if (!size.empty()) {
     GW_ASSIGN_OR_RETURN(given.size, parse_size(size));
@@ -85,13 +76,8 @@ void add_camera_options(CLI::App& app, DaemonOptions& daemon, CameraOptions& cam
   add_camera_choice(app, camera);
   add_shared_options(app, camera);
   for (const CameraBackend& backend : camera.backends) {
-    const size_t before = app.get_options().size();
-    backend.add_options(app);
-    const std::vector<CLI::Option*> options = app.get_options();
-    for (size_t i = before; i < options.size(); ++i)
-      camera.takers_of[options[i]->get_name()].emplace_back(backend.name);
-    for (const std::string_view option : backend.shared)
-      camera.takers_of[std::string(option)].emplace_back(backend.name);
+    camera.backend_options.add(app, backend.name, backend.add_options);
+    for (const std::string_view option : backend.shared) camera.backend_options.share(backend.name, option);
   }
   app.add_option("--stage", camera.stage, "who moves the object; manual without --backend sim")
       ->check(CLI::IsMember({"sim", "manual"}))

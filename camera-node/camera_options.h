@@ -2,7 +2,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +10,7 @@
 #include "camera-node/backends/sim_camera.h"
 #include "camera-node/camera_backend.h"
 #include "core/daemon/daemon.h"
+#include "core/daemon/daemon_options.h"
 
 namespace glasswing {
 
@@ -25,8 +25,7 @@ struct CameraOptions {
   absl::StatusOr<OpenedCamera> open(const CLI::App& app) const;
 
   std::vector<CameraBackend> backends;  // all there are
-  std::map<std::string, std::vector<std::string>> takers_of =
-      {};            // backends that take an option, by its name
+  BackendOptions backend_options;
   std::string size;  // as given
 };
 

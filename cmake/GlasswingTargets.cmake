@@ -28,10 +28,11 @@ endif()
 # Enables our warnings for this target only, not for targets that link to it.
 function(glasswing_warnings target)
   # g++ 12 wrongly reports absl::StatusOr's storage as uninitialized. It takes a .cpp that a unity build
-  # includes for a header.
+  # includes for a header. Indices are signed (-Wconversion of g++ allows that, clang's does not).
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
                          $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>
-                         $<$<BOOL:${CMAKE_UNITY_BUILD}>:-Wno-subobject-linkage>
+                         $<$<CXX_COMPILER_ID:Clang>:-Wno-sign-conversion>
+                         $<$<AND:$<BOOL:${CMAKE_UNITY_BUILD}>,$<CXX_COMPILER_ID:GNU>>:-Wno-subobject-linkage>
                          $<$<BOOL:${GLASSWING_WERROR}>:-Werror>)
 endfunction()
 

@@ -7,11 +7,9 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
-#include "core/daemon/daemon_options.h"
 #include "display-node/backends/light_tap.h"
 #include "display-node/backends/repeating_display.h"
 #include "display-node/display_metrics.h"
-#include "display-node/open_display.h"
 #include "display-node/open_rails.h"
 #include "display-node/services/display_service.h"
 #include "display-node/services/emission_service.h"
@@ -34,13 +32,12 @@ v1::RegisterRequest node_of(const std::string& name, const Display& display) {
 }  // namespace
 
 absl::Status run_display(const CLI::App& app, const DaemonOptions& daemon, const DisplayOptions& options) {
-  GW_RETURN_IF_ERROR(check_simulated_options(app, options.backend));
   GW_RETURN_IF_ERROR(check_name("node", options.name));
   GW_ASSIGN_OR_RETURN(const TrueOptics optics, options.true_optics());
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Display> screens, open_display(options));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Display> screens, options.open(app));
   LightTap tap(*screens);
   std::optional<RepeatingDisplay> repeating;
-  if (options.repeat > 0.0) repeating.emplace(tap, options.repeat, options.faults.seed);
+  if (options.repeat > 0.0) repeating.emplace(tap, options.repeat, options.fault_seed);
   Display& display = repeating ? static_cast<Display&>(*repeating) : tap;
   GW_ASSIGN_OR_RETURN(const PatchRows patch_rows, options.patches());
   GW_RETURN_IF_ERROR(DisplayServiceImpl::check_patch(display, patch_rows));

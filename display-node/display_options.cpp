@@ -1,10 +1,16 @@
 #include "display-node/display_options.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
 #include <charconv>
+#include <set>
 
 #include "core/base/scanner.h"
+#include "core/base/status.h"
 #include "core/base/time.h"
-#include "core/daemon/daemon_options.h"
+#include "display-node/backend_table.h"
 
 namespace glasswing {
 namespace {
@@ -16,14 +22,16 @@ nanoseconds of_ms(double ms) {
 void add_screen_options(CLI::App& app, DisplayOptions& display) {
   app.add_option("--server", display.server, "host:port of glasswing-server, to register with");
   app.add_option("--name", display.name, "this node's name in the rig")->capture_default_str();
+  std::vector<std::string> names, forms;
+  for (const DisplayBackend& backend : display.backends) {
+    names.emplace_back(backend.name);
+    forms.push_back(fmt::format("{}: {}", backend.name, backend.monitor_form));
+  }
   app.add_option("--backend", display.backend, "how pictures reach screens")
-      ->check(CLI::IsMember({"sim", "x11", "kms"}))
+      ->check(CLI::IsMember(names))
       ->capture_default_str();
-  app.add_option(
-      "--monitor", display.monitors,
-      "sim: NAME=WIDTHxHEIGHT@HZ, back=128x96@60 if left out; x11: NAME=OUTPUT as xrandr calls it; kms: "
-      "NAME=[CARD:]CONNECTOR[@WIDTHxHEIGHT[@HZ]]; all monitors if left out; repeat for more");
-  app.add_option("--x11-server", display.x11_server, "x11: which, such as :0; $DISPLAY if left out");
+  app.add_option("--monitor", display.monitors,
+                 fmt::format("{}; all monitors if left out; repeat for more", fmt::join(forms, "; ")));
   app.add_option(
          "--patch-rows", display.patch_rows,
          "ROWS at the bottom of every monitor that show an id patch, by which frames are proven from their "
@@ -90,30 +98,40 @@ void add_true_light_options(CLI::App& app, DisplayOptions& display) {
                  "AMPLITUDE@HZ, such as 0.1@100: multiplies that light by 1 + AMPLITUDE sin(2 pi HZ t)");
 }
 
-void add_fault_options(CLI::App& app, DisplayOptions& display) {
-  app.add_option("--fault-missed-flips", display.faults.missed_flips,
-                 "sim: probability that a flip is a refresh late")
-      ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--fault-jitter-ms", display.jitter_ms,
-                 "sim: each scan-out begins up to this late, and is reported so; less than a refresh")
-      ->check(CLI::Range(0.0, 1000.0));
+// Of a display that lies.
+void add_repeat_options(CLI::App& app, DisplayOptions& display) {
   app.add_option(
          "--fault-repeat", display.repeat,
          "sim: probability that the old picture stays a refresh longer than is reported: a display that lies")
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--fault-seed", display.faults.seed, "sim: seed of the faults");
+  app.add_option("--fault-seed", display.fault_seed, "sim: seed of the faults");
 }
 
 }  // namespace
 
-nanoseconds DisplayOptions::lag() const {
-  return of_ms(lag_ms);
-}
-nanoseconds DisplayOptions::settle() const {
-  return of_ms(settle_ms);
-}
-nanoseconds DisplayOptions::jitter() const {
-  return of_ms(jitter_ms);
+absl::StatusOr<std::unique_ptr<Display>> DisplayOptions::open(const CLI::App& app) const {
+  constexpr size_t kMaxMonitors = 16;
+  GW_RETURN_IF_ERROR(backend_options.check(app, backend));
+  if (monitors.size() > kMaxMonitors) {
+    return absl::InvalidArgumentError(
+        fmt::format("--monitor is given {} times; it must be 1 to {}", monitors.size(), kMaxMonitors));
+  }
+  const DisplayBackend& chosen = *std::ranges::find(backends, backend, &DisplayBackend::name);
+  if (bits && std::ranges::find(chosen.bits, *bits) == chosen.bits.end()) {
+    return absl::InvalidArgumentError(fmt::format("--bits is {}; with --backend {} it must be {}", *bits,
+                                                  backend, fmt::join(chosen.bits, " or ")));
+  }
+  GW_ASSIGN_OR_RETURN(std::unique_ptr<Display> display, chosen.open({.monitors = monitors,
+                                                                     .bits = bits,
+                                                                     .lag = of_ms(lag_ms),
+                                                                     .settle = of_ms(settle_ms),
+                                                                     .fault_seed = fault_seed}));
+  std::set<std::string> names;
+  for (const ScreenInfo& screen : display->screens()) {
+    if (!names.insert(screen.name).second)
+      return absl::InvalidArgumentError("--monitor names \"" + screen.name + "\" twice");
+  }
+  return display;
 }
 
 absl::StatusOr<PatchRows> DisplayOptions::patches() const {
@@ -158,15 +176,20 @@ absl::StatusOr<TrueOptics> DisplayOptions::true_optics() const {
 void add_display_options(CLI::App& app, DaemonOptions& daemon, DisplayOptions& display) {
   daemon.listen.address = "127.0.0.1:7441";
   add_listen_options(app, daemon.listen);
+  display.backends = display_backends();
   add_screen_options(app, display);
-  add_true_timing_options(app, display);
   app.add_option(
          "--bits", display.bits,
          "of a code; sim: 8 to 16, 16 if left out, which is ideal: calibrated monitors have 8 to 12; x11, "
          "kms: 8, or 10 where the screen has them, 8 if left out")
       ->check(CLI::Range(8, 16));
-  add_true_light_options(app, display);
-  add_fault_options(app, display);
+  for (const DisplayBackend& backend : display.backends)
+    display.backend_options.add(app, backend.name, backend.add_options);
+  display.backend_options.add(app, "sim", [&display](CLI::App& options) {
+    add_true_timing_options(options, display);
+    add_true_light_options(options, display);
+    add_repeat_options(options, display);
+  });
   add_tls_options(app, daemon.tls);
 }
 

@@ -33,12 +33,10 @@ void print_samples(const LaneSamples& lane, const LaneFit& fit, const SweptMonit
                              std::atan2(sweep.axis.sin_phi, sweep.axis.cos_phi) * 180.0 / M_PI,
                              sweep.axis.sigma_px);
     for (int i = 0; i < sweep.count; ++i) {
-      const auto at = static_cast<size_t>(sweep.first + i);
-      const double r = sweep.first_r_px + static_cast<double>(monitor.samples.offset_px[at]),
-                   y = static_cast<double>(lane.sweeps.y[at]),
-                   weight = static_cast<double>(lane.sweeps.weight[at]);
-      double model =
-          (fit.fit.floor + lane.black - lane.baseline) * static_cast<double>(lane.sweeps.floor_answer[at]);
+      const size_t at = sweep.first + i;
+      const double r = sweep.first_r_px + monitor.samples.offset_px[at], y = lane.sweeps.y[at],
+                   weight = lane.sweeps.weight[at];
+      double model = (fit.fit.floor + lane.black - lane.baseline) * lane.sweeps.floor_answer[at];
       for (const Footprint& mode : fit.fit.modes) model += response(mode, sweep.axis, r, monitor.extent);
       const double off = (y - model) * std::sqrt(weight) / noise;
       if (std::max(y, model) > kShown * noise || std::abs(off) > kShown)
@@ -70,9 +68,8 @@ void print_lane(const StackSolver::Explained& lane, const std::vector<SweptMonit
     const LaneSamples& samples = lane.samples[m];
     const LaneFit& fit = lane.fits[m];
     std::cout << fmt::format("{} on monitor {}: black {:.5f}, without stripes {:.5f}, noise {:.5f}\n",
-                             kChannelNames[static_cast<size_t>(lane.channel)],
-                             manifest.monitors(monitors[m].texture).name(), samples.black, samples.baseline,
-                             samples.noise_sd);
+                             kChannelNames[lane.channel], manifest.monitors(monitors[m].texture).name(),
+                             samples.black, samples.baseline, samples.noise_sd);
     print_samples(samples, fit, monitors[m]);
     print_areas(samples, fit, monitors[m]);
     for (size_t s = 0; s < samples.peaks.size(); ++s) {
@@ -118,11 +115,11 @@ absl::Status explain(const Explain& arguments) {
                    .owner = nullptr,
                    .mosaic = mosaic_of(manifest.camera())};
   GW_ASSIGN_OR_RETURN(stack.brightness, measure_brightness_drift(manifest, read_row));
-  stack.rows.resize(static_cast<size_t>(manifest.frames_size()));
+  stack.rows.resize(manifest.frames_size());
   const auto owner = std::make_shared<std::vector<FrameSamples>>();
   for (const int frame : frames_of(layout)) {
     GW_ASSIGN_OR_RETURN(FrameSamples row, archive->read(frame, arguments.y, 1));
-    stack.rows[static_cast<size_t>(frame)] = row.samples;
+    stack.rows[frame] = row.samples;
     owner->push_back(std::move(row));
   }
   stack.owner = owner;

@@ -40,7 +40,7 @@ bool alike_ms(double a_ms, double b_ms) {
 
 absl::StatusOr<std::string> read_limited(const fs::path& path) {
   std::error_code error;
-  const auto size = static_cast<std::int64_t>(fs::file_size(path, error));
+  const std::int64_t size = fs::file_size(path, error);
   if (!error && size > kMaxRawBytes)
     return absl::DataLossError(fmt::format("it has {} bytes; a picture may have {}", size, kMaxRawBytes));
   return read_file(path);

@@ -215,7 +215,7 @@ absl::Status LibcameraCamera::learn_rate() {
     before = std::move(frame);
   }
   run_.reset();
-  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
+  const auto middle = intervals.begin() + intervals.size() / 2;
   std::nth_element(intervals.begin(), middle, intervals.end());
   if (intervals.empty() || middle->count() <= 0) {
     return absl::UnavailableError(

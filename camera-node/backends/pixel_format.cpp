@@ -129,7 +129,7 @@ const DecodeTable& decode_table(Transfer transfer) {
 
 // The code of sample `x` of a row.
 std::uint16_t code_at(const PixelFormat& format, const std::uint8_t* row, size_t x) {
-  const size_t bits = static_cast<size_t>(format.bits);
+  const size_t bits = format.bits;
   switch (format.packing) {
     case Packing::kCsi2: {
       const size_t group = bits == 10 ? 4 : 2, low_bits = bits - 8;
@@ -160,7 +160,7 @@ void unpack_row(const PixelFormat& format, const std::uint8_t* row, std::span<st
 }
 
 absl::Status check_bytes(const RawPicture& picture) {
-  const size_t rows = static_cast<size_t>(picture.height_px);
+  const size_t rows = picture.height_px;
   const std::vector<size_t> plane_rows = picture.format->kind == Kind::kNv12
                                              ? std::vector<size_t>{rows, (rows + 1) / 2}
                                              : std::vector<size_t>{rows};
@@ -179,13 +179,13 @@ absl::Status check_bytes(const RawPicture& picture) {
 
 Image16 image_of_raw(const RawPicture& picture) {
   const int width = picture.width_px, height = picture.height_px;
-  const double full = static_cast<double>((1 << picture.format->bits) - 1);
+  const double full = (1 << picture.format->bits) - 1;
   DecodeTable linear(static_cast<size_t>(full) + 1);
   for (size_t code = 0; code < linear.size(); ++code) {
     linear[code] = code16_of(
         static_cast<float>((static_cast<double>(code) / full - picture.black) / (1.0 - picture.black)));
   }
-  std::vector<std::uint16_t> codes(static_cast<size_t>(width));
+  std::vector<std::uint16_t> codes(width);
   const int channels = picture.format->kind == Kind::kBayer ? 1 : 3;
   Image16 image(width, height, channels);
   std::uint16_t* to = image.samples.data();
@@ -281,7 +281,7 @@ int PixelFormat::group_px() const {
 }
 
 size_t row_bytes(const PixelFormat& format, int width_px) {
-  const size_t width = static_cast<size_t>(width_px);
+  const size_t width = width_px;
   if (format.kind == Kind::kRgb) return width * format.order.size();
   if (format.kind == Kind::kYuv422) return (width + 1) / 2 * 4;
   if (format.packing == Packing::kGige) return (width + 1) / 2 * 3;

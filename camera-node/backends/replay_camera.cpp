@@ -105,7 +105,7 @@ v1::GetCameraResponse ReplayCamera::describe() const {
     longest_ms = std::max(longest_ms, replayed.frame.exposure_ms());
     readout = std::max(readout, replayed.length - exposure_of(replayed.frame));
   }
-  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
+  const auto middle = intervals.begin() + intervals.size() / 2;
   std::nth_element(intervals.begin(), middle, intervals.end());
   response.set_frame_rate_hz(1e9 / static_cast<double>(middle->count()));
   response.set_min_exposure_ms(shortest_ms);

@@ -213,7 +213,7 @@ absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
   for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);
   GW_ASSIGN_OR_RETURN(const StageTransports through, stage(monitors));
   const nanoseconds middle = options_.clock.reading_at((window.start + end_of(window)) / 2);
-  const auto phase = static_cast<size_t>(motion_.phase_at(middle));
+  const size_t phase = motion_.phase_at(middle);
   RadianceImage radiance = integrate(exposed.object ? *through.phases[phase] : *through.empty, emission,
                                      window, options_.sensor.readout);
   if (blurs()) radiance = through_lens(radiance, options_.blur_sigma_px);

@@ -46,7 +46,7 @@ Structure structure_of(const Image16& image, std::uint16_t full_scale) {
   Structure structure(full_scale);
   const auto run = [&](int x, int y, int dx, int dy) {
     std::array<std::uint16_t, kReach + 1> samples;
-    for (int i = 0; i <= kReach; ++i) samples[static_cast<size_t>(i)] = image.at(x + i * dx, y + i * dy, 1);
+    for (int i = 0; i <= kReach; ++i) samples[i] = image.at(x + i * dx, y + i * dy, 1);
     structure.add(samples);
   };
   for (int y = 0; y < image.height_px; ++y) {

@@ -266,7 +266,7 @@ class Reader {
 
 std::string PhotographList::place(int frame) const {
   if (lines.empty()) return path.string();
-  return fmt::format("{}:{}", path.string(), lines[static_cast<size_t>(frame)]);
+  return fmt::format("{}:{}", path.string(), lines[frame]);
 }
 
 absl::Status check_white(const std::filesystem::path& path, int largest, int bits) {

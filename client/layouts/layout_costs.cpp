@@ -107,10 +107,10 @@ std::vector<double> LayoutCosts::costs_of_bars(size_t axis, int first, int bits,
     const PatternView::Look &one = view_.look(first + i), &other = view_.look(first + i + 1);
     // White and black are no fine bars.
     const bool solids = std::max(one.low, other.low) > 0.75 && std::min(one.high, other.high) < 0.25;
-    if (pairs && solids && i / shots > 1) costs[static_cast<size_t>(i)] += kWorst;
+    if (pairs && solids && i / shots > 1) costs[i] += kWorst;
     if (!one.has_bars() || !other.has_bars()) continue;
     const double error = complement_error(first + i);
-    double& cost = costs[static_cast<size_t>(i)];
+    double& cost = costs[i];
     if (pairs) cost += std::clamp((error - kComplement) / kComplementSd, 0.0, kWorst);
     if (!pairs && error < kSurelyComplements) cost += 4.0;
   }
@@ -153,7 +153,7 @@ double LayoutCosts::wave(size_t axis, int first, int steps) {
   const auto uneven = [&](int left_out) {
     double most = 0.0;
     for (int k = 0; k < steps; ++k) {
-      if (k != left_out) most = std::max(most, square((edges[static_cast<size_t>(k)] - usual) / kOctaveSd));
+      if (k != left_out) most = std::max(most, square((edges[k] - usual) / kOctaveSd));
     }
     return 0.5 * most;
   };

@@ -218,7 +218,7 @@ class Guesser {
       constexpr size_t kNamed = 4;
       std::vector<std::string> names;
       for (size_t i = 0; i < std::min(photographs.size(), kNamed); ++i)
-        names.push_back(files_[static_cast<size_t>(photographs[i])]);
+        names.push_back(files_[photographs[i]]);
       if (photographs.size() > kNamed) names.push_back(fmt::format("{} more", photographs.size() - kNamed));
       bad.push_back(fmt::format("{} should {} {}", fmt::join(names, ", "),
                                 is_solid(span.block) ? "be" : "show", shown_in(span)));

@@ -15,8 +15,8 @@ struct LayoutSpan {
   size_t axis() const { return axis_of(block); }
   // "00.png to 19.png"
   std::string range(const std::vector<std::string>& files) const {
-    const std::string& one = files[static_cast<size_t>(first)];
-    return count == 1 ? one : one + " to " + files[static_cast<size_t>(first + count - 1)];
+    const std::string& one = files[first];
+    return count == 1 ? one : one + " to " + files[first + count - 1];
   }
 };
 

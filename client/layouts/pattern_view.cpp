@@ -38,7 +38,7 @@ Range range_of(const SampledLines& lines) {
   std::vector<float> codes(count);
   for (size_t i = 0; i < lines.size(); ++i) {
     for (size_t k = 0; k < count; ++k) codes[k] = lines.codes[k][i];
-    const auto low = codes.begin() + static_cast<std::ptrdiff_t>(passed_over),
+    const auto low = codes.begin() + passed_over,
                high = codes.end() - 1 - static_cast<std::ptrdiff_t>(passed_over);
     std::ranges::nth_element(codes, low);
     range.low.push_back(*low);
@@ -90,7 +90,7 @@ PatternView::Look PatternView::look_at(size_t photograph) const {
   const double dark = look.low + 1.5 * quarter, light = look.high - 1.5 * quarter;
   for (size_t axis = 0; axis < 2; ++axis) {
     const std::vector<float>& values = lines_[axis].values.codes[photograph];
-    const auto length = static_cast<size_t>(lines_[axis].values.length_px);
+    const size_t length = lines_[axis].values.length_px;
     double edges = 0.0, places = 0.0, lines = 0.0;
     int side = 0;  // the last clear value's: -1 dark, 1 light
     size_t line = lines_[axis].values.size();
@@ -112,7 +112,7 @@ PatternView::Look PatternView::look_at(size_t photograph) const {
 
 double PatternView::own_value(const Lines& lines, int photograph, size_t at) const {
   const Look& seen = look(photograph);
-  const double v = static_cast<double>(lines.values.codes[static_cast<size_t>(photograph)][at]);
+  const double v = lines.values.codes[photograph][at];
   const double range = seen.high - seen.low;
   return std::clamp(range < kMinContrast ? v : (v - seen.low) / range, 0.0, 1.0);
 }
@@ -148,7 +148,7 @@ int PatternView::edge_at(const Lines& lines, const BarShots& bars, size_t from) 
 
 PatternView::EdgeCounts PatternView::edges(const BarShots& coarse, const BarShots& fine, size_t axis) const {
   const Lines& lines = lines_[axis];
-  const auto length = static_cast<size_t>(lines.values.length_px);
+  const size_t length = lines.values.length_px;
   EdgeCounts counts;
   for (size_t start = 0; start < lines.values.size(); start += length) {
     for (size_t from = start; from + kSpan < start + length; ++from) {
@@ -171,7 +171,7 @@ std::vector<std::complex<double>> PatternView::phasors(const Lines& lines, int f
   std::vector<std::complex<double>> phasors(lines.values.size());
   for (int k = 0; k < steps; ++k) {
     const std::complex<double> turn = std::polar(2.0 / steps, 2.0 * std::numbers::pi * k / steps);
-    const std::vector<float>& values = lines.values.codes[static_cast<size_t>(first + k)];
+    const std::vector<float>& values = lines.values.codes[first + k];
     for (size_t i = 0; i < phasors.size(); ++i) {
       if (lines.lit[i] != 0) phasors[i] += static_cast<double>(values[i]) * turn;
     }
@@ -183,7 +183,7 @@ PatternView::EdgePhases PatternView::phases_at_edges(const BarShots& bars, int f
                                                      size_t axis) const {
   const Lines& lines = lines_[axis];
   const std::vector<std::complex<double>> wave = phasors(lines, first, steps);
-  const auto length = static_cast<size_t>(lines.values.length_px);
+  const size_t length = lines.values.length_px;
   EdgePhases phases;
   for (size_t start = 0; start < lines.values.size(); start += length) {
     for (size_t from = start; from + kSpan < start + length; ++from) {
@@ -204,7 +204,7 @@ PatternView::EdgePhases PatternView::phases_at_edges(const BarShots& bars, int f
 double PatternView::beat_rad(int first, int other, int steps, size_t axis) const {
   const std::vector<std::complex<double>> one = phasors(lines_[axis], first, steps),
                                           two = phasors(lines_[axis], other, steps);
-  const auto length = static_cast<size_t>(lines_[axis].values.length_px);
+  const size_t length = lines_[axis].values.length_px;
   std::complex<double> turn;
   for (size_t i = 0; i + 1 < one.size(); ++i) {
     if ((i + 1) % length != 0)
@@ -233,7 +233,7 @@ WaveRows wave_rows(int steps, int left_out) {
   const Eigen::Matrix<double, 3, Eigen::Dynamic> fit =
       (design.transpose() * design).ldlt().solve(design.transpose());
   for (Eigen::Index row = 0; row < 3; ++row) {
-    for (int k = 0; k < steps; ++k) rows.fit[static_cast<size_t>(row)].push_back(fit(row, k));
+    for (int k = 0; k < steps; ++k) rows.fit[row].push_back(fit(row, k));
   }
   return rows;
 }
@@ -242,7 +242,7 @@ WaveRows wave_rows(int steps, int left_out) {
 
 void PatternView::gather(size_t axis) {
   const Lines& lines = lines_[axis];
-  const auto length = static_cast<size_t>(lines.values.length_px);
+  const size_t length = lines.values.length_px;
   std::vector<std::pair<std::ptrdiff_t, size_t>> by_light;
   for (size_t start = 0; start < lines.values.size(); start += length)
     by_light.emplace_back(-std::count(&lines.lit[start], &lines.lit[start] + length, 1), start);
@@ -277,7 +277,7 @@ void PatternView::correlate() {
 }
 
 double PatternView::covariance(int a, int b) const {
-  return covariances_[static_cast<size_t>(std::min(a, b))][static_cast<size_t>(std::abs(a - b))];
+  return covariances_[std::min(a, b)][std::abs(a - b)];
 }
 
 PatternView::Fringe PatternView::fringe(int first, int steps, int left_out) const {
@@ -296,12 +296,12 @@ PatternView::Fringe PatternView::fringe(int first, int steps, int left_out) cons
       std::array<double, 3> fit{};
       for (int k = 0; k < steps; ++k) {
         if (k == left_out) continue;
-        const double u = static_cast<double>(sample[k]);
-        for (size_t row = 0; row < 3; ++row) fit[row] += u * rows.fit[row][static_cast<size_t>(k)];
+        const double u = sample[k];
+        for (size_t row = 0; row < 3; ++row) fit[row] += u * rows.fit[row][k];
         energy += u * u;
         sum += u;
-        cosines += u * rows.cosine[static_cast<size_t>(k)];
-        sines += u * rows.sine[static_cast<size_t>(k)];
+        cosines += u * rows.cosine[k];
+        sines += u * rows.sine[k];
       }
       // Of least squares, the fit's energy is its product with the samples.
       const double explained = fit[0] * sum + fit[1] * cosines + fit[2] * sines;

@@ -35,7 +35,7 @@ class PatternView {
     bool has_bars() const { return high - low >= kMinContrast && between < kMaxBetween; }
   };
   static constexpr double kMinContrast = 0.3, kMaxBetween = 0.6;
-  const Look& look(int photograph) const { return looks_[static_cast<size_t>(photograph)]; }
+  const Look& look(int photograph) const { return looks_[photograph]; }
 
   // Mean of |a + b - 1|, each between its own dark and light: 0 for complements, 0.5 for unlike bars.
   double complement_error(int a, int b) const;

@@ -80,7 +80,7 @@ absl::Status unwrap(const fs::path& directory, std::vector<std::string>& files) 
   const size_t begin = begin_of(files);
   if (begin == 0) return absl::OkStatus();
   const std::string last = files.back(), first = files.front();
-  std::ranges::rotate(files, files.begin() + static_cast<std::ptrdiff_t>(begin));
+  std::rotate(files.begin(), files.begin() + begin, files.end());
   std::vector<std::string> dates;
   for (const std::string& file : files) {
     GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(directory / file));

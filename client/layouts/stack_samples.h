@@ -16,7 +16,7 @@ struct SampledLines {
   int count = 0, length_px = 0;
   std::vector<std::vector<float>> codes;  // by photograph, line after line; 1 = the highest code
 
-  size_t size() const { return static_cast<size_t>(count) * static_cast<size_t>(length_px); }
+  size_t size() const { return static_cast<size_t>(count) * length_px; }
 };
 
 struct StackSamples {

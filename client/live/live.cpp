@@ -128,7 +128,7 @@ class Live {
         picture += response.frame().picture();
       }
       const int width = frame.taken().width_px(), height = frame.taken().height_px();
-      if (picture.size() < 3 * static_cast<size_t>(width) * static_cast<size_t>(height)) continue;
+      if (picture.size() < 3 * static_cast<size_t>(width) * height) continue;
       const ClockReading exposed = clock_->local(nanoseconds(frame.taken().exposure_start_ns()));
       if (exposed.time < go_) continue;  // exposed before the object came
       if (output == nullptr) {

@@ -32,7 +32,7 @@ class VideoStream final : public LiveOutput {
   VideoStream(std::string output, File file, int width_px, int height_px)
       : output_(std::move(output)),
         file_(std::move(file)),
-        pixels_(static_cast<size_t>(width_px) * static_cast<size_t>(height_px)),
+        pixels_(static_cast<size_t>(width_px) * height_px),
         planes_(3 * pixels_) {}
   absl::Status begin(int width_px, int height_px, double frame_rate_hz) {
     return write(fmt::format("YUV4MPEG2 W{} H{} F{}:1000 Ip A1:1 C444\n", width_px, height_px,

@@ -48,7 +48,7 @@ class Window final : public LiveOutput {
       : connection_(std::move(connection)),
         width_px_(width_px),
         height_px_(height_px),
-        pixels_(static_cast<size_t>(width_px) * static_cast<size_t>(height_px)) {
+        pixels_(static_cast<size_t>(width_px) * height_px) {
     xcb_connection_t* const x = connection_.get();
     const xcb_screen_t* const screen = xcb_setup_roots_iterator(xcb_get_setup(x)).data;
     window_ = xcb_generate_id(x);

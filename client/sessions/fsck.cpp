@@ -74,7 +74,7 @@ class Child {
     char* line = nullptr;
     size_t capacity = 0;
     for (ssize_t size = 0; (size = ::getline(&line, &capacity, in.get())) > 0;)
-      tell(std::string(line, static_cast<size_t>(line[size - 1] == '\n' ? size - 1 : size)));
+      tell(std::string(line, line[size - 1] == '\n' ? size - 1 : size));
     std::free(line);
   }
 
@@ -88,9 +88,9 @@ class Child {
 
   // After it has ended.
   std::string answer() const {
-    std::string text(static_cast<size_t>(std::max<off_t>(::lseek(answer_.get(), 0, SEEK_END), 0)), '\0');
+    std::string text(std::max<off_t>(::lseek(answer_.get(), 0, SEEK_END), 0), '\0');
     const ssize_t size = ::pread(answer_.get(), text.data(), text.size(), 0);
-    text.resize(static_cast<size_t>(std::max<ssize_t>(size, 0)));
+    text.resize(std::max<ssize_t>(size, 0));
     return text;
   }
 

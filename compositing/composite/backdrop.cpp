@@ -62,7 +62,7 @@ absl::StatusOr<Backdrop> Backdrop::open(const BackgroundArguments& arguments,
   }
   for (const std::string& argument : arguments.pictures) {
     GW_ASSIGN_OR_RETURN(const BackgroundArgument background, parse_background(argument, metadata));
-    Screen& screen = backdrop.screens_[static_cast<size_t>(background.texture)];
+    Screen& screen = backdrop.screens_[background.texture];
     if (screen.picture) {
       return absl::InvalidArgumentError(
           fmt::format("--background names the texture \"{}\" twice; each takes one picture",
@@ -82,7 +82,7 @@ absl::StatusOr<Backdrop> Backdrop::open(const BackgroundArguments& arguments,
                         const auto& take) -> absl::Status {
     for (const std::string& argument : all) {
       GW_ASSIGN_OR_RETURN(const BackgroundArgument named, parse_background(argument, metadata, option));
-      Screen& screen = backdrop.screens_[static_cast<size_t>(named.texture)];
+      Screen& screen = backdrop.screens_[named.texture];
       if (!screen.picture) {
         return absl::InvalidArgumentError(
             fmt::format("{} names the texture \"{}\", which has no --background", option,

@@ -77,7 +77,7 @@ bool holds_rays(const std::string& file) {
   std::ifstream in(file, std::ios::binary);
   std::string head(kHead, '\0');
   in.read(head.data(), static_cast<std::streamsize>(head.size()));
-  head.resize(static_cast<size_t>(in.gcount()));
+  head.resize(in.gcount());
   return is_ray_file(head);
 }
 

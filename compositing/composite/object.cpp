@@ -17,7 +17,7 @@ ObjectInFront::ObjectInFront(std::string file, std::shared_ptr<const MappedFile>
       crop_(arguments.crop),
       fill_(arguments.fill),
       foreground_gain_(arguments.foreground_gain),
-      unsolved_(static_cast<size_t>(outline_.width_px) * static_cast<size_t>(outline_.height_px)) {
+      unsolved_(static_cast<size_t>(outline_.width_px) * outline_.height_px) {
   if (arguments.object) coverage_ = RadianceImage(outline_.width_px, outline_.height_px, 1);
 }
 

@@ -107,7 +107,7 @@ std::uint32_t cryptomatte_id(std::string_view name) {
 
 absl::StatusOr<std::string> encode_cryptomatte(std::span<const ObjectShares> objects, int width_px,
                                                int height_px) {
-  const size_t pixels = static_cast<size_t>(width_px) * static_cast<size_t>(height_px);
+  const size_t pixels = static_cast<size_t>(width_px) * height_px;
   GW_RETURN_IF_ERROR(check(objects, pixels));
   const int layers =
       std::min((static_cast<int>(objects.size()) + kPerLayer - 1) / kPerLayer, kMaxCryptomatteLayers);
@@ -169,7 +169,7 @@ absl::StatusOr<Cryptomatte> read_cryptomatte(const std::filesystem::path& path) 
     }
     if (ids.channels.empty()) return bad("it is no Cryptomatte of 32 bits");
     Imf::FrameBuffer buffer;
-    const size_t pixels = static_cast<size_t>(ids.width_px) * static_cast<size_t>(ids.height_px);
+    const size_t pixels = static_cast<size_t>(ids.width_px) * ids.height_px;
     ids.planes.resize(ids.channels.size(), std::vector<float>(pixels));
     for (size_t c = 0; c < ids.channels.size(); ++c)
       buffer.insert(ids.channels[c], Imf::Slice::Make(Imf::FLOAT, ids.planes[c].data(), window));

@@ -37,7 +37,7 @@ HalfChannels::HalfChannels(const std::vector<ExrPart>& parts) {
 }
 
 void HalfChannels::look(const MatteBlock& block, int rows, int width_px) {
-  const auto count = static_cast<size_t>(rows) * static_cast<size_t>(width_px);
+  const auto count = static_cast<size_t>(rows) * width_px;
   for (size_t part = 0; part < names_.size(); ++part) {
     for (size_t c = 0; c < names_[part].size(); ++c) {
       if (!good_[part][c]) continue;

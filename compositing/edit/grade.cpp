@@ -39,11 +39,11 @@ Matte graded(const Matte& matte, const Grade& grade) {
       if (!grade.passing) continue;
       Light whole{};
       for (int c = 0; c < kChannels; ++c) {
-        for (const Mode& mode : out.modes(x, y, c)) whole[static_cast<size_t>(c)] += mode.weight;
+        for (const Mode& mode : out.modes(x, y, c)) whole[c] += mode.weight;
       }
       const Light wanted = saturated(whole, grade.saturation);
       for (int c = 0; c < (colourless ? 1 : kChannels); ++c) {
-        const auto channel = static_cast<size_t>(c);
+        const size_t channel = c;
         if (whole[channel] <= 0.0f) continue;
         for (Mode& mode : out.modes(x, y, c))
           mode = scaled(mode, factor[channel] * wanted[channel] / whole[channel]);

@@ -75,14 +75,12 @@ class Merge {
  private:
   static constexpr size_t kNone = std::numeric_limits<size_t>::max();
 
-  size_t index(int x, int y) const {
-    return static_cast<size_t>(y) * static_cast<size_t>(front_.width_px()) + static_cast<size_t>(x);
-  }
+  size_t index(int x, int y) const { return static_cast<size_t>(y) * front_.width_px() + x; }
 
   // Of each pixel, the nearest that front leaves free, as steps to the four neighbours go.
   void find_free() {
     const int width = front_.width_px(), height = front_.height_px();
-    free_.assign(static_cast<size_t>(width) * static_cast<size_t>(height), kNone);
+    free_.assign(static_cast<size_t>(width) * height, kNone);
     std::vector<size_t> rim, next;
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {

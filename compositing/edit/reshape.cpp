@@ -26,8 +26,7 @@ void shift_mosaic(v1::MatteMetadata& metadata, int dx, int dy) {
   if (before.size() != 4) return;
   std::string& now = *metadata.mutable_mosaic();
   for (int y = 0; y < 2; ++y) {
-    for (int x = 0; x < 2; ++x)
-      now[static_cast<size_t>(2 * y + x)] = before[static_cast<size_t>(2 * ((y + dy) & 1) + ((x + dx) & 1))];
+    for (int x = 0; x < 2; ++x) now[2 * y + x] = before[2 * ((y + dy) & 1) + ((x + dx) & 1)];
   }
 }
 
@@ -37,14 +36,13 @@ struct Share {
   float share = 0.0f;
 };
 std::vector<std::vector<Share>> shares_of(int from_px, int to_px) {
-  std::vector<std::vector<Share>> shares(static_cast<size_t>(to_px));
+  std::vector<std::vector<Share>> shares(to_px);
   const double scale = static_cast<double>(from_px) / to_px;
   for (int to = 0; to < to_px; ++to) {
     const double begin = to * scale, end = (to + 1) * scale;
     for (int from = static_cast<int>(begin); from < std::min<double>(end, from_px); ++from) {
       const double overlap = std::min<double>(end, from + 1) - std::max<double>(begin, from);
-      if (overlap > 1e-9 * scale)
-        shares[static_cast<size_t>(to)].push_back({from, static_cast<float>(overlap / scale)});
+      if (overlap > 1e-9 * scale) shares[to].push_back({from, static_cast<float>(overlap / scale)});
     }
   }
   return shares;
@@ -151,8 +149,7 @@ absl::StatusOr<Matte> resized(const Matte& matte, int width_px, int height_px, i
     int own = 1;
     for (int y = first; y < end; ++y) {
       for (int x = 0; x < width_px; ++x) {
-        own = std::max(own,
-                       mean.put(columns[static_cast<size_t>(x)], rows[static_cast<size_t>(y)], wide, x, y));
+        own = std::max(own, mean.put(columns[x], rows[y], wide, x, y));
       }
     }
     for (int before = most; before < own && !most.compare_exchange_weak(before, own);) {

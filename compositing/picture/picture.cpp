@@ -79,9 +79,9 @@ absl::StatusOr<CapturedPicture> read_picture(const std::filesystem::path& file, 
     for (int x = 0; x < frame.width_px; ++x) {
       const auto left = static_cast<float>(shading.camera(x, y));
       PrimaryMix::Light seen{};
-      for (int c = 0; c < 3; ++c) seen[static_cast<size_t>(c)] = light.light(frame.at(x, y, c), c) / left;
+      for (int c = 0; c < 3; ++c) seen[c] = light.light(frame.at(x, y, c), c) / left;
       const PrimaryMix::Light primaries = mix.primaries(seen);
-      for (int c = 0; c < 3; ++c) picture.at(x, y, c) = primaries[static_cast<size_t>(c)];
+      for (int c = 0; c < 3; ++c) picture.at(x, y, c) = primaries[c];
     }
   }
   return CapturedPicture{std::move(picture), colour};
@@ -137,9 +137,9 @@ RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px, 
   const Parts across = parts_of(dx_px, picture.width_px), down = parts_of(dy_px, picture.height_px);
   RadianceImage out(picture.width_px, picture.height_px);
   for (int y = 0; y < out.height_px; ++y) {
-    const auto row = static_cast<size_t>(y);
+    const size_t row = y;
     for (int x = 0; x < out.width_px; ++x) {
-      const auto column = static_cast<size_t>(x);
+      const size_t column = x;
       for (int c = 0; c < 3; ++c) {
         const auto along = [&](int from) {
           return (1.0f - across.part) * picture.at(across.first[column], from, c) +

@@ -1,6 +1,8 @@
 // `glasswing rays`.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <functional>

@@ -30,7 +30,7 @@ absl::Status write_stmap(const CommandLine& command_line, const StmapArguments& 
   const absl::StatusOr<WrittenStmap> stmap = write_stmap(matte->bytes(), choice, file.path());
   if (!stmap.ok()) return in_file(arguments.matte, stmap.status());
   GW_RETURN_IF_ERROR(file.finish());
-  const char* colour = kChannelNames[static_cast<size_t>(stmap->channel)];
+  const char* colour = kChannelNames[stmap->channel];
   if (command_line.json) {
     const nlohmann::ordered_json written = {{"file", arguments.output},
                                             {"monitor", stmap->monitor},

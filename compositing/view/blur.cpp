@@ -72,7 +72,7 @@ void add(const Matte& matte, int x, int y, const Mode& mode, Part& part) {
   if (!right || !down) return;
   for (const auto& [place, slope] : {std::pair(0, right->x_px), std::pair(1, down->x_px),
                                      std::pair(2, right->y_px), std::pair(3, down->y_px)})
-    part.slopes[static_cast<size_t>(place)].push_back(slope);
+    part.slopes[place].push_back(slope);
 }
 
 bool all_alike(const std::vector<double>& values) {
@@ -173,8 +173,7 @@ absl::StatusOr<Blur> blur_of(const Matte& matte) {
       const Mode* mode = background_of(matte, x, y);
       if (mode == nullptr) continue;
       add(matte, x, y, *mode, whole);
-      add(matte, x, y, *mode,
-          parts[static_cast<size_t>(3 * (3 * y / matte.height_px()) + 3 * x / matte.width_px())]);
+      add(matte, x, y, *mode, parts[3 * (3 * y / matte.height_px()) + 3 * x / matte.width_px()]);
     }
   }
   if (whole.xx_px2.empty()) {
@@ -198,13 +197,13 @@ RadianceImage blur_picture(const Matte& matte, double max_px) {
   const int bar_px = std::max(matte.height_px() / 16, 4), gap_px = bar_px / 2;
   RadianceImage picture(matte.width_px(), matte.height_px() + gap_px + bar_px);
   const auto paint = [&](int x, int y, const Colour& colour) {
-    for (int c = 0; c < 3; ++c) picture.at(x, y, c) = colour[static_cast<size_t>(c)];
+    for (int c = 0; c < 3; ++c) picture.at(x, y, c) = colour[c];
   };
   for (int x = 0; x < picture.width_px; ++x) {
     for (int y = 0; y < picture.height_px; ++y) paint(x, y, kNothing);
     for (int y = 0; y < matte.height_px(); ++y) {
       if (const Mode* mode = background_of(matte, x, y)) {
-        const auto larger_px2 = static_cast<double>(std::max(mode->xx_px2, mode->yy_px2));
+        const double larger_px2 = std::max(mode->xx_px2, mode->yy_px2);
         paint(x, y, colour_of(std::sqrt(larger_px2) / max_px));
       }
     }

@@ -118,8 +118,8 @@ absl::StatusOr<RadianceImage> matched(const RadianceImage& a, const RadianceImag
     const double variance = sum_aa - sum_a * sum_a / n;
     const double gain = variance > 0.0 ? (sum_ab - sum_a * sum_b / n) / variance : 1.0;
     const double offset = (sum_b - gain * sum_a) / n;
-    for (size_t i = static_cast<size_t>(channel); i < out.samples.size(); i += 3)
-      out.samples[i] = static_cast<float>(gain * static_cast<double>(out.samples[i]) + offset);
+    for (size_t i = channel; i < out.samples.size(); i += 3)
+      out.samples[i] = static_cast<float>(gain * out.samples[i] + offset);
   }
   return out;
 }

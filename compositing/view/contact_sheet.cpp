@@ -144,7 +144,7 @@ CodeImage contact_sheet(const std::vector<MattePanel>& panels, const std::string
                {kMargin, kMargin + kHeading + kLine * static_cast<int>(i)}, kText, kPaleInk);
   }
   for (int i = 0; i < count; ++i) {
-    const MattePanel& panel = panels[static_cast<size_t>(i)];
+    const MattePanel& panel = panels[i];
     const int x = kMargin + i % columns * (cell_width + kGap), y = top + i / columns * (cell_height + kGap);
     write_text(sheet, cut_to(panel.title, kText, cell_width), {x, y + kText}, kText, kInk);
     place(sheet, panel.picture, {x, y + kTitle, picture.width, picture.height});

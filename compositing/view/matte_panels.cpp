@@ -45,7 +45,7 @@ Code scale_colour(double share) {
 // The channel in a panel's title.
 std::string owner(const Matte& matte, int channel) {
   constexpr std::array<const char*, kChannels> kOwners{"red's", "green's", "blue's"};
-  return matte.is_colourless() ? "the" : kOwners[static_cast<size_t>(channel)];
+  return matte.is_colourless() ? "the" : kOwners[channel];
 }
 
 template <typename Colour>
@@ -86,7 +86,7 @@ double round_up(double value) {
 double percentile(std::vector<double> values, double share) {
   const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<size_t>(at)];
+  return values[at];
 }
 
 bool shows_object(const Matte& matte, int x, int y) {

@@ -62,7 +62,7 @@ class RequestStream final : public httplib::Stream {
     const Clock::time_point stalled = Clock::now() + limits_.stalled;
     const ssize_t got = connection_.read(bytes, size, std::min(deadline_, stalled));
     if (got <= 0) return got;
-    const auto count = static_cast<size_t>(got);
+    const size_t count = got;
     if (in_head_) {
       head_bytes_ += count;
       head_lines_ += static_cast<size_t>(std::count(bytes, bytes + count, '\n'));

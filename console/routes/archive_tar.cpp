@@ -53,7 +53,7 @@ std::string path_record(const std::string& path) {
 std::string header_of(const std::string& path, std::int64_t size) {
   if (path.size() <= kMaxPlainName) return block_of(path, size, '0');
   const std::string record = path_record(path);
-  const auto bytes = static_cast<std::int64_t>(record.size());
+  const std::int64_t bytes = record.size();
   return block_of("path", bytes, 'x') + record + padding_of(bytes) + block_of(path, size, '0');
 }
 
@@ -99,7 +99,7 @@ absl::StatusOr<std::string> ArchiveTar::next() {
   if (frame_ < manifest_.frames_size()) return begin_frame();
   ended_ = true;
   const std::string json = archive_json(manifest_, true);
-  const auto size = static_cast<std::int64_t>(json.size());
+  const std::int64_t size = json.size();
   return header_of(manifest_.session() + "/manifest.json", size) + json + padding_of(size) +
          std::string(2 * kBlock, '\0');
 }

@@ -56,7 +56,7 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> LocalArchive::map(const std::s
   const std::lock_guard lock(mutex_);
   std::shared_ptr<const MappedFile>& known = mapped_[file];
   if (known == nullptr || known->identity() != identity || !known->intact()) {
-    const auto size_bytes = static_cast<size_t>(identity.size_bytes);
+    const size_t size_bytes = identity.size_bytes;
     if (size_bytes > tiff_size_bytes(shape) || size_bytes < kTiffPixelOffset)
       return absl::OutOfRangeError(fmt::format("{} has another size", path.string()));
     GW_ASSIGN_OR_RETURN(known, MappedFile::open(path, size_bytes));

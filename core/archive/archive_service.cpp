@@ -138,7 +138,7 @@ grpc::Status ArchiveServiceImpl::ReadFile(grpc::ServerContext*, const v1::ReadFi
         fmt::format("offset_bytes is {}; it must be 0 to {}", request->offset_bytes(), bytes.size())));
   }
   v1::ReadFileResponse response;
-  for (size_t at = static_cast<size_t>(request->offset_bytes()); at < bytes.size(); at += kChunkBytes) {
+  for (size_t at = request->offset_bytes(); at < bytes.size(); at += kChunkBytes) {
     response.set_chunk(bytes.data() + at, std::min(kChunkBytes, bytes.size() - at));
     if (!writer->Write(response)) break;
   }

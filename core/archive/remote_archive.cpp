@@ -106,8 +106,7 @@ RemoteArchive::RemoteArchive(const std::vector<std::string>& addresses, std::str
                              std::stop_token stop, Reading reading)
     : session_(std::move(session)), stop_(std::move(stop)), reading_(reading) {
   for (const std::string& address : addresses) sources_.push_back(std::make_unique<Source>(address));
-  std::rotate(sources_.begin(),
-              sources_.begin() + static_cast<std::ptrdiff_t>(own_number() % sources_.size()), sources_.end());
+  std::rotate(sources_.begin(), sources_.begin() + own_number() % sources_.size(), sources_.end());
 }
 
 RemoteArchive::~RemoteArchive() = default;

@@ -24,7 +24,7 @@ absl::Status write_all(int fd, std::string_view bytes, const std::filesystem::pa
       if (errno == EINTR) continue;
       return error_of(errno, "cannot write", path);
     }
-    bytes.remove_prefix(static_cast<size_t>(written));
+    bytes.remove_prefix(written);
   }
   return absl::OkStatus();
 }

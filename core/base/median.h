@@ -13,7 +13,7 @@ namespace glasswing {
 template <typename T>
 T median_in_place(std::span<T> values) {
   if (values.empty()) return T(0);
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  const auto middle = values.begin() + values.size() / 2;
   std::ranges::nth_element(values, middle);
   return *middle;
 }

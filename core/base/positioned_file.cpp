@@ -47,7 +47,7 @@ absl::Status PositionedFile::read_at(std::uint64_t offset, std::span<char> buffe
     if (got < 0) return failure_of(errno, "cannot read", path_);
     if (got == 0) return absl::DataLossError(fmt::format("{} ends too early", path_.string()));
     offset += static_cast<std::uint64_t>(got);
-    buffer = buffer.subspan(static_cast<size_t>(got));
+    buffer = buffer.subspan(got);
   }
   return absl::OkStatus();
 }
@@ -58,7 +58,7 @@ absl::Status PositionedFile::write_at(std::uint64_t offset, std::string_view byt
     if (put < 0 && errno == EINTR) continue;
     if (put < 0) return failure_of(errno, "cannot write", path_);
     offset += static_cast<std::uint64_t>(put);
-    bytes.remove_prefix(static_cast<size_t>(put));
+    bytes.remove_prefix(put);
   }
   return absl::OkStatus();
 }

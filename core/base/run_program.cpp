@@ -61,9 +61,8 @@ class Child {
     argv.push_back(nullptr);
     posix_spawn_file_actions_t actions;
     ::posix_spawn_file_actions_init(&actions);
-    if (input.is_open() || options.input_file >= 0)
-      ::posix_spawn_file_actions_adddup2(&actions, input.is_open() ? input.get() : options.input_file,
-                                         STDIN_FILENO);
+    if (input.is_open())
+      ::posix_spawn_file_actions_adddup2(&actions, input.get(), STDIN_FILENO);
     else
       ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
     const int output = options.keep_output ? child.output_.get() : options.output_file;
@@ -91,7 +90,7 @@ class Child {
     std::array<char, 1024> bytes{};
     if (open_ && ::poll(&ready, 1, kStep_ms) > 0) {
       const ssize_t count = ::read(errors_.get(), bytes.data(), bytes.size());
-      if (count > 0) said_.append(bytes.data(), static_cast<size_t>(count));
+      if (count > 0) said_.append(bytes.data(), count);
       if (said_.size() > kMaxSaid_bytes) said_.erase(0, said_.size() - kMaxSaid_bytes);
       open_ = count > 0;
       if (open_) return std::nullopt;  // it may say more

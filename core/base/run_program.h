@@ -15,8 +15,7 @@ namespace glasswing {
 struct RunOptions {
   std::chrono::milliseconds limit{60'000};
   std::stop_token stop = {};
-  std::string_view input = {};  // its standard input; empty: `input_file`
-  int input_file = -1;          // an open file; -1: /dev/null
+  std::string_view input = {};  // its standard input; empty: /dev/null
   bool keep_output = false;     // else it writes to `output_file`
   int output_file = -1;         // an open file; -1: this process's standard output
 };

@@ -35,7 +35,7 @@ class Scanner {
     const auto [end, error] = std::from_chars(rest_.data(), rest_.data() + rest_.size(), value);
     good_ = good_ && error == std::errc();
     if constexpr (std::is_floating_point_v<Number>) good_ = good_ && std::isfinite(value);
-    if (good_) rest_.remove_prefix(static_cast<size_t>(end - rest_.data()));
+    if (good_) rest_.remove_prefix(end - rest_.data());
     return *this;
   }
   // What is left, all of it.

@@ -41,7 +41,7 @@ double along(const std::vector<double>& xs, const std::vector<double>& ys, doubl
   const auto after = std::lower_bound(xs.begin(), xs.end(), x);
   if (after == xs.begin()) return ys.front();
   if (after == xs.end()) return ys.back();
-  const auto i = static_cast<size_t>(after - xs.begin());
+  const size_t i = after - xs.begin();
   const double part = (x - xs[i - 1]) / (xs[i] - xs[i - 1]);
   return ys[i - 1] + part * (ys[i] - ys[i - 1]);
 }
@@ -50,8 +50,7 @@ double light_at(const v1::CameraCurve& curve, double code) {
   const double at = code * (curve.light_size() - 1);
   const int before = std::clamp(static_cast<int>(at), 0, curve.light_size() - 2);
   const double part = at - before;
-  return (1.0 - part) * static_cast<double>(curve.light(before)) +
-         part * static_cast<double>(curve.light(before + 1));
+  return (1.0 - part) * curve.light(before) + part * curve.light(before + 1);
 }
 
 }  // namespace
@@ -63,7 +62,7 @@ void continue_below_black(const std::vector<size_t>& count, v1::CameraCurve& cur
   const int first_above = static_cast<int>(std::floor(curve.black_level() * last)) + 1;
   // Light just above black depends on the knot below black, which is not known yet, so a line stands in for
   // it.
-  const double above = static_cast<double>(curve.light(first_above));
+  const double above = curve.light(first_above);
   const double slope = above / (first_above / last - curve.black_level());
   const auto light_above = [&](double code) {
     return code < first_above / last ? slope * (code - curve.black_level()) : light_at(curve, code);
@@ -71,13 +70,13 @@ void continue_below_black(const std::vector<size_t>& count, v1::CameraCurve& cur
   double fall = slope / last;  // from a knot to the next lower one
   for (int k = first_above - 1; k >= 0; --k) {
     const double share = along(black.code, black.below, k / last);
-    double light = static_cast<double>(curve.light(k + 1)) - fall;
+    double light = curve.light(k + 1) - fall;
     if (share * black.all >= kMinSamples && share < 0.5) {
       const double mirrored = -light_above(along(black.below, black.code, 1.0 - share));
       // Noise of the counts must not make the curve fall.
-      if (mirrored < static_cast<double>(curve.light(k + 1)) - 0.1 * fall) light = mirrored;
+      if (mirrored < curve.light(k + 1) - 0.1 * fall) light = mirrored;
     }
-    fall = std::min(fall, static_cast<double>(curve.light(k + 1)) - light);
+    fall = std::min(fall, curve.light(k + 1) - light);
     curve.set_light(k, static_cast<float>(light));
   }
 }

@@ -44,19 +44,19 @@ std::vector<size_t> seeing_pixels(const MappedArchive& archive, const FrameIndex
   for (const auto& exposure : frames) {  // the shortest with enough contrast, where white is not clipped
     above = contrast(archive, exposure);
     contrast_of_white = brightest(above);
-    if (static_cast<double>(contrast_of_white) >= kMinContrast) break;
+    if (contrast_of_white >= kMinContrast) break;
   }
   std::vector<size_t> pixels;
-  if (static_cast<double>(contrast_of_white) < kMinContrast) return pixels;
+  if (contrast_of_white < kMinContrast) return pixels;
   const auto seen = [&](int x, int y) {
-    const size_t at = static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x);
-    return static_cast<double>(above[at]) >= kSeen * static_cast<double>(contrast_of_white);
+    const size_t at = static_cast<size_t>(y) * width + x;
+    return above[at] >= kSeen * contrast_of_white;
   };
   for (int y = kRim_px; y < height - kRim_px; ++y) {
     for (int x = kRim_px; x < width - kRim_px; ++x) {
       if (seen(x, y) && seen(x - kRim_px, y) && seen(x + kRim_px, y) && seen(x, y - kRim_px) &&
           seen(x, y + kRim_px)) {
-        pixels.push_back(static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x));
+        pixels.push_back(static_cast<size_t>(y) * width + x);
       }
     }
   }
@@ -107,7 +107,7 @@ absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archi
     return absl::FailedPreconditionError(fmt::format(
         "session {} has {} exposure; a camera's response needs several", manifest.session(), planned.size()));
   }
-  std::vector<int> order(static_cast<size_t>(manifest.frames_size()));
+  std::vector<int> order(manifest.frames_size());
   for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
   std::ranges::stable_sort(order, {}, [&](int i) { return manifest.frames(i).step(); });
 
@@ -118,7 +118,7 @@ absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archi
     const v1::Frame& frame = manifest.frames(i);
     const auto nearest =
         std::ranges::min_element(planned, {}, [&](double ms) { return std::abs(ms - frame.exposure_ms()); });
-    const auto j = static_cast<size_t>(nearest - planned.begin());
+    const size_t j = nearest - planned.begin();
     sum[j] += frame.exposure_ms(), count[j] += 1.0;
     FrameIndex& frames = monitors[frame.stimulus().panel()];
     frames.resize(planned.size());

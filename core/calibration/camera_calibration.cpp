@@ -61,7 +61,7 @@ double quantile_code(const std::vector<size_t>& count, double quantile) {
   if (code == 0) return 0.0;
   const auto neighbour = [&](int direction) {
     int at = static_cast<int>(code) + direction;
-    while (at >= 0 && at <= 65535 && count[static_cast<size_t>(at)] == 0) at += direction;
+    while (at >= 0 && at <= 65535 && count[at] == 0) at += direction;
     return at < 0 || at > 65535 ? static_cast<double>(code) : static_cast<double>(at);
   };
   const double from = 0.5 * (neighbour(-1) + static_cast<double>(code)),
@@ -96,7 +96,7 @@ std::vector<size_t> unlit_codes(const CalibrationSamples& samples, size_t channe
 // The code of black without room light, in one channel. Room light grows with the exposure, and the codes of
 // a curved camera grow nonlinearly, least so at short exposures: hence a weighted parabola, evaluated at 0.
 double find_black_level(const CalibrationSamples& samples, size_t channel) {
-  const auto terms = std::min<Eigen::Index>(3, static_cast<Eigen::Index>(samples.exposures_ms.size()));
+  const auto terms = std::min<Eigen::Index>(3, samples.exposures_ms.size());
   Eigen::MatrixXd rows(samples.exposures_ms.size(), terms);
   Eigen::VectorXd codes(rows.rows());
   for (size_t j = 0; j < samples.exposures_ms.size(); ++j) {
@@ -171,8 +171,7 @@ void add_curve(const CameraResponse& response, int channel, double black_level,
 Image16 as_light(const std::vector<std::uint16_t>& codes, const FrameLight& light) {
   Image16 image(static_cast<int>(codes.size() / 3), 1);
   for (size_t i = 0; i < codes.size(); ++i) {
-    const double value =
-        kPedestal + kUnit * static_cast<double>(light.light(codes[i], static_cast<int>(i % 3)));
+    const double value = kPedestal + kUnit * light.light(codes[i], static_cast<int>(i % 3));
     // 0 and full scale stay clipped.
     image.samples[i] = codes[i] == 0               ? 0
                        : light.saturated(codes[i]) ? 65535
@@ -187,7 +186,7 @@ double slope_error(const v1::CameraCalibration& calibration, double read_sd) {
   double max_error = 0.0;
   for (const v1::CameraCurve& curve : calibration.curves()) {
     int k = 0;
-    while (k + 1 < curve.light_size() && static_cast<double>(curve.light(k)) < kReach * read_sd) ++k;
+    while (k + 1 < curve.light_size() && curve.light(k) < kReach * read_sd) ++k;
     max_error = std::max(max_error, static_cast<double>(curve.error(k) / curve.light(k)));
   }
   return max_error;

@@ -37,8 +37,7 @@ std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& p
   for (const ShadingPoint& point : points) sum[point.group] += point.light, count[point.group] += 1.0;
   const auto size = static_cast<Eigen::Index>(groups) + 2;
   Eigen::VectorXd level(size - 2);
-  for (size_t g = 0; g < groups; ++g)
-    level[static_cast<Eigen::Index>(g)] = std::log(sum[g] / std::max(count[g], 1.0));
+  for (size_t g = 0; g < groups; ++g) level[g] = std::log(sum[g] / std::max(count[g], 1.0));
   double r2 = 0.0, r4 = 0.0, max_residual = INFINITY, rms = 0.0;
   for (int pass = 0; pass < kPasses; ++pass) {
     Eigen::MatrixXd normal =

@@ -118,7 +118,7 @@ class Symptoms {
     }
     const double rms = std::sqrt(std::max(all, 0.0));
     if (rms < kShareOfNoise * pixel_noise_) return;
-    const auto at = static_cast<size_t>(std::ranges::max_element(worst) - worst.begin());
+    const size_t at = std::ranges::max_element(worst) - worst.begin();
     out_.push_back(fmt::format(
         "flicker: repeats of one picture differ in brightness by {:.2g} % (rms), most at {:.4g} ms "
         "({:.2g} %), where noise explains {:.2g} %; use exposures that are whole multiples of the light's "

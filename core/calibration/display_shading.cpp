@@ -25,7 +25,7 @@ std::optional<size_t> cell_of(const Eigen::Vector3d& radiance, const DisplayResp
   std::array<double, 3> code{};
   for (size_t p = 0; p < 3; ++p) {
     const ToneCurve& curve = response.primary[p].curve;
-    code[p] = curve.code_for(radiance[static_cast<Eigen::Index>(p)]) / curve.highest_code();
+    code[p] = curve.code_for(radiance[p]) / curve.highest_code();
   }
   const double u = (code[0] - 0.1) / 0.8, v = (code[1] - 0.1) / 0.8;
   if (std::abs(code[2] - (0.9 - 0.4 * u - 0.4 * v)) > kOffRamp) return std::nullopt;
@@ -40,13 +40,13 @@ void fill(std::vector<Cell>& cells) {
   for (int pass = 0; pass < kRelaxations; ++pass) {
     for (int row = 0; row < kRows; ++row) {
       for (int column = 0; column < kColumns; ++column) {
-        Cell& cell = cells[static_cast<size_t>(row * kColumns + column)];
+        Cell& cell = cells[row * kColumns + column];
         if (cell.seen()) continue;
         double sum = 0.0, count = 0.0;
         for (const auto& [down, across] : {std::pair(-1, 0), {1, 0}, {0, -1}, {0, 1}}) {
           const int r = row + down, c = column + across;
           if (r < 0 || r >= kRows || c < 0 || c >= kColumns) continue;
-          sum += cells[static_cast<size_t>(r * kColumns + c)].light;
+          sum += cells[r * kColumns + c].light;
           count += 1.0;
         }
         cell.light = sum / count;
@@ -64,8 +64,7 @@ std::optional<v1::Uniformity> measure_display_shading(const ScreenView& view, co
     mean += Eigen::Vector3d(white[0], white[1], white[2]) / static_cast<double>(view.white.size());
   Eigen::Matrix3d crosstalk;
   for (int c = 0; c < 3; ++c) {
-    for (int p = 0; p < 3; ++p)
-      crosstalk(c, p) = response.crosstalk[static_cast<size_t>(c)][static_cast<size_t>(p)];
+    for (int p = 0; p < 3; ++p) crosstalk(c, p) = response.crosstalk[c][p];
   }
   const Eigen::Matrix3d primaries_of_light = crosstalk.inverse();
 
@@ -95,7 +94,7 @@ std::optional<v1::Uniformity> measure_display_shading(const ScreenView& view, co
   double middle = 0.0;
   for (const int row : {kRows / 2 - 1, kRows / 2}) {
     for (const int column : {kColumns / 2 - 1, kColumns / 2})
-      middle += 0.25 * cells[static_cast<size_t>(row * kColumns + column)].light;
+      middle += 0.25 * cells[row * kColumns + column].light;
   }
   v1::Uniformity uniformity;
   uniformity.set_columns(kColumns);

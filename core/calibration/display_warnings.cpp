@@ -100,7 +100,7 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
                                           const DisplayResponse& response, double flicker) {
   std::vector<std::string> warnings;
   const int highest = (1 << calibration.bits()) - 1;
-  const auto code = static_cast<double>(highest);
+  const double code = highest;
   const std::array<double, 3> white = response.light({code, code, code});
 
   double residual = 0.0;

@@ -66,7 +66,7 @@ Sighting look_for(const Band& band, const std::vector<Track>& tracks, double hol
     for (const Track& track : tracks) total.back() += explained(track, band.seen_by(track, at, 0.0));
   }
   const auto at = [&](size_t i) { return kEarliest + static_cast<double>(i) * step; };
-  const auto best = static_cast<size_t>(std::max_element(total.begin(), total.end()) - total.begin());
+  const size_t best = std::max_element(total.begin(), total.end()) - total.begin();
   Sighting sighting{.centre = at(best), .light = total[best], .elsewhere = std::nullopt, .groups = {}};
 
   double square = 0.0;
@@ -188,7 +188,7 @@ Delays possible_delays(const std::vector<Band>& bands, const std::vector<Track>&
     const std::vector<double> sums = sums_of(bands, tracks, axes, settle);
     const size_t seconds = n > 1 ? axes[1].points : 1;
     const auto indices = [&](size_t cell) { return std::array<size_t, 2>{cell / seconds, cell % seconds}; };
-    const auto best = static_cast<size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin());
+    const size_t best = std::min_element(sums.begin(), sums.end()) - sums.begin();
     std::vector<double> at(n);
     for (size_t a = 0; a < n; ++a) at[a] = axes[a].at(indices(best)[a]);
     Delays found;

@@ -78,7 +78,7 @@ ScreenView::Light brightest(const RadianceImage& image) {
     const auto at =
         static_cast<std::ptrdiff_t>((1.0 - kBrightestShare) * static_cast<double>(channel.size() - 1));
     std::nth_element(channel.begin(), channel.begin() + at, channel.end());
-    light[c] = channel[static_cast<size_t>(at)];
+    light[c] = channel[at];
   }
   return light;
 }
@@ -105,8 +105,7 @@ bool is_ramp(const ScreenView::Light& ramp, const ScreenView::Light& white) {
 bool all_around(const std::vector<bool>& marked, int x, int y, int width_px, int height_px) {
   for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height_px - 1); ++v) {
     for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width_px - 1); ++u) {
-      if (!marked[static_cast<size_t>(v) * static_cast<size_t>(width_px) + static_cast<size_t>(u)])
-        return false;
+      if (!marked[static_cast<size_t>(v) * width_px + u]) return false;
     }
   }
   return true;
@@ -166,7 +165,7 @@ ShownFrames shown_frames(const v1::CaptureManifest& manifest, const v1::Monitor&
                   .at = nanoseconds(frame.exposure_start_ns())};
     for (int c = 0; c < 3; ++c) {
       const double share = c < stimulus.colour_size() ? stimulus.colour(c) : 1.0;
-      of.code[static_cast<size_t>(c)] = static_cast<int>(std::lround(share * highest));
+      of.code[c] = static_cast<int>(std::lround(share * highest));
     }
     if (kind_of(stimulus) == StimulusKind::kSolid) shown.solids.push_back(of);
     if (kind_of(stimulus) == StimulusKind::kRamp) shown.ramps.push_back(of);

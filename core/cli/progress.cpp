@@ -60,7 +60,7 @@ std::string bar_line(const std::string& label, double fraction, const std::strin
       return fmt::format("{} [{:#>{}}{:.>{}}] {}", label, "", full, "", cells - full, rest);
     if (room >= 1) return label + " " + rest;
   }
-  return percent.substr(0, static_cast<size_t>(std::max(columns, 0)));
+  return percent.substr(0, std::max(columns, 0));
 }
 
 Progress::Progress(std::string label, std::function<Clock::time_point()> now)
@@ -131,7 +131,7 @@ void Progress::update_unknown(const std::string& detail) {
   const std::string line =
       fmt::format("{}: {}, {:.0f} s so far", label_, detail, seconds_of(now_() - begun_));
   const std::string bare = fmt::format("{}: {:.0f} s so far", label_, seconds_of(now_() - begun_));
-  const size_t columns = static_cast<size_t>(std::max(terminal_columns() - 1, 0));
+  const size_t columns = std::max(terminal_columns() - 1, 0);
   write(detail.empty() ? bare : line,
         detail.empty() || line.size() > columns ? bare.substr(0, columns) : line);
 }

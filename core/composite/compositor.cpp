@@ -53,10 +53,10 @@ std::vector<RadianceImage> as_seen(const PrimaryMix& mix, const std::vector<Radi
                                    int count) {
   std::vector<RadianceImage> seen = pictures;
   for (int t = 0; t < count && t < static_cast<int>(seen.size()); ++t) {
-    std::vector<float>& samples = seen[static_cast<size_t>(t)].samples;
+    std::vector<float>& samples = seen[t].samples;
     for (size_t at = 0; at + 3 <= samples.size(); at += 3) {
       const PrimaryMix::Light light = mix.seen(t, {samples[at], samples[at + 1], samples[at + 2]});
-      std::copy(light.begin(), light.end(), samples.begin() + static_cast<std::ptrdiff_t>(at));
+      std::copy(light.begin(), light.end(), samples.begin() + at);
     }
   }
   return seen;
@@ -109,7 +109,7 @@ absl::Status check_backgrounds(const v1::MatteMetadata& metadata,
                                const std::vector<RadianceImage>& backgrounds) {
   const auto& monitors = metadata.monitors();
   for (int t = 0; t < monitors.size() && t < static_cast<int>(backgrounds.size()); ++t) {
-    const RadianceImage& background = backgrounds[static_cast<size_t>(t)];
+    const RadianceImage& background = backgrounds[t];
     if (background.empty()) continue;
     if (background.width_px != monitors[t].width_px() || background.height_px != monitors[t].height_px()) {
       return absl::InvalidArgumentError(fmt::format(
@@ -141,11 +141,11 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
     for (int y = next_row++; y < matte.height_px(); y = next_row++) {
       for (int x = 0; x < matte.width_px(); ++x) {
         for (int c = 0; c < kChannels; ++c) {
-          double light = matte.foreground(x, y)[static_cast<size_t>(c)];
+          double light = matte.foreground(x, y)[c];
           for (const Mode& mode : matte.modes(x, y, c)) {
-            const auto texture = static_cast<size_t>(mode.texture);
+            const size_t texture = mode.texture;
             if (mode.weight > 0.0f && texture < backgrounds.size()) {
-              light += static_cast<double>(mode.weight) * integral(mode, texture, c);
+              light += mode.weight * integral(mode, texture, c);
             }
           }
           out.at(x, y, c) = static_cast<float>(light);
@@ -153,7 +153,7 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
         if (mix.is_unit()) continue;
         const PrimaryMix::Light primaries =
             mix.primaries({out.at(x, y, 0), out.at(x, y, 1), out.at(x, y, 2)});
-        for (int c = 0; c < kChannels; ++c) out.at(x, y, c) = primaries[static_cast<size_t>(c)];
+        for (int c = 0; c < kChannels; ++c) out.at(x, y, c) = primaries[c];
       }
       if (reports && progress) progress(static_cast<double>(y + 1) / matte.height_px());
     }

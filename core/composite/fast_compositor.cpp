@@ -34,7 +34,7 @@ absl::StatusOr<FastCompositor> FastCompositor::create(const v1::MatteMetadata& m
   FastCompositor made(metadata, std::move(mix), width_px);
   for (int max_tiles = kMaxTiles;; max_tiles /= 4) {
     const bool must_fit = max_tiles > kMinTiles;
-    made.rows_.assign(static_cast<size_t>(height_px), {});  // frees what did not fit
+    made.rows_.assign(height_px, {});  // frees what did not fit
     std::atomic<size_t> bytes = 0;
     std::mutex mutex;
     const absl::Status converted = for_blocks([&](const Matte& matte, int first, int end, int to) {
@@ -44,7 +44,7 @@ absl::StatusOr<FastCompositor> FastCompositor::create(const v1::MatteMetadata& m
         rows.prepare(matte, y, row);
         bytes += row.size_bytes();
         if (must_fit && bytes > kMaxBytes) return absl::ResourceExhaustedError("the weights are too large");
-        made.rows_[static_cast<size_t>(to)] = row;  // a copy takes no more memory than it needs
+        made.rows_[to] = row;  // a copy takes no more memory than it needs
       }
       const std::lock_guard lock(mutex);
       rows.report(made.textures_);
@@ -90,8 +90,7 @@ absl::StatusOr<RadianceImage> FastCompositor::composite(const std::vector<Radian
   RadianceImage out(width_px_, static_cast<int>(rows_.size()));
   std::atomic<int> next_row = 0;
   for_rows(std::max(1, out.height_px), thread_count, [&](int, int) {
-    for (int y = next_row++; y < out.height_px; y = next_row++)
-      samples.composite(rows_[static_cast<size_t>(y)], row_of(out, y));
+    for (int y = next_row++; y < out.height_px; y = next_row++) samples.composite(rows_[y], row_of(out, y));
   });
   return out;
 }

@@ -8,7 +8,7 @@
 
 namespace glasswing {
 void note_unsolved(const Matte& rows, int to, std::span<std::uint8_t> unsolved) {
-  const auto width = static_cast<size_t>(rows.width_px());
+  const size_t width = rows.width_px();
   for (int y = 0; y < rows.height_px(); ++y) {
     std::uint8_t* const row = &unsolved[static_cast<size_t>(to + y) * width];
     for (int x = 0; x < rows.width_px(); ++x) row[x] = (rows.flags(x, y) & kFlagNoData) != 0 ? 1 : 0;

@@ -37,13 +37,13 @@ void FootprintRows::prepare(const Matte& matte, int y, FootprintRow& row) {
   row.foreground.clear();
   row.words.clear();
   row.boxes.clear();
-  row.tiles.assign(static_cast<size_t>(matte.width_px()), {});
+  row.tiles.assign(matte.width_px(), {});
   for (int x = 0; x < matte.width_px(); ++x) {
     const auto& foreground = matte.foreground(x, y);
     row.foreground.insert(row.foreground.end(), foreground.begin(), foreground.end());
-    PixelTiles& pixel = row.tiles[static_cast<size_t>(x)];
+    PixelTiles& pixel = row.tiles[x];
     const auto modes = [&](int c, size_t m) -> const Mode& { return matte.modes(x, y, c)[m]; };
-    const auto count = static_cast<size_t>(matte.modes_per_channel());
+    const size_t count = matte.modes_per_channel();
     const auto is_shared = [&](size_t m) {
       return matte.is_colourless() ||
              (is_same(modes(0, m), modes(1, m)) && is_same(modes(0, m), modes(2, m)));
@@ -61,7 +61,7 @@ void FootprintRows::prepare(const Matte& matte, int y, FootprintRow& row) {
 }
 
 std::uint16_t FootprintRows::add(const Mode& mode, int channel, bool shared, int x, FootprintRow& row) {
-  const auto texture = static_cast<size_t>(mode.texture);
+  const size_t texture = mode.texture;
   if (!(mode.weight > 0.0f) || texture >= tiles_.size()) return 0;
   FootprintTiles& tiles = tiles_[texture];
   if (!boxes_) return static_cast<std::uint16_t>(tiles.add(mode, channel, row.words));
@@ -77,7 +77,7 @@ std::uint16_t FootprintRows::add(const Mode& mode, int channel, bool shared, int
   if (shared) {
     box.weight.fill(mode.weight);
   } else {
-    box.weight[static_cast<size_t>(channel)] = mode.weight;
+    box.weight[channel] = mode.weight;
   }
   row.boxes.push_back(box);
   wide_[texture] = true;
@@ -117,14 +117,13 @@ void BackgroundSamples::composite(const FootprintRow& row, std::span<float> ligh
   evaluate_tiles(row.tiles, row.words.data(), samples_.get(), light.data());
   for (const WideBox& box : row.boxes) {
     const FastSummedAreaTable::Light seen =
-        tables_[static_cast<size_t>(box.texture)].mean(box.x_px, box.y_px, box.width_px, box.height_px);
+        tables_[box.texture].mean(box.x_px, box.y_px, box.width_px, box.height_px);
     for (size_t c = 0; c < kChannels; ++c)
       light[3 * static_cast<size_t>(box.pixel) + c] += box.weight[c] * seen[c];
   }
   if (mix_.is_unit()) return;
   for (size_t i = 0; i < light.size(); i += 3)
-    std::ranges::copy(mix_.primaries({light[i], light[i + 1], light[i + 2]}),
-                      light.begin() + static_cast<std::ptrdiff_t>(i));
+    std::ranges::copy(mix_.primaries({light[i], light[i + 1], light[i + 2]}), light.begin() + i);
 }
 
 }  // namespace glasswing

@@ -37,8 +37,7 @@ double beyond(double reach) {
   constexpr double kPerSigma = 128.0;
   static const std::array<double, kEntries + 1> table = [] {
     std::array<double, kEntries + 1> made{};
-    for (int i = 0; i < kEntries; ++i)
-      made[static_cast<size_t>(i)] = 0.5 * std::erfc(i / kPerSigma / std::numbers::sqrt2);
+    for (int i = 0; i < kEntries; ++i) made[i] = 0.5 * std::erfc(i / kPerSigma / std::numbers::sqrt2);
     return made;
   }();
   const double at = reach * kPerSigma;
@@ -97,7 +96,7 @@ FootprintTiles::Placement FootprintTiles::place(const Mode& mode) const {
     placed = next;
   }
   const auto tiles = [&](const Placement& p) {
-    const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(p.level)];
+    const PyramidShape::Level& level = shape_.levels()[p.level];
     const double rows = std::min<double>(length_of(p.yy), level.height_px);
     const double columns = std::min<double>(length_of(p.xx), level.width_px);
     if (p.xy * p.xy <= kUpright * kUpright * p.xx * p.yy)
@@ -212,9 +211,9 @@ int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t
   reach_ = std::sqrt(kTileReach * kTileReach + brighter);
   thin_reach_ = std::sqrt(kThinReach * kThinReach + brighter);
   const Placement placed = place(mode);
-  const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(placed.level)];
+  const PyramidShape::Level& level = shape_.levels()[placed.level];
   const bool upright = placed.xy * placed.xy <= kUpright * kUpright * placed.xx * placed.yy;
-  const double weight = static_cast<double>(mode.weight);
+  const double weight = mode.weight;
   if (upright) {
     const auto along = [&](double centre, double left, double variance, int extent, Taps& taps) {
       if (left < kMinVariance) {
@@ -279,7 +278,7 @@ void FootprintTiles::add_row(const PyramidShape::Level& level, int x, int y, std
 }
 
 void FootprintTiles::add_oriented(const Placement& placed, double weight, int channel) {
-  const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(placed.level)];
+  const PyramidShape::Level& level = shape_.levels()[placed.level];
   const double slope = placed.xy / placed.yy, cut = placed.xx - slope * placed.xy;
   sample(placed.y, Gaussian(placed.yy), reach_, level.height_px, down_);
   const Gaussian across(cut);
@@ -314,15 +313,14 @@ void FootprintTiles::add_oriented(const Placement& placed, double weight, int ch
       const double reach = std::sqrt(std::max(reach_ * reach_ - away * away / placed.yy, 1.0));
       sample(placed.x + slope * away, across, reach, level.width_px, across_);
       if (!across_.empty())
-        add_row(level, across_.first, y, across_.weights, weight * static_cast<double>(down_.weights[i + r]),
-                channel);
+        add_row(level, across_.first, y, across_.weights, weight * down_.weights[i + r], channel);
     }
   }
 }
 
 // A tap's weight, beside the others of its row of v, which begin at `begin`.
 void FootprintTiles::add_tap(size_t begin, int u, int v, double weight) {
-  const auto same = std::find_if(thin_.begin() + static_cast<std::ptrdiff_t>(begin), thin_.end(),
+  const auto same = std::find_if(thin_.begin() + begin, thin_.end(),
                                  [&](const Tap& tap) { return tap.x == u && tap.y == v; });
   if (same == thin_.end()) {
     thin_.push_back({u, v, weight});
@@ -352,7 +350,7 @@ void FootprintTiles::add_panels(const Thin& thin) {
         integrate(thin.u + thin.slope * away, thin.cut, thin.u_extent, across_);
         for (size_t i = 0; i < across_.weights.size(); ++i)
           add_tap(begin, across_.first + static_cast<int>(i), static_cast<int>(v),
-                  kNodeWeights[n] * half * density * static_cast<double>(across_.weights[i]));
+                  kNodeWeights[n] * half * density * across_.weights[i]);
       }
     }
   }

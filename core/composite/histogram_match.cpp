@@ -59,7 +59,7 @@ double moved(double value, const std::vector<double>& from, const std::vector<do
   if (value <= from.front()) return to.front() + value - from.front();
   if (value >= from.back()) return to.back() + value - from.back();
   const auto above = std::upper_bound(from.begin(), from.end(), value);
-  const auto k = static_cast<size_t>(above - from.begin());
+  const size_t k = above - from.begin();
   return std::lerp(to[k - 1], to[k], (value - from[k - 1]) / (from[k] - from[k - 1]));
 }
 
@@ -79,16 +79,16 @@ absl::StatusOr<HistogramMatch> HistogramMatch::learn(const RadianceImage& source
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(to.covariance).eigenvectors().transpose();
   HistogramMatch match;
   for (int i = 0; i < 3; ++i) {
-    const auto row = static_cast<size_t>(i);
+    const size_t row = i;
     match.source_mean_[row] = from.mean(i);
     match.target_mean_[row] = to.mean(i);
     for (int c = 0; c < 3; ++c) {
-      match.from_source_[row][static_cast<size_t>(c)] = (axes * map)(i, c);
-      match.to_colour_[row][static_cast<size_t>(c)] = axes(c, i);
+      match.from_source_[row][c] = (axes * map)(i, c);
+      match.to_colour_[row][c] = axes(c, i);
     }
   }
   for (int i = 0; i < 3; ++i) {
-    const auto axis = static_cast<size_t>(i);
+    const size_t axis = i;
     std::vector<double> ours, theirs;
     for (size_t at = 0; at < source.samples.size(); at += 3)
       ours.push_back(match.along_axes(&source.samples[at])[axis]);
@@ -103,8 +103,7 @@ absl::StatusOr<HistogramMatch> HistogramMatch::learn(const RadianceImage& source
 HistogramMatch::Colour HistogramMatch::along_axes(const float* samples) const {
   Colour along{};
   for (size_t i = 0; i < 3; ++i) {
-    for (size_t c = 0; c < 3; ++c)
-      along[i] += from_source_[i][c] * (static_cast<double>(samples[c]) - source_mean_[c]);
+    for (size_t c = 0; c < 3; ++c) along[i] += from_source_[i][c] * (samples[c] - source_mean_[c]);
   }
   return along;
 }

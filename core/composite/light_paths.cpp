@@ -47,7 +47,7 @@ Match match(const Node& a, const Node& b) {
       if (distance < kMaxDistance) pairs[count++] = {distance, i, k};
     }
   }
-  std::sort(pairs.begin(), pairs.begin() + static_cast<std::ptrdiff_t>(count),
+  std::sort(pairs.begin(), pairs.begin() + count,
             [](const Pair& one, const Pair& other) { return one.distance < other.distance; });
   Match found;
   found.partner.fill(-1);
@@ -94,7 +94,7 @@ struct LightPaths::Spread {
   void seed(size_t index, const Node& node) {
     std::array<size_t, kMaxModes> order;
     std::iota(order.begin(), order.end(), 0u);
-    std::stable_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(node.count),
+    std::stable_sort(order.begin(), order.begin() + node.count,
                      [&](size_t a, size_t b) { return node.modes[a]->weight > node.modes[b]->weight; });
     for (size_t p = 0; p < node.count; ++p) slots[index][p] = node.places[order[p]];
   }
@@ -106,8 +106,8 @@ struct LightPaths::Spread {
     const Slots& others = slots[from];
     for (size_t m = 0; m < node.count; ++m) {
       if (matched.partner[m] < 0) continue;
-      const auto path = std::ranges::find(others, neighbour.places[static_cast<size_t>(matched.partner[m])]);
-      own[static_cast<size_t>(path - others.begin())] = node.places[m];
+      const auto path = std::ranges::find(others, neighbour.places[matched.partner[m]]);
+      own[path - others.begin()] = node.places[m];
     }
     for (size_t m = 0; m < node.count; ++m) {
       if (matched.partner[m] >= 0) continue;
@@ -199,24 +199,23 @@ struct LightPaths::Spread {
 LightPaths::LightPaths(const Matte& matte, int texture) : matte_(matte) {
   Slots none;
   none.fill(-1);
-  const size_t pixels = static_cast<size_t>(matte.width_px()) * static_cast<size_t>(matte.height_px());
+  const size_t pixels = static_cast<size_t>(matte.width_px()) * matte.height_px();
   slots_.assign(pixels * (matte.is_colourless() ? 1 : kChannels), none);
   Spread spread(matte, texture, slots_);
   spread.run();
   spread.order_by_light();
   for (const Slots& slots : slots_) {
     for (int p = count_; p < kMaxModes; ++p) {
-      if (slots[static_cast<size_t>(p)] >= 0) count_ = p + 1;
+      if (slots[p] >= 0) count_ = p + 1;
     }
   }
 }
 
 const Mode* LightPaths::mode(int x, int y, int channel, int path) const {
-  const size_t pixel =
-      static_cast<size_t>(y) * static_cast<size_t>(matte_.width_px()) + static_cast<size_t>(x);
+  const size_t pixel = static_cast<size_t>(y) * matte_.width_px() + x;
   const size_t node = matte_.is_colourless() ? pixel : pixel * kChannels + static_cast<size_t>(channel);
-  const std::int8_t place = slots_[node][static_cast<size_t>(path)];
-  return place < 0 ? nullptr : &matte_.modes(x, y, channel)[static_cast<size_t>(place)];
+  const std::int8_t place = slots_[node][path];
+  return place < 0 ? nullptr : &matte_.modes(x, y, channel)[place];
 }
 
 }  // namespace glasswing

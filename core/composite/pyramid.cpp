@@ -15,7 +15,7 @@ constexpr int kBorder = PyramidShape::kBorder;
 
 void fill_first(const RadianceImage& picture, const PrimaryMix& mix, int texture,
                 const PyramidShape::Level& level, int first, int last, float* samples) {
-  const auto width = static_cast<size_t>(level.width_px);
+  const size_t width = level.width_px;
   std::vector<float> seen(mix.is_unit() ? 0 : 3 * width);
   for (int y = first; y < last; ++y) {
     std::fill_n(samples + level.at(-kBorder, y, 0), 3 * size_t{level.stride}, 0.0f);
@@ -24,7 +24,7 @@ void fill_first(const RadianceImage& picture, const PrimaryMix& mix, int texture
     if (!mix.is_unit()) {
       for (size_t i = 0; i < seen.size(); i += 3) {
         const PrimaryMix::Light light = mix.seen(texture, {from[i], from[i + 1], from[i + 2]});
-        std::ranges::copy(light, seen.begin() + static_cast<std::ptrdiff_t>(i));
+        std::ranges::copy(light, seen.begin() + i);
       }
       from = seen.data();
     }
@@ -35,8 +35,8 @@ void fill_first(const RadianceImage& picture, const PrimaryMix& mix, int texture
 
 void fill_next(const PyramidShape::Level& above, const PyramidShape::Level& level, int first, int last,
                float* samples) {
-  const auto length = static_cast<size_t>(above.width_px + 2 * kBorder);
-  const auto kept = static_cast<size_t>(level.width_px + 2 * kBorder);
+  const size_t length = above.width_px + 2 * kBorder;
+  const size_t kept = level.width_px + 2 * kBorder;
   // The filter of the first stored sample starts this far left of the stored samples of the level above.
   constexpr size_t kLead = kBorder + 2;
   std::vector<float> blended(std::max(kLead + length, 2 * kept + 4)), dark(length);
@@ -46,7 +46,7 @@ void fill_next(const PyramidShape::Level& above, const PyramidShape::Level& leve
       for (int k = 0; k < 6; ++k) {
         const int from = 2 * y + k - 2;
         const bool is_there = from >= -kBorder && from < above.height_px + kBorder;
-        rows[static_cast<size_t>(k)] = is_there ? samples + above.at(-kBorder, from, c) : dark.data();
+        rows[k] = is_there ? samples + above.at(-kBorder, from, c) : dark.data();
       }
       blend_rows(rows.data(), length, blended.data() + kLead);
       float* const out = samples + level.at(-kBorder, y, c);
@@ -73,7 +73,7 @@ PyramidShape::PyramidShape(int width_px, int height_px, size_t offset) : end_(of
 void fill_pyramid(const RadianceImage& picture, const PrimaryMix& mix, int texture, const PyramidShape& shape,
                   int level_count, int thread_count, float* samples) {
   for (int l = 0; l < level_count; ++l) {
-    const PyramidShape::Level& level = shape.levels()[static_cast<size_t>(l)];
+    const PyramidShape::Level& level = shape.levels()[l];
     for_rows(level.height_px + 2 * kBorder, thread_count, [&](int first, int last) {
       first -= kBorder, last -= kBorder;
       if (l == 0) {

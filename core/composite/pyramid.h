@@ -26,7 +26,7 @@ class PyramidShape {
     size_t offset = 0;         // of sample (-kBorder, -kBorder) of the first channel
     // The index of sample (x, y), which may lie up to kBorder beyond the level.
     size_t at(int x, int y, int channel) const {
-      return offset + (static_cast<size_t>(y + kBorder) * 3 + static_cast<size_t>(channel)) * stride +
+      return offset + (static_cast<size_t>(y + kBorder) * 3 + channel) * stride +
              static_cast<size_t>(x + kBorder);
     }
   };

@@ -33,7 +33,7 @@ class ChannelWeights {
       for (int x = 0; x < rows.width_px(); ++x) {
         for (int c = 0; c < kChannels; ++c) {
           const Mode* mode = strongest_mode(rows, x, y, c, texture);
-          if (mode != nullptr) weight_[static_cast<size_t>(c)] += static_cast<double>(mode->weight);
+          if (mode != nullptr) weight_[c] += static_cast<double>(mode->weight);
         }
       }
     }
@@ -78,8 +78,8 @@ class StmapWriter {
         "R = x / {}, G = 1 - y / {}: where channel {} of session {} looks on monitor {}, from its "
         "bottom left corner; B = A = 1 where it does. weight: of the path. blur: its sigma, "
         "monitor px.",
-        metadata.monitors(texture).width_px(), metadata.monitors(texture).height_px(),
-        kColourNames[static_cast<size_t>(channel)], metadata.session(), metadata.monitors(texture).name());
+        metadata.monitors(texture).width_px(), metadata.monitors(texture).height_px(), kColourNames[channel],
+        metadata.session(), metadata.monitors(texture).name());
     part.attributes["colorInteropID"] = "data";
     writer_.emplace(std::vector{part}, window, file);
   }
@@ -90,7 +90,7 @@ class StmapWriter {
         put_pixel(x, mode_at(x, y, channel_));
         for (int c = 0; c < kChannels; ++c) {
           const Mode* mode = mode_at(x, y, c);
-          planes_[kWeights[static_cast<size_t>(c)]][x] = mode != nullptr ? mode->weight : 0.0f;
+          planes_[kWeights[c]][x] = mode != nullptr ? mode->weight : 0.0f;
         }
       }
       writer_->put(0, std::vector<const float*>(planes_.begin(), planes_.end()));

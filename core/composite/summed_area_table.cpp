@@ -89,8 +89,7 @@ double SummedAreaTable::mean_of_pixels(const Side& x, const Side& y, int channel
   double all = 0.0;
   for (int v = y.first; v < y.last; ++v) {
     double row = 0.0;
-    for (int u = x.first; u < x.last; ++u)
-      row += x.share(u) * static_cast<double>(picture_.at(u, v, channel));
+    for (int u = x.first; u < x.last; ++u) row += x.share(u) * picture_.at(u, v, channel);
     all += y.share(v) * row;
   }
   return all;
@@ -101,8 +100,8 @@ double SummedAreaTable::sum(double x_px, double y_px, int channel) const {
   const int v = std::min(static_cast<int>(y_px), picture_.height_px - 1);
   const double right = x_px - u, down = y_px - v;
   const auto row = (static_cast<size_t>(picture_.width_px) + 1) * kChannels;
-  const double* at = sums_.data() + static_cast<size_t>(v) * row + static_cast<size_t>(u) * kChannels +
-                     static_cast<size_t>(channel);
+  const double* at =
+      sums_.data() + static_cast<size_t>(v) * row + u * kChannels + static_cast<size_t>(channel);
   const double above = at[0] + right * (at[kChannels] - at[0]);
   const double below = at[row] + right * (at[row + kChannels] - at[row]);
   return above + down * (below - above);
@@ -111,8 +110,8 @@ double SummedAreaTable::sum(double x_px, double y_px, int channel) const {
 FastSummedAreaTable::FastSummedAreaTable(const RadianceImage& picture, int thread_count)
     : width_px_(picture.width_px),
       height_px_(picture.height_px),
-      sums_(static_cast<size_t>(width_px_ + 1) * static_cast<size_t>(height_px_ + 1)) {
-  const auto row = static_cast<size_t>(width_px_ + 1);
+      sums_(static_cast<size_t>(width_px_ + 1) * (height_px_ + 1)) {
+  const size_t row = width_px_ + 1;
   for_rows(height_px_, thread_count, [&](int first, int last) {
     for (int y = first; y < last; ++y) {
       Sums along{};

@@ -52,7 +52,7 @@ class FastSummedAreaTable {
   // Red, green, blue and padding: two vectors of two doubles.
   using Sums = std::array<double, 4>;
   const Sums& at(int x, int y) const {
-    return sums_[static_cast<size_t>(y) * static_cast<size_t>(width_px_ + 1) + static_cast<size_t>(x)];
+    return sums_[static_cast<size_t>(y) * (width_px_ + 1) + static_cast<size_t>(x)];
   }
 
   int width_px_, height_px_;

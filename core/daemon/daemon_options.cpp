@@ -1,6 +1,9 @@
 #include "core/daemon/daemon_options.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
 
 namespace glasswing {
 
@@ -26,16 +29,23 @@ void add_listen_options(CLI::App& app, ListenOptions& listen, const std::string&
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
 }
 
-absl::Status check_simulated_options(const CLI::App& app, const std::string& backend) {
-  if (backend == "sim") return absl::OkStatus();
-  for (const CLI::Option* option : app.get_options()) {
-    const std::string name = option->get_name();
-    const bool is_simulated =
-        name.starts_with("--fault-") || name.starts_with("--true-") || name.starts_with("--clock-");
-    if (is_simulated && option->count() > 0) {
-      return absl::InvalidArgumentError(fmt::format(
-          "{} is given with --backend {}; it must be left out, or used with --backend sim", name, backend));
-    }
+void BackendOptions::add(CLI::App& app, std::string_view backend, const std::function<void(CLI::App&)>& add) {
+  const size_t before = app.get_options().size();
+  add(app);
+  const std::vector<CLI::Option*> options = app.get_options();
+  for (size_t i = before; i < options.size(); ++i) share(backend, options[i]->get_name());
+}
+
+void BackendOptions::share(std::string_view backend, std::string_view option) {
+  takers_[std::string(option)].emplace_back(backend);
+}
+
+absl::Status BackendOptions::check(const CLI::App& app, std::string_view backend) const {
+  for (const auto& [option, takers] : takers_) {
+    if (app.count(option) == 0 || std::ranges::find(takers, backend) != takers.end()) continue;
+    return absl::InvalidArgumentError(
+        fmt::format("{} is given with --backend {}; it must be left out, or used with --backend {}", option,
+                    backend, fmt::join(takers, " or ")));
   }
   return absl::OkStatus();
 }

@@ -44,9 +44,9 @@ JudgedPixel judged_pixel(const Matte& matte, int x, int y, size_t monitors) {
   // In order of weight.
   for (const Mode& mode : matte.modes(x, y, strongest)) {
     if (!(mode.weight > 0.0f) || static_cast<size_t>(mode.texture) >= monitors) continue;
-    KnownPixel& known = pixel[static_cast<size_t>(mode.texture)];
+    KnownPixel& known = pixel[mode.texture];
     if (known.modes.size() == kMaxFootprints) continue;
-    const auto at = static_cast<size_t>(known.modes.size());
+    const size_t at = known.modes.size();
     known.weight_sd[at] = mode.weight_sd;
     known.centre_sd_px[at] = mode.centre_sd_px;
     known.modes.push_back(footprint_of(mode));

@@ -87,13 +87,12 @@ Eigen::MatrixXd whitened_slopes(const PatternAnswers& patterns, const Footprints
   }
   for (Eigen::Index i = 0; i < n; ++i) {
     double variance = noise.variance(light[i]);
-    if (i < std::ssize(noise_scale)) variance *= std::pow(noise_scale[static_cast<size_t>(i)], 2);
+    if (i < std::ssize(noise_scale)) variance *= std::pow(noise_scale[i], 2);
     // Bars are trusted within limits (lit_area.h).
-    if (i + 1 < n && patterns.patterns()[static_cast<size_t>(i)].lit.bars) {
+    if (i + 1 < n && patterns.patterns()[i].lit.bars) {
       double off = kBarsError * light[i];
       for (const Footprint& mode : modes)
-        off += mode.weight *
-               lit_share_error(mode, patterns.patterns()[static_cast<size_t>(i)].lit, patterns.extent());
+        off += mode.weight * lit_share_error(mode, patterns.patterns()[i].lit, patterns.extent());
       variance += off * off;
     }
     by.row(i) /= std::sqrt(variance);

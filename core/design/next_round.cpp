@@ -105,9 +105,9 @@ void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, cons
     int best = -1;
     double least_px = std::numeric_limits<double>::infinity();
     for (int m = 0; m < pixel.modes.size(); ++m) {
-      const double sd_px = pixel.centre_sd_px[static_cast<size_t>(m)];
+      const double sd_px = pixel.centre_sd_px[m];
       // Modes that share their light are known together only.
-      const bool alone = pixel.weight_sd[static_cast<size_t>(m)] <= kMaxWeightError * pixel.modes[m].weight;
+      const bool alone = pixel.weight_sd[m] <= kMaxWeightError * pixel.modes[m].weight;
       if (alone && sd_px > 0.0 && sd_px < least_px) least_px = sd_px, best = m;
     }
     if (best < 0) {

@@ -130,7 +130,7 @@ absl::StatusOr<std::optional<Candidate>> best_stripes(const DesignWish& wish, co
     for (const double step : {0.7, 1.1}) {
       const auto plan_at = [&](double sigma_px) {
         v1::Plan plan = blank_plan(rig, bars);
-        for (const double phi_deg : std::span(kDirections_deg).first(static_cast<size_t>(directions))) {
+        for (const double phi_deg : std::span(kDirections_deg).first(directions)) {
           v1::Sweep& sweep = *plan.add_sweeps();
           sweep.set_orientation_deg(phi_deg);
           sweep.set_sigma_px(sigma_px);

@@ -32,9 +32,9 @@ double variance_of(std::span<const Mode> modes, int channel, const MatteCovarian
   Eigen::Index p = 1;
   for (const Mode& mode : modes) {
     if (mode.weight <= 0.0f) continue;
-    if (const auto& monitor = monitors[static_cast<size_t>(mode.texture)]) {
+    if (const auto& monitor = monitors[mode.texture]) {
       const LightSlopes own = monitor->slopes(footprint_of(mode), channel);
-      const auto weight = static_cast<double>(mode.weight);
+      const double weight = mode.weight;
       slopes.segment<6>(p) << own.light, weight * own.by_x, weight * own.by_y, weight * own.by_xx,
           weight * own.by_xy, weight * own.by_yy;
     }
@@ -77,10 +77,9 @@ absl::StatusOr<RadianceImage> composite_error(const Matte& matte,
         const bool solved = matte.coverage(x, y) > 0.0f && matte.flags(x, y) == kFlagNone;
         std::array<double, kChannels> variances{kUnknown, kUnknown, kUnknown};
         for (int c = 0; solved && c < kChannels; ++c)
-          variances[static_cast<size_t>(c)] = variance_of(matte.modes(x, y, c), c, covariance, monitors);
+          variances[c] = variance_of(matte.modes(x, y, c), c, covariance, monitors);
         variances = mixed(mix, variances);
-        for (int c = 0; c < kChannels; ++c)
-          error.at(x, y, c) = static_cast<float>(std::sqrt(variances[static_cast<size_t>(c)]));
+        for (int c = 0; c < kChannels; ++c) error.at(x, y, c) = static_cast<float>(std::sqrt(variances[c]));
       }
       const int done = ++rows_done;
       if (progress && first == 0) progress(static_cast<double>(done) / matte.height_px());

@@ -20,8 +20,7 @@ Direction direction(double angle) {
 constexpr int kDirections = 12, kHalvings = 11;
 const auto kStarts = [] {
   std::array<Direction, kDirections> starts;
-  for (int i = 0; i < kDirections; ++i)
-    starts[static_cast<size_t>(i)] = direction(2.0 * i * std::numbers::pi / kDirections);
+  for (int i = 0; i < kDirections; ++i) starts[i] = direction(2.0 * i * std::numbers::pi / kDirections);
   return starts;
 }();
 const auto kTurns = [] {

@@ -102,7 +102,7 @@ std::vector<ReachedPixel> reached_pixels(const Footprint& mode, const MonitorExt
   const std::vector<NormalShare> cells =
       NormalOnRectangles(density).cells(left, 1.0, columns, top, 1.0, rows);
   for (int i = 0; i < columns * rows; ++i)
-    pixels.push_back({left + i % columns + 0.5, top + i / columns + 0.5, cells[static_cast<size_t>(i)]});
+    pixels.push_back({left + i % columns + 0.5, top + i / columns + 0.5, cells[i]});
   return pixels;
 }
 

@@ -18,8 +18,7 @@ const FaddeevaSeries kSeries = [] {
   for (int k = 1 - kPlaces; k < kPlaces; ++k) {
     const double theta = k * std::numbers::pi / kPlaces, t = series.scale * std::tan(0.5 * theta);
     const double value = std::exp(-t * t) * (series.scale * series.scale + t * t) / (2 * kPlaces);
-    for (int n = 0; n < kTerms; ++n)
-      series.coefficients[static_cast<size_t>(n)] += value * std::cos((n + 1) * theta);
+    for (int n = 0; n < kTerms; ++n) series.coefficients[n] += value * std::cos((n + 1) * theta);
   }
   return series;
 }();

@@ -21,12 +21,12 @@ MonitorExtent extent_of(const v1::Monitor& monitor) {
 }
 
 Footprint footprint_of(const Mode& mode) {
-  return {.weight = static_cast<double>(mode.weight),
-          .x_px = static_cast<double>(mode.x_px),
-          .y_px = static_cast<double>(mode.y_px),
-          .xx_px2 = static_cast<double>(mode.xx_px2),
-          .xy_px2 = static_cast<double>(mode.xy_px2),
-          .yy_px2 = static_cast<double>(mode.yy_px2)};
+  return {.weight = mode.weight,
+          .x_px = mode.x_px,
+          .y_px = mode.y_px,
+          .xx_px2 = mode.xx_px2,
+          .xy_px2 = mode.xy_px2,
+          .yy_px2 = mode.yy_px2};
 }
 
 Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, int texture) {

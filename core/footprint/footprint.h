@@ -35,9 +35,9 @@ class Footprints {
   Footprints() = default;
   int size() const { return size_; }
   bool empty() const { return size_ == 0; }
-  void push_back(const Footprint& mode) { modes_[static_cast<size_t>(size_++)] = mode; }
-  Footprint& operator[](int i) { return modes_[static_cast<size_t>(i)]; }
-  const Footprint& operator[](int i) const { return modes_[static_cast<size_t>(i)]; }
+  void push_back(const Footprint& mode) { modes_[size_++] = mode; }
+  Footprint& operator[](int i) { return modes_[i]; }
+  const Footprint& operator[](int i) const { return modes_[i]; }
   Footprint* begin() { return modes_.data(); }
   Footprint* end() { return modes_.data() + size_; }
   const Footprint* begin() const { return modes_.data(); }

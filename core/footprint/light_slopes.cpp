@@ -63,7 +63,7 @@ LightSlopes LitMonitor::slopes(const Footprint& mode, int channel) const {
     const float* const row = samples_.data() + level.at(0, y, channel);
     for (int x = columns.first; x <= columns.last; ++x) {
       const double dx = x - own.x_px, qx = pxx * dx + pxy * dy, qy = pxy * dx + pyy * dy;
-      const double light = peak * std::exp(-0.5 * (dx * qx + dy * qy)) * static_cast<double>(row[x]);
+      const double light = peak * std::exp(-0.5 * (dx * qx + dy * qy)) * row[x];
       sum.light += light;
       sum.by_x += light * qx;
       sum.by_y += light * qy;

@@ -70,7 +70,7 @@ absl::StatusOr<MatteCovariance> MatteCovariance::create(const v1::MatteMetadata&
 
 void MatteCovariance::set_derivatives(const Footprint& mode, const Sweep& sweep, int begin, int end,
                                       Eigen::Ref<Eigen::MatrixXd> by) const {
-  const MonitorExtent& extent = extents_[static_cast<size_t>(sweep.texture)];
+  const MonitorExtent& extent = extents_[sweep.texture];
   const double variance = answered_variance(mode, sweep.axis), step = kDifference * std::sqrt(variance),
                square = kDifference * variance;
   const auto fill = [&](int parameter, double Footprint::*value, double by_px) {
@@ -131,7 +131,7 @@ Eigen::MatrixXd MatteCovariance::of_sweeps(std::span<const Used> modes) const {
 
 std::vector<MatteCovariance::Shown> MatteCovariance::shown(std::span<const Used> modes) const {
   std::vector<LitShare> shares;
-  for (const Used& used : modes) shares.emplace_back(used.mode, extents_[static_cast<size_t>(used.texture)]);
+  for (const Used& used : modes) shares.emplace_back(used.mode, extents_[used.texture]);
   std::vector<Shown> all;
   for (const Picture& picture : pictures_) {
     Shown& own = all.emplace_back();
@@ -147,8 +147,7 @@ std::vector<MatteCovariance::Shown> MatteCovariance::shown(std::span<const Used>
       own.by.segment<6>(used.column) << share.share, weight * share.by_x, weight * share.by_y,
           weight * share.by_xx, weight * share.by_xy, weight * share.by_yy;
       seen += weight * share.share;
-      own.error +=
-          weight * lit_share_error(used.mode, picture.lit, extents_[static_cast<size_t>(used.texture)]);
+      own.error += weight * lit_share_error(used.mode, picture.lit, extents_[used.texture]);
     }
     own.error += (picture.lit.bars ? kBarsError : kWhiteError) * seen;
   }
@@ -190,8 +189,8 @@ Eigen::MatrixXd MatteCovariance::root(std::span<const Mode> modes) const {
       const std::array<double, 5> known = known_within_pixel(own.mode);
       for (Eigen::Index i = 0; i < 5; ++i) {
         const Eigen::Index at = own.column + 1 + i;
-        n(at, at) += s * s * known[static_cast<size_t>(i)];
-        m(at, at) += s * s * known[static_cast<size_t>(i)];
+        n(at, at) += s * s * known[i];
+        m(at, at) += s * s * known[i];
       }
     }
     Eigen::MatrixXd scaled = unit.asDiagonal() * n * unit.asDiagonal();

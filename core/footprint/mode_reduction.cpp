@@ -40,7 +40,7 @@ class Reduction {
   bool merge() {
     const auto best = std::ranges::min_element(partners_, {}, &Partner::loss);
     if (best == partners_.end() || best->loss == kNever) return false;
-    const auto kept = static_cast<size_t>(best - partners_.begin());
+    const size_t kept = best - partners_.begin();
     const size_t gone = best->place, last = modes_.size() - 1;
     modes_[kept] = merged(modes_[kept], modes_[gone], boxes_);
     modes_[gone] = modes_[last];

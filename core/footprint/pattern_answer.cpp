@@ -99,10 +99,12 @@ void PatternAnswers::of_wave(const Footprint& mode, size_t first, size_t last, b
   }
   for (size_t i = first; i < last; ++i) {
     const auto [c, s] = phases_[i];
-    const auto seen = [&](const std::complex<double>& z) { return 0.5 * (z.real() * c + z.imag() * s); };
+    const auto seen = [c = c, s = s](const std::complex<double>& z) {
+      return 0.5 * (z.real() * c + z.imag() * s);
+    };
     double* const at = columns + i;
     at[0] = 0.5 * level + seen(wave.value);
-    for (std::ptrdiff_t p = 0; p < 6; ++p) at[(p + 1) * stride] = seen(wave.slope[static_cast<size_t>(p)]);
+    for (std::ptrdiff_t p = 0; p < 6; ++p) at[(p + 1) * stride] = seen(wave.slope[p]);
   }
 }
 
@@ -121,7 +123,7 @@ void PatternAnswers::of(const Footprint& mode, bool through_pixels, double* colu
   const auto put = [&](size_t i, const Answer& answer) {
     columns[i] = answer.value;
     for (std::ptrdiff_t p = 0; p < 6; ++p)
-      columns[static_cast<std::ptrdiff_t>(i) + (p + 1) * stride] = answer.slope[static_cast<size_t>(p)];
+      columns[static_cast<std::ptrdiff_t>(i) + (p + 1) * stride] = answer.slope[p];
   };
   for (size_t i = 0; i < patterns_.size();) {
     const ShownPattern& pattern = patterns_[i];
@@ -141,8 +143,7 @@ void PatternAnswers::of(const Footprint& mode, bool through_pixels, double* colu
       of_wave(seen, i, last, cut, level.value, columns, stride);
       for (size_t k = i; k < last; ++k) {
         for (std::ptrdiff_t p = 0; p < 6; ++p)
-          columns[static_cast<std::ptrdiff_t>(k) + (p + 1) * stride] +=
-              0.5 * level.slope[static_cast<size_t>(p)];
+          columns[static_cast<std::ptrdiff_t>(k) + (p + 1) * stride] += 0.5 * level.slope[p];
       }
     }
     i = last;

@@ -21,14 +21,12 @@ struct Image {
       : width_px(width),
         height_px(height),
         channels(channel_count),
-        samples(static_cast<size_t>(width) * static_cast<size_t>(height) *
-                static_cast<size_t>(channel_count)) {}
+        samples(static_cast<size_t>(width) * height * static_cast<size_t>(channel_count)) {}
 
   bool empty() const { return samples.empty(); }
   size_t index(int x, int y, int channel) const {
     assert(x >= 0 && x < width_px && y >= 0 && y < height_px && channel >= 0 && channel < channels);
-    return (static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x)) *
-               static_cast<size_t>(channels) +
+    return (static_cast<size_t>(y) * width_px + x) * static_cast<size_t>(channels) +
            static_cast<size_t>(channel);
   }
   Sample& at(int x, int y, int channel) { return samples[index(x, y, channel)]; }

@@ -141,7 +141,7 @@ void write_layer(Imf::OStream& bytes, Imf::Header header, const RadianceImage& i
   constexpr size_t kSamples = 4;
   constexpr std::array kNames{"R", "G", "B", "A"};
   constexpr Imf::PixelType kType = std::is_same_v<Sample, float> ? Imf::FLOAT : Imf::HALF;
-  const auto width = static_cast<size_t>(image.width_px);
+  const size_t width = image.width_px;
   std::vector<float> layer(kSamples * width);
   std::vector<Sample> row(layer.size());
   Imf::FrameBuffer buffer;

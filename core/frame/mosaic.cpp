@@ -63,7 +63,7 @@ Image16 interpolated(const Image16& frame, const std::optional<Mosaic>& mosaic) 
         for (int dx = -1; dx <= 1; ++dx) {
           const int at_x = x + dx, at_y = y + dy;
           if (at_x < 0 || at_y < 0 || at_x >= frame.width_px || at_y >= frame.height_px) continue;
-          const auto c = static_cast<size_t>(mosaic ? mosaic->channel(at_x, at_y) : 0);
+          const size_t c = mosaic ? mosaic->channel(at_x, at_y) : 0;
           const bool own = dx == 0 && dy == 0;
           if (!own && mosaic && static_cast<int>(c) == mosaic->channel(x, y)) continue;
           sum[c] += frame.at(at_x, at_y, 0);

@@ -21,7 +21,7 @@ class Mosaic {
   static absl::StatusOr<Mosaic> parse(std::string_view name);
 
   // 0, 1 or 2 for r, g or b.
-  int channel(int x, int y) const { return channels_[static_cast<size_t>((y & 1) * 2 + (x & 1))]; }
+  int channel(int x, int y) const { return channels_[(y & 1) * 2 + (x & 1)]; }
 
  private:
   std::array<std::int8_t, 4> channels_{};
@@ -40,7 +40,7 @@ struct FrameShape {
   int width_px = 0, height_px = 0;
   int channels = 3;  // 1 for a mosaic
 
-  size_t row_samples() const { return static_cast<size_t>(width_px) * static_cast<size_t>(channels); }
+  size_t row_samples() const { return static_cast<size_t>(width_px) * channels; }
   bool operator==(const FrameShape&) const = default;
 };
 FrameShape shape_of(const v1::Camera& camera);

@@ -186,7 +186,7 @@ absl::Status check_finite(const RadianceImage& image) {
   if (bad == 0) return absl::OkStatus();
   const auto first =
       static_cast<size_t>(std::ranges::find_if(image.samples, is_bad) - image.samples.begin()) / kRgb;
-  const auto width = static_cast<size_t>(image.width_px);
+  const size_t width = image.width_px;
   return absl::DataLossError(fmt::format("{} of its values {} not finite, the first at x {}, y {}", bad,
                                          bad == 1 ? "is" : "are", first % width, first / width));
 }

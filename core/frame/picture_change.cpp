@@ -44,9 +44,7 @@ Seen seen_at(const Brightness& picture, double x, double y) {
   const int left = std::clamp(static_cast<int>(std::floor(x)), 1, picture.width - 3);
   const int top = std::clamp(static_cast<int>(std::floor(y)), 1, picture.height - 3);
   const double right = x - left, down = y - top;
-  const auto at = [&](int i, int j) {
-    return static_cast<double>(picture.samples[static_cast<size_t>(j * picture.width + i)]);
-  };
+  const auto at = [&](int i, int j) { return static_cast<double>(picture.samples[j * picture.width + i]); };
   Seen seen{};
   for (const int j : {0, 1}) {
     for (const int i : {0, 1}) {
@@ -83,8 +81,7 @@ Fit fit_at(const Brightness& reference, const Brightness& frame, const Unknowns&
   for (int y = kEdge; y < frame.height - kEdge; ++y) {
     for (int x = kEdge; x < frame.width - kEdge; ++x) {
       const Seen seen = seen_at(reference, x - at[2], y - at[3]);
-      const double rest = static_cast<double>(frame.samples[static_cast<size_t>(y * frame.width + x)]) -
-                          at[1] - at[0] * seen.light;
+      const double rest = frame.samples[y * frame.width + x] - at[1] - at[0] * seen.light;
       const double steep = allowance.shift * std::hypot(seen.by_x, seen.by_y);
       const double light = allowance.light * range;
       const double variance = noise * noise + light * light + steep * steep;
@@ -113,14 +110,13 @@ Brightness brightness_of(const Image16& frame) {
   const int side = picture.block_px;
   picture.width = frame.width_px / side;
   picture.height = frame.height_px / side;
-  picture.samples.resize(static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height));
-  const auto row_samples = static_cast<size_t>(frame.width_px) * static_cast<size_t>(frame.channels);
-  const auto block_samples = static_cast<size_t>(side) * static_cast<size_t>(frame.channels);
+  picture.samples.resize(static_cast<size_t>(picture.width) * picture.height);
+  const auto row_samples = static_cast<size_t>(frame.width_px) * frame.channels;
+  const auto block_samples = static_cast<size_t>(side) * frame.channels;
   const float scale = 1.0f / (65535.0f * static_cast<float>(side) * static_cast<float>(block_samples));
   for (int y = 0; y < picture.height * side; ++y) {
     const std::uint16_t* row = frame.samples.data() + static_cast<size_t>(y) * row_samples;
-    float* const out =
-        picture.samples.data() + static_cast<size_t>(y / side) * static_cast<size_t>(picture.width);
+    float* const out = picture.samples.data() + static_cast<size_t>(y / side) * picture.width;
     for (int x = 0; x < picture.width; ++x) {
       std::uint32_t sum = 0;
       for (size_t k = 0; k < block_samples; ++k) sum += *row++;
@@ -154,7 +150,7 @@ PictureChange change_between(const Brightness& reference, const Brightness& fram
     at[2] = std::clamp(at[2], -0.9 * kEdge, 0.9 * kEdge);
     at[3] = std::clamp(at[3], -0.9 * kEdge, 0.9 * kEdge);
     inverse = solver.solve(Eigen::Matrix4d::Identity());
-    noise = std::max(1.5 * static_cast<double>(median_in_place(std::span<float>(fit.rests))), 1e-6);
+    noise = std::max(1.5 * median_in_place(std::span<float>(fit.rests)), 1e-6);
   }
   // Smoothing makes errors of blocks alike that lie within it.
   const double alike = 2.0 * kSigma * std::sqrt(M_PI);

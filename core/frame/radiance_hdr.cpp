@@ -98,8 +98,7 @@ absl::Status unpack_hdr_row(HdrSource& source, std::span<std::uint8_t> row) {
 std::array<std::uint8_t, kBytes> hdr_code_of(const RadianceImage& image, int x, int y) {
   constexpr float kMaxLight = 0x1.fep126f;
   std::array<float, kColours> light{};
-  for (int c = 0; c < kColours; ++c)
-    light[static_cast<size_t>(c)] = std::clamp(image.at(x, y, c), 0.0f, kMaxLight);
+  for (int c = 0; c < kColours; ++c) light[c] = std::clamp(image.at(x, y, c), 0.0f, kMaxLight);
   int exponent = 0;
   const float brightest = std::ranges::max(light);
   // Of what rounds to 256 the next one.
@@ -146,7 +145,7 @@ bool is_hdr(std::string_view bytes) {
 absl::StatusOr<RadianceImage> decode_hdr(std::string_view bytes) {
   GW_ASSIGN_OR_RETURN(const HdrHeader header, hdr_header_of(bytes));
   HdrSource source(bytes.substr(header.length));
-  const size_t width = static_cast<size_t>(header.width_px);
+  const size_t width = header.width_px;
   // What a row takes at least, so that no header makes us allocate what its file cannot fill.
   const size_t min_row = std::min(kBytes * width, kBytes * (1 + 2 * ((width + kMaxRun - 1) / kMaxRun)));
   if (source.left() / min_row < static_cast<size_t>(header.height_px))
@@ -172,7 +171,7 @@ absl::StatusOr<RadianceImage> decode_hdr(std::string_view bytes) {
 std::string encode_hdr(const RadianceImage& image) {
   std::string out =
       fmt::format("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n", image.height_px, image.width_px);
-  const size_t width = static_cast<size_t>(image.width_px);
+  const size_t width = image.width_px;
   std::vector<std::uint8_t> row(kBytes * width);
   const bool packed = image.width_px >= kMinPacked_px;
   for (int y = 0; y < image.height_px; ++y) {

@@ -34,19 +34,6 @@ absl::Status check_directories(std::string_view bytes) {
   return absl::OkStatus();
 }
 
-// A file in memory.
-absl::StatusOr<Descriptor> memory_file(std::string_view bytes) {
-  Descriptor file(::memfd_create("glasswing-raw", MFD_CLOEXEC));
-  for (size_t done = 0; file.is_open() && done < bytes.size();) {
-    const ssize_t count = ::write(file.get(), bytes.data() + done, bytes.size() - done);
-    if (count <= 0) return absl::ErrnoToStatus(errno, "cannot hold a raw file in memory");
-    done += static_cast<size_t>(count);
-  }
-  if (!file.is_open() || ::lseek(file.get(), 0, SEEK_SET) != 0)
-    return absl::ErrnoToStatus(errno, "cannot hold a raw file in memory");
-  return file;
-}
-
 // True if all of it was there.
 bool read_all(int file, void* to, size_t size, off_t from) {
   for (size_t done = 0; done < size;) {
@@ -67,10 +54,10 @@ absl::StatusOr<RawPhotograph> ask(const std::string& what, std::string_view byte
   }
   GW_RETURN_IF_ERROR(check_directories(bytes));
   GW_ASSIGN_OR_RETURN(const std::filesystem::path program, find_module("glasswing-raw"));
-  GW_ASSIGN_OR_RETURN(const Descriptor input, memory_file(bytes));
-  GW_ASSIGN_OR_RETURN(const Descriptor output, memory_file(""));
-  const absl::Status ran = run_command(
-      {program.string(), what}, {.limit = kLimit, .input_file = input.get(), .output_file = output.get()});
+  const Descriptor output(::memfd_create("glasswing-raw", MFD_CLOEXEC));
+  if (!output.is_open()) return absl::ErrnoToStatus(errno, "cannot hold a raw file in memory");
+  const absl::Status ran =
+      run_command({program.string(), what}, {.limit = kLimit, .input = bytes, .output_file = output.get()});
   RawAnswer answer;
   if (!ran.ok() || !read_all(output.get(), &answer, sizeof answer, 0))
     return absl::DataLossError("it is damaged: LibRaw could not read it");

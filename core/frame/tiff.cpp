@@ -227,7 +227,7 @@ std::optional<std::string> compressed(const Image16& image) {
   if (!saves(std::min(as_they_are, as_differences), strips.size_bytes(middle))) return std::nullopt;
   std::string bytes(strips.begin(), '\0');
   bytes.reserve(tiff_size_bytes(shape));
-  const auto count = static_cast<size_t>(strips.count());
+  const size_t count = strips.count();
   std::uint32_t size = 0;
   for (size_t strip = 0; strip < count; ++strip) {
     const auto begin = static_cast<std::uint32_t>(bytes.size());

@@ -37,9 +37,9 @@ Eigen::MatrixXd information_of(ceres::Problem& ceres, const std::vector<double*>
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
   for (size_t row = 0; row < static_cast<size_t>(jacobian.num_rows); ++row) {
     for (int i = jacobian.rows[row]; i < jacobian.rows[row + 1]; ++i) {
-      const auto a = static_cast<size_t>(i);
+      const size_t a = i;
       for (int j = jacobian.rows[row]; j < jacobian.rows[row + 1]; ++j) {
-        const auto b = static_cast<size_t>(j);
+        const size_t b = j;
         information(jacobian.cols[a], jacobian.cols[b]) += jacobian.values[a] * jacobian.values[b];
       }
     }

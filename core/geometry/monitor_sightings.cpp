@@ -37,8 +37,7 @@ class Sightings {
       : metadata_(outline.metadata),
         step_(std::max(1, static_cast<int>(std::ceil(std::sqrt(static_cast<double>(outline.width_px) *
                                                                outline.height_px / kMaxPixels))))) {
-    for (std::vector<std::vector<Sighting>>* own : {&bare_, &all_})
-      own->resize(static_cast<size_t>(metadata_.monitors_size()));
+    for (std::vector<std::vector<Sighting>>* own : {&bare_, &all_}) own->resize(metadata_.monitors_size());
   }
 
   void see(const Matte& rows) {
@@ -59,7 +58,7 @@ class Sightings {
     }
     std::vector<MonitorView> views;
     for (int m = 0; m < metadata_.monitors_size(); ++m) {
-      std::vector<Sighting>& own = (shows_stage_ ? bare_ : all_)[static_cast<size_t>(m)];
+      std::vector<Sighting>& own = (shows_stage_ ? bare_ : all_)[m];
       if (std::ssize(own) < kMinSightings) continue;
       const v1::Monitor& monitor = metadata_.monitors(m);
       views.push_back({.session = session,
@@ -90,10 +89,10 @@ class Sightings {
           mode->y_px < height - kMargin_px))
       return;
     const float column = static_cast<float>(x) + 0.5f, row = static_cast<float>(rows.y0_px() + y) + 0.5f;
-    const Sighting sighting{.pixel = {static_cast<double>(column), static_cast<double>(row)},
+    const Sighting sighting{.pixel = {column, row},
                             .monitor_px = {static_cast<double>(mode->x_px), static_cast<double>(mode->y_px)},
                             .sd_px = static_cast<double>(mode->centre_sd_px)};
-    const auto texture = static_cast<size_t>(mode->texture);
+    const size_t texture = mode->texture;
     all_[texture].push_back(sighting);
     if (rows.coverage(x, y) > 0.0f) return;
     bare_[texture].push_back(sighting);

@@ -30,7 +30,7 @@ absl::StatusOr<std::shared_ptr<MappedArchive>> MappedArchive::map(const std::fil
     const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a FIFO has another size
     struct stat status {};
     const bool known = file >= 0 && ::fstat(file, &status) == 0;
-    const auto size = static_cast<size_t>(status.st_size);
+    const size_t size = status.st_size;
     // A frame's file of the camera is this long, or compressed.
     const bool fits = known && size >= kTiffPixelOffset && size <= tiff_size_bytes(shape);
     void* mapping = fits ? ::mmap(nullptr, size, PROT_READ, MAP_SHARED, file, 0) : MAP_FAILED;
@@ -86,7 +86,7 @@ MappedArchive::~MappedArchive() {
 }
 
 std::span<const std::uint16_t> MappedArchive::samples_of(int frame) const {
-  const auto at = static_cast<size_t>(frame);
+  const size_t at = frame;
   if (!in_memory_.empty() && !in_memory_[at].empty()) return in_memory_[at].samples;
   return files_[at].plain();
 }
@@ -100,7 +100,7 @@ std::span<const std::uint16_t> MappedArchive::rows(int frame, int first_row, int
 
 absl::StatusOr<FrameSamples> MappedArchive::read(int frame, int first_row, int row_count) const {
   if (!samples_of(frame).empty()) return FrameSamples{rows(frame, first_row, row_count), nullptr};
-  const int strip_rows = files_[static_cast<size_t>(frame)].strip_rows(), end_row = first_row + row_count;
+  const int strip_rows = files_[frame].strip_rows(), end_row = first_row + row_count;
   if (first_row / strip_rows == (end_row - 1) / strip_rows) return read_in_strip(frame, first_row, row_count);
   const size_t row = shape_of(manifest_.camera()).row_samples();
   const auto samples = std::make_shared_for_overwrite<std::uint16_t[]>(row * static_cast<size_t>(row_count));
@@ -120,10 +120,9 @@ absl::StatusOr<FrameSamples> MappedArchive::read(int frame, int first_row, int r
 
 absl::StatusOr<FrameSamples> MappedArchive::read_in_strip(int frame, int first_row, int row_count) const {
   const size_t row = shape_of(manifest_.camera()).row_samples();
-  const int strip_rows = files_[static_cast<size_t>(frame)].strip_rows(),
-            strip = first_row / strip_rows * strip_rows,
+  const int strip_rows = files_[frame].strip_rows(), strip = first_row / strip_rows * strip_rows,
             strip_end = std::min(strip + strip_rows, manifest_.camera().height_px());
-  LastStrip& last = last_strips_[static_cast<size_t>(frame)];
+  LastStrip& last = last_strips_[frame];
   const std::lock_guard lock(last.mutex);
   if (last.first_row != strip) {
     const auto samples =
@@ -139,7 +138,7 @@ absl::StatusOr<FrameSamples> MappedArchive::read_in_strip(int frame, int first_r
 
 absl::Status MappedArchive::decompress(int frame, int first_row, int row_count,
                                        std::uint16_t* samples) const {
-  const absl::Status status = files_[static_cast<size_t>(frame)].read(first_row, row_count, samples);
+  const absl::Status status = files_[frame].read(first_row, row_count, samples);
   if (status.ok()) return status;
   return absl::DataLossError(fmt::format("{} is damaged: {}",
                                          (directory_ / manifest_.frames(frame).file()).string(),

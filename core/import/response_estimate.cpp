@@ -155,7 +155,7 @@ using Codes = std::vector<std::vector<float>>;
 double sum_of(const Relation& relation, const Codes& codes, size_t pixel, const Curve& curve) {
   double sum = 0.0, variance = 0.0;
   for (const Term& term : relation) {
-    const size_t index = index_of(curve, codes[static_cast<size_t>(term.frame)][pixel]);
+    const size_t index = index_of(curve, codes[term.frame][pixel]);
     sum += term.weight * curve.light[index];
     variance += std::pow(term.weight * curve.slope[index] * kNoise, 2);
   }
@@ -209,7 +209,7 @@ class Estimator {
       if (pixels.size() < kMinPixels) continue;
       std::vector<double> costs;
       for (const Curve& curve : powers_) costs.push_back(cost_of(relation, codes, pixels, curve));
-      const auto best = static_cast<size_t>(std::ranges::min_element(costs) - costs.begin());
+      const size_t best = std::ranges::min_element(costs) - costs.begin();
       const std::optional<double> gamma = lowest_at(costs, best);
       if (!gamma) continue;
       estimates.gammas.push_back(*gamma);
@@ -225,9 +225,8 @@ class Estimator {
     const size_t count = codes.front().size();
     std::vector<size_t> pixels;
     for (size_t i = part * count / kParts; i < (part + 1) * count / kParts; ++i) {
-      const bool saturated = std::ranges::any_of(relation, [&](const Term& term) {
-        return static_cast<double>(codes[static_cast<size_t>(term.frame)][i]) > kSaturated;
-      });
+      const bool saturated =
+          std::ranges::any_of(relation, [&](const Term& term) { return codes[term.frame][i] > kSaturated; });
       if (saturated) continue;
       const double straight = sum_of(relation, codes, i, linear_), bent = sum_of(relation, codes, i, square_);
       if (std::abs(straight - bent) > kMinDifference) pixels.push_back(i);

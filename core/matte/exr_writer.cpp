@@ -26,7 +26,7 @@ class MemoryWriter final : public Imf::OStream {
  public:
   MemoryWriter() : OStream("matte") {}
   void write(const char c[], int n) override {
-    const auto size = static_cast<size_t>(n);
+    const size_t size = n;
     if (bytes.size() < at_ + size) bytes.resize(at_ + size);
     std::memcpy(&bytes[at_], c, size);
     at_ += size;

@@ -15,7 +15,7 @@ Matte::Matte(int x0_px, int y0_px, int width_px, int height_px, int modes_per_ch
       modes_per_channel_(modes_per_channel),
       mode_channels_(colourless ? 1 : kChannels) {
   assert(width_px > 0 && height_px > 0 && modes_per_channel >= 1 && modes_per_channel <= kMaxModes);
-  const size_t pixel_count = static_cast<size_t>(width_px) * static_cast<size_t>(height_px);
+  const size_t pixel_count = static_cast<size_t>(width_px) * height_px;
   foreground_.resize(pixel_count);
   coverage_.resize(pixel_count);
   flags_.resize(pixel_count);
@@ -48,7 +48,7 @@ PixelCount count_pixels(const Matte& matte) {
       ++count.flagged;
       const auto worst = std::ranges::find_if(
           kNamedFlags, [&](const NamedFlag& named) { return (matte.flags(x, y) & named.flag) != 0; });
-      if (worst != kNamedFlags.end()) ++count.worst[static_cast<size_t>(worst - kNamedFlags.begin())];
+      if (worst != kNamedFlags.end()) ++count.worst[worst - kNamedFlags.begin()];
     }
   }
   return count;

@@ -103,7 +103,7 @@ class Matte {
  private:
   size_t pixel(int x, int y) const {
     assert(x >= 0 && x < width_px_ && y >= 0 && y < height_px_);
-    return static_cast<size_t>(y) * static_cast<size_t>(width_px_) + static_cast<size_t>(x);
+    return static_cast<size_t>(y) * width_px_ + x;
   }
   size_t mode_offset(int x, int y, int channel) const {
     assert(channel >= 0 && channel < kChannels);

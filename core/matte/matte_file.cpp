@@ -30,7 +30,7 @@ class MemoryReader final : public Imf::IStream {
  public:
   explicit MemoryReader(std::string_view bytes) : IStream("matte"), bytes_(bytes) {}
   bool read(char c[], int n) override {
-    const auto size = static_cast<size_t>(n);
+    const size_t size = n;
     if (at_ > bytes_.size() || bytes_.size() - at_ < size) throw std::runtime_error("it ends too early");
     std::memcpy(c, bytes_.data() + at_, size);
     at_ += size;
@@ -58,7 +58,7 @@ absl::Status check(const Matte& matte, int first, int rows) {
     for (int x = 0; x < matte.width_px(); ++x) {
       bool good = std::isfinite(matte.coverage(x, y));
       for (int c = 0; c < kChannels; ++c) {
-        good = good && std::isfinite(matte.foreground(x, y)[static_cast<size_t>(c)]);
+        good = good && std::isfinite(matte.foreground(x, y)[c]);
         if (!matte.is_colourless() || c == 0)
           good = good && std::ranges::all_of(matte.modes(x, y, c), is_good);
       }

@@ -80,13 +80,13 @@ absl::StatusOr<Parts> checked_parts(const Imf::MultiPartInputFile& file, size_t 
       pixel_bytes += type == Imf::HALF ? 2 : sizeof(float);
     }
     if (plain && i >= part_count) continue;
-    const ExrPart& part = checked.parts[static_cast<size_t>(std::min(i, part_count - 1))];
+    const ExrPart& part = checked.parts[std::min(i, part_count - 1)];
     if (!plain || layers != part.channels || !header.hasName() || header.name() != part.name)
       return absl::DataLossError(fmt::format("its part {} does not have the layers of a matte", i));
     checked.layer_count += layers.size();
   }
-  const size_t pixels = static_cast<size_t>(window.max.x - window.min.x + 1) *
-                        static_cast<size_t>(window.max.y - window.min.y + 1);
+  const size_t pixels =
+      static_cast<size_t>(window.max.x - window.min.x + 1) * (window.max.y - window.min.y + 1);
   if (pixels * pixel_bytes / kMaxExpansion > file_bytes)
     return absl::DataLossError("it is too short for its size");
   return checked;
@@ -152,7 +152,7 @@ absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, s
   outline.x0_px = outline.y0_px = 0;
   outline.width_px = outline.metadata.width_px();
   outline.height_px = outline.metadata.height_px();
-  const size_t pixels = static_cast<size_t>(outline.width_px) * static_cast<size_t>(outline.height_px);
+  const size_t pixels = static_cast<size_t>(outline.width_px) * outline.height_px;
   if (pixels * checked.layer_count * sizeof(float) / kMaxExpansion > std::max(file_bytes, kLeastFile_bytes))
     return absl::DataLossError("it is too short for its picture");
   return head;

@@ -21,14 +21,14 @@ constexpr const char* kPreviewCoverage = "A";
 constexpr const char* kCoverage = "foreground.coverage.Y";
 constexpr const char* kFlags = "foreground.flags.Y";
 std::string foreground_name(int channel) {
-  return fmt::format("foreground.F.{}", kColours[static_cast<size_t>(channel)]);
+  return fmt::format("foreground.F.{}", kColours[channel]);
 }
 
 // "mode1.weight.R", or "mode1.weight.Y" if it is the same in all channels. Compositors identify a layer by
 // its channel names alone, so these include the name of the part.
 std::string layer_name(size_t mode, size_t layer, int channel, bool colourless) {
   return fmt::format("mode{}.{}.{}", mode + 1, kModeLayers[layer].name,
-                     colourless ? kGray : kColours[static_cast<size_t>(channel)]);
+                     colourless ? kGray : kColours[channel]);
 }
 
 }  // namespace
@@ -109,11 +109,11 @@ MatteBlock::MatteBlock(int modes_per_channel, bool colourless, int width_px)
   }
   const auto named = [&](size_t part, const std::string& channel) {
     const auto at = std::ranges::lower_bound(parts[part].channels, channel) - parts[part].channels.begin();
-    return planes_[part][static_cast<size_t>(at)];
+    return planes_[part][at];
   };
   for (int c = 0; c < kChannels; ++c) {
-    preview_[static_cast<size_t>(c)] = named(kPreviewPart, kColours[static_cast<size_t>(c)]);
-    foreground_[static_cast<size_t>(c)] = named(kForegroundPart, foreground_name(c));
+    preview_[c] = named(kPreviewPart, kColours[c]);
+    foreground_[c] = named(kForegroundPart, foreground_name(c));
   }
   preview_coverage_ = named(kPreviewPart, kPreviewCoverage);
   coverage_ = named(kForegroundPart, kCoverage);
@@ -143,11 +143,11 @@ void MatteBlock::take(const Matte& matte, int y, int rows) {
   for (int row = y; row < y + rows; ++row) {
     for (int x = 0; x < width_px_; ++x, ++i) {
       for (int c = 0; c < kChannels; ++c) {
-        const float foreground = matte.foreground(x, row)[static_cast<size_t>(c)];
+        const float foreground = matte.foreground(x, row)[c];
         float light = foreground;
         for (const Mode& mode : matte.modes(x, row, c)) light += 0.5f * mode.weight;
-        foreground_[static_cast<size_t>(c)][i] = foreground;
-        preview_[static_cast<size_t>(c)][i] = matte.coverage(x, row) * light;
+        foreground_[c][i] = foreground;
+        preview_[c][i] = matte.coverage(x, row) * light;
       }
       preview_coverage_[i] = coverage_[i] = matte.coverage(x, row);
       flags_[i] = static_cast<float>(matte.flags(x, row));

@@ -174,7 +174,7 @@ absl::Status PackedMatteReader::for_rows(int first, int count,
 
 absl::StatusOr<PackedMatteWriter> PackedMatteWriter::begin(const MatteOutline& whole, Put put) {
   PackedMatteWriter writer(whole, std::move(put));
-  const auto rows = static_cast<size_t>(whole.height_px);
+  const size_t rows = whole.height_px;
   GW_ASSIGN_OR_RETURN(const std::string head, blank_head(whole, std::string(rows * kRowChecksumDigits, '-')));
   writer.head_size_ = writer.at_ = head.size();
   writer.table_.resize(part_count(whole) * rows);

@@ -8,9 +8,7 @@ namespace glasswing {
 std::int64_t fill_from_rim(
     int width_px, int height_px, std::vector<bool> known,
     absl::FunctionRef<void(const PixelPlace& place, std::span<const PixelPlace> around)> fill) {
-  const auto index = [width_px](int x, int y) {
-    return static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x);
-  };
+  const auto index = [width_px](int x, int y) { return static_cast<size_t>(y) * width_px + x; };
   const auto for_neighbours = [&](const PixelPlace& place, auto each) {
     for (int y = std::max(place.y - 1, 0); y <= std::min(place.y + 1, height_px - 1); ++y) {
       for (int x = std::max(place.x - 1, 0); x <= std::min(place.x + 1, width_px - 1); ++x) each(x, y);

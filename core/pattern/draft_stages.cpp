@@ -57,15 +57,14 @@ std::map<int, Place> places_of(const std::vector<Step>& steps) {
     if (!is_stripe(step)) continue;
     const auto [known, added] = number.emplace(sweep_of(step), static_cast<int>(sweeps.size()));
     if (added) sweeps.emplace_back();
-    sweeps[static_cast<size_t>(known->second)].push_back(&step);
+    sweeps[known->second].push_back(&step);
   }
   std::map<int, Place> places;
   for (size_t s = 0; s < sweeps.size(); ++s) {
     const int every = coarseness_of(sweeps[s]), count = static_cast<int>(sweeps[s].size());
     const int first = (count - 1) % every / 2;  // as much of the margin goes at either end
     for (int i = 0; i < count; ++i) {
-      places[sweeps[s][static_cast<size_t>(i)]->number] = {.fine = i % every != first,
-                                                           .sweep = static_cast<int>(s)};
+      places[sweeps[s][i]->number] = {.fine = i % every != first, .sweep = static_cast<int>(s)};
     }
   }
   return places;
@@ -105,8 +104,8 @@ std::vector<Step> in_order_of_showing(const std::vector<Step>& steps) {
              step.exposure_ms == steps[first].exposure_ms;
     };
     while (end < steps.size() && same_group(steps[end])) ++end;
-    for (Step& step : coarse_to_fine({steps.begin() + static_cast<std::ptrdiff_t>(first),
-                                      steps.begin() + static_cast<std::ptrdiff_t>(end)}))
+    for (Step& step :
+         coarse_to_fine({steps.begin() + first, steps.begin() + static_cast<std::ptrdiff_t>(end)}))
       shown.push_back(std::move(step));
   }
   return shown;

@@ -60,7 +60,7 @@ bool pairs_differ(const Light& light, float contrast) {
 // From which on a pixel's contrast is no noise. Most pixels see no patch, and change in few of the frames:
 // the median of what they change by from frame to frame is 0.95 sd of Gaussian noise.
 float sure_contrast(std::span<const Image16> frames) {
-  const auto channels = static_cast<size_t>(frames.front().channels);
+  const size_t channels = frames.front().channels;
   std::vector<float> changes;
   for (size_t at = 0; at < frames.front().samples.size(); at += channels) {
     const Light light = light_at(frames, at);
@@ -73,7 +73,7 @@ float sure_contrast(std::span<const Image16> frames) {
 
 // Enough pixels change otherwise than the ids do.
 bool contradicts(std::span<const Image16> frames) {
-  const auto channels = static_cast<size_t>(frames.front().channels);
+  const size_t channels = frames.front().channels;
   const float sure = std::max(kMinContrast * static_cast<float>(channels), sure_contrast(frames));
   int sure_count = 0, contradicting = 0;
   for (size_t at = 0; at < frames.front().samples.size(); at += channels) {
@@ -146,8 +146,7 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
       (on ? lit : dark) += 2.0f * light[i] / static_cast<float>(light.size());
     }
     const int cell = cell_by_sequence[sequence];
-    if (clear && cell >= 0)
-      reader.cells_[static_cast<size_t>(cell)].push_back({.at = at, .dark = dark, .lit = lit});
+    if (clear && cell >= 0) reader.cells_[cell].push_back({.at = at, .dark = dark, .lit = lit});
   }
   if (dark_everywhere) return absl::NotFoundError("the camera does not see the id patch");
   for (std::vector<Pixel>& pixels : reader.cells_) keep_strongest(pixels);
@@ -182,9 +181,9 @@ std::uint16_t PatchReader::bits() const {
 
 double PatchReader::level(int cell, const Image16& frame) const {
   double above = 0.0, contrast = 0.0;
-  for (const Pixel& pixel : cells_[static_cast<size_t>(cell)]) {
+  for (const Pixel& pixel : cells_[cell]) {
     const auto dark = static_cast<double>(pixel.dark), lit = static_cast<double>(pixel.lit);
-    above += static_cast<double>(sum_at(frame, pixel.at)) - 0.5 * (dark + lit);
+    above += sum_at(frame, pixel.at) - 0.5 * (dark + lit);
     contrast += 0.5 * (lit - dark);
   }
   return above / contrast;

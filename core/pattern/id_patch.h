@@ -63,7 +63,7 @@ class PatchReader {
   };
   static constexpr int kCells = 2 * IdPatch::kBits;
   static void keep_strongest(std::vector<Pixel>& pixels);
-  bool sees(int cell) const { return !cells_[static_cast<size_t>(cell)].empty(); }
+  bool sees(int cell) const { return !cells_[cell].empty(); }
   // The level of a cell that is seen, from dark (-1) to lit (1).
   double level(int cell, const Image16& frame) const;
   // Whether a bit is 1; none: doubtful. Requires that one of its cells is seen.

@@ -37,7 +37,7 @@ absl::StatusOr<Pattern> Pattern::create(const v1::Stimulus& stimulus, MonitorSiz
   for (int i = 0; i < stimulus.colour_size(); ++i) {
     if (!(stimulus.colour(i) >= 0.0 && stimulus.colour(i) <= 1.0))
       return bad("colour", stimulus.colour(i), "in [0, 1]");
-    colour[static_cast<size_t>(i)] = static_cast<float>(stimulus.colour(i));
+    colour[i] = static_cast<float>(stimulus.colour(i));
   }
   if (kind_of(stimulus) == StimulusKind::kSolid) return Pattern(Solid{}, colour, size);
   if (kind_of(stimulus) == StimulusKind::kRamp) return Pattern(Ramp{}, colour, size);
@@ -129,7 +129,7 @@ void Pattern::rasterise(const Stripe& stripe, int y_px, std::span<float> row) co
   const double to = std::max(from, std::min(width, std::floor(middle + half) + 1.0));
   const auto begin = static_cast<size_t>(from), end = static_cast<size_t>(to);
   std::fill_n(row.begin(), 3 * begin, 0.0f);
-  std::fill(row.begin() + static_cast<std::ptrdiff_t>(3 * end), row.end(), 0.0f);
+  std::fill(row.begin() + 3 * end, row.end(), 0.0f);
   const double z = ((from + 0.5) * stripe.cos_phi + off_px) / stripe.sigma_px;
   const double d = stripe.cos_phi / stripe.sigma_px;
   double value = std::exp(-0.5 * z * z), factor = std::exp(-z * d - 0.5 * d * d);

@@ -20,7 +20,7 @@ void add_cost(const v1::Plan& plan, const std::vector<Step>& steps, v1::Estimate
     video_frames += 1;
     video_seconds += step_seconds;
   }
-  const auto frame_bytes = static_cast<std::int64_t>(tiff_size_bytes(shape_of(estimate.camera())));
+  const std::int64_t frame_bytes = tiff_size_bytes(shape_of(estimate.camera()));
   estimate.set_step_count(static_cast<int>(steps.size()));
   estimate.set_steps_without_object(without_object);
   estimate.set_seconds(seconds);

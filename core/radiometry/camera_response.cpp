@@ -100,10 +100,10 @@ ChannelSamples gather(std::span<const Exposure> exposures, int channel, const Re
 
 absl::Status check_overlap(std::span<const Exposure> exposures, int channel, const ResponseOptions& options,
                            const ChannelSamples& gathered) {
-  const char* name = kChannelNames[static_cast<size_t>(channel)];
-  const double black = options.black_level ? (*options.black_level)[static_cast<size_t>(channel)] : 0.0;
+  const char* name = kChannelNames[channel];
+  const double black = options.black_level ? (*options.black_level)[channel] : 0.0;
   const bool seen = std::ranges::any_of(exposures, [&](const Exposure& exposure) {
-    for (size_t i = static_cast<size_t>(channel); i < exposure.codes.samples.size(); i += 3) {
+    for (size_t i = channel; i < exposure.codes.samples.size(); i += 3) {
       const double code = exposure.codes.samples[i] / 65535.0;
       if (code >= options.darkest && code <= options.saturation) return true;
     }
@@ -122,8 +122,8 @@ absl::Status check_overlap(std::span<const Exposure> exposures, int channel, con
   for (size_t i = 0; i + 1 < gathered.first.size(); ++i) {
     std::vector<bool> has(order.size());
     for (size_t s = gathered.first[i]; s < gathered.first[i + 1]; ++s) {
-      if (static_cast<double>(gathered.samples[s].code) < black + kMinAboveBlack) continue;
-      has[rank[static_cast<size_t>(gathered.samples[s].frame)]] = true;
+      if (gathered.samples[s].code < black + kMinAboveBlack) continue;
+      has[rank[gathered.samples[s].frame]] = true;
     }
     for (size_t r = 1; r < order.size(); ++r) shared[r] += has[r] && has[r - 1] ? 1 : 0;
   }
@@ -160,7 +160,7 @@ absl::StatusOr<CameraResponse> CameraResponse::fit(std::span<const Exposure> exp
   response.errors_ = found.errors;
   response.exposures_s_ = std::move(found.exposures_s);
   response.straighten_if_linear(options);
-  for (int c = 0; c < 3; ++c) response.black_level_[static_cast<size_t>(c)] = response.code_of(0.0, c);
+  for (int c = 0; c < 3; ++c) response.black_level_[c] = response.code_of(0.0, c);
   return response;
 }
 
@@ -172,7 +172,7 @@ void CameraResponse::straighten_if_linear(const ResponseOptions& options) {
     double n = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0;
     const auto variance = [&](size_t k) { return errors_[c][k] * errors_[c][k] + kBend * kBend; };
     for (int k = first; k <= last; ++k) {
-      const auto at = static_cast<size_t>(k);
+      const size_t at = k;
       const double w = 1.0 / variance(at);
       n += w, x += w * k, y += w * exposures_[c][at], xx += w * k * k, xy += w * k * exposures_[c][at];
     }
@@ -182,9 +182,9 @@ void CameraResponse::straighten_if_linear(const ResponseOptions& options) {
       start = 1.0 - slope * options.saturation * (kKnots - 1);
     }
     if (!std::isfinite(slope)) return;
-    for (int k = 0; k < kKnots; ++k) lines[c][static_cast<size_t>(k)] = start + slope * k;
+    for (int k = 0; k < kKnots; ++k) lines[c][k] = start + slope * k;
     for (int k = first; k <= last; ++k) {
-      const auto at = static_cast<size_t>(k);
+      const size_t at = k;
       if (std::abs(exposures_[c][at] - lines[c][at]) > kBend + kStandardErrors * errors_[c][at]) return;
     }
   }
@@ -194,7 +194,7 @@ void CameraResponse::straighten_if_linear(const ResponseOptions& options) {
 
 double CameraResponse::exposure_of(double code, int channel) const {
   assert(channel >= 0 && channel < 3);
-  const Curve& curve = exposures_[static_cast<size_t>(channel)];
+  const Curve& curve = exposures_[channel];
   const double at = std::clamp(code, 0.0, 1.0) * (kKnots - 1);
   const size_t knot = std::min(static_cast<size_t>(at), static_cast<size_t>(kKnots - 2));
   return curve[knot] + (at - static_cast<double>(knot)) * (curve[knot + 1] - curve[knot]);
@@ -202,10 +202,10 @@ double CameraResponse::exposure_of(double code, int channel) const {
 
 double CameraResponse::code_of(double exposure, int channel) const {
   assert(channel >= 0 && channel < 3);
-  const Curve& curve = exposures_[static_cast<size_t>(channel)];
+  const Curve& curve = exposures_[channel];
   if (exposure <= curve.front()) return 0.0;
   if (exposure >= curve.back()) return 1.0;
-  const auto above = static_cast<size_t>(std::ranges::upper_bound(curve, exposure) - curve.begin());
+  const size_t above = std::ranges::upper_bound(curve, exposure) - curve.begin();
   const double rise = curve[above] - curve[above - 1];
   return (static_cast<double>(above - 1) + (exposure - curve[above - 1]) / rise) / (kKnots - 1);
 }

@@ -61,15 +61,13 @@ class CameraResponse {
   // by an exact line.
   bool is_linear() const { return linear_; }
   // The code at zero exposure; 0 if the curve reaches zero only below code 0.
-  double black_level(int channel) const { return black_level_[static_cast<size_t>(channel)]; }
+  double black_level(int channel) const { return black_level_[channel]; }
   // The range of codes that were sampled; outside it the curve is extrapolated.
-  double darkest_seen(int channel) const { return darkest_seen_[static_cast<size_t>(channel)]; }
-  double brightest_seen(int channel) const { return brightest_seen_[static_cast<size_t>(channel)]; }
+  double darkest_seen(int channel) const { return darkest_seen_[channel]; }
+  double brightest_seen(int channel) const { return brightest_seen_[channel]; }
   // The standard error of the exposure at knot k, on the scale of exposure_of, assuming that mean and slope
   // of the declared times are right (an error of 1 % in d ln t / d ln declared adds 1 % of f |ln f|).
-  double standard_error(int knot, int channel) const {
-    return errors_[static_cast<size_t>(channel)][static_cast<size_t>(knot)];
-  }
+  double standard_error(int knot, int channel) const { return errors_[channel][knot]; }
   // Fitted exposure times, in the order given.
   const std::vector<double>& exposures_s() const { return exposures_s_; }
 

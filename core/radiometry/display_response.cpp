@@ -177,7 +177,7 @@ absl::StatusOr<DisplayResponse> fit_display_response(const std::vector<ShownSoli
   }
   if (!whites.empty()) {
     const ShownSolid white = mean_of(whites);
-    const auto code = static_cast<double>(highest);
+    const double code = highest;
     const std::array<double, 3> sum = response.light({code, code, code});
     for (size_t c = 0; c < 3; ++c) {
       const double excess = (white.light[c] - sum[c]) / white.light[c];

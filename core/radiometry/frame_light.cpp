@@ -75,7 +75,7 @@ absl::StatusOr<FrameLight> FrameLight::create(const v1::CameraCalibration& calib
   FrameLight light;
   light.identity_ = false;
   light.saturation_ = static_cast<std::uint16_t>(std::lround(65535.0 * calibration.saturation()));
-  for (int c = 0; c < 3; ++c) light.light_[static_cast<size_t>(c)] = table_of(calibration.curves(c));
+  for (int c = 0; c < 3; ++c) light.light_[c] = table_of(calibration.curves(c));
   return light;
 }
 

@@ -24,9 +24,7 @@ class FrameLight {
   static FrameLight of_samples(const std::vector<std::uint16_t>& light);
 
   // Negative for samples below the black level.
-  float light(std::uint16_t sample, int channel) const {
-    return light_[static_cast<size_t>(channel)][sample];
-  }
+  float light(std::uint16_t sample, int channel) const { return light_[channel][sample]; }
   bool saturated(std::uint16_t sample) const { return sample >= saturation_; }
   // True if samples are linear light already.
   bool is_identity() const { return identity_; }

@@ -21,7 +21,7 @@ void make_monotone(LogCurve::Knots& curve, const Eigen::VectorXd& weights) {
   };
   std::vector<Pool> pools;
   for (int k = 0; k < kKnots; ++k) {
-    Pool pool{curve[static_cast<size_t>(k)] - kMinRise * k, std::max(weights[k], kMinWeight), 1};
+    Pool pool{curve[k] - kMinRise * k, std::max(weights[k], kMinWeight), 1};
     while (!pools.empty() && pools.back().value >= pool.value) {
       const Pool& last = pools.back();
       const double weight = last.weight + pool.weight;
@@ -59,7 +59,7 @@ LogCurve::LogCurve(double black) : black_(black * kKnotsPerCode) {
 
 double LogCurve::operator()(double code) const {
   const KnotPosition position = knot_position_of(code);
-  const auto knot = static_cast<size_t>(position.knot);
+  const size_t knot = position.knot;
   return soft_log(code * kKnotsPerCode - black_) + (1.0 - position.above) * rest_[knot] +
          position.above * rest_[knot + 1];
 }
@@ -68,7 +68,7 @@ double LogCurve::slope(double code) const {
   const double above = std::max(code * kKnotsPerCode - black_, 1.0);
   const int knot = knot_position_of(code).knot, reach = std::max(2, static_cast<int>(above / 4.0));
   const int low = std::max(knot - reach, 0), high = std::min(knot + 1 + reach, kKnots - 1);
-  const double rise = rest_[static_cast<size_t>(high)] - rest_[static_cast<size_t>(low)];
+  const double rise = rest_[high] - rest_[low];
   return std::max(rise / (high - low) + 1.0 / above, kMinPower / above) * kKnotsPerCode;
 }
 
@@ -89,7 +89,7 @@ double LogCurve::code_of(double value) const {
 
 void LogCurve::add(const Eigen::VectorXd& change, const Eigen::VectorXd& weights) {
   for (size_t k = 0; k < kKnots; ++k) {
-    values_[k] = base_[k] + rest_[k] + change[static_cast<Eigen::Index>(k)];
+    values_[k] = base_[k] + rest_[k] + change[k];
   }
   make_monotone(values_, weights);
   for (size_t k = 0; k < kKnots; ++k) rest_[k] = values_[k] - base_[k];

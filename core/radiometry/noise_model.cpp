@@ -113,7 +113,7 @@ std::vector<Bin> bins_of(std::vector<PixelNoise>& pixels, size_t& used) {
   std::array<std::vector<PixelNoise>, kBins> sorted;
   for (const PixelNoise& pixel : pixels) {
     const int bin = static_cast<int>(std::sqrt(std::max(pixel.value, 0.0)) * kBins);
-    sorted[static_cast<size_t>(std::min(bin, kBins - 1))].push_back(pixel);
+    sorted[std::min(bin, kBins - 1)].push_back(pixel);
   }
   std::vector<Bin> bins;
   for (std::vector<PixelNoise>& members : sorted) {
@@ -122,7 +122,7 @@ std::vector<Bin> bins_of(std::vector<PixelNoise>& pixels, size_t& used) {
         static_cast<double>(clipped) > kClippedShare * static_cast<double>(members.size())) {
       continue;
     }
-    const auto middle = members.begin() + static_cast<std::ptrdiff_t>(members.size() / 2);
+    const auto middle = members.begin() + members.size() / 2;
     std::ranges::nth_element(members, middle, {}, &PixelNoise::variance);
     const double median = middle->variance;
     Bin bin;

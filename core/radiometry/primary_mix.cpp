@@ -40,8 +40,7 @@ PrimaryMix::Light product(const Matrix& matrix, const PrimaryMix::Light& light) 
   PrimaryMix::Light out{};
   for (size_t row = 0; row < 3; ++row) {
     double sum = 0.0;
-    for (size_t column = 0; column < 3; ++column)
-      sum += matrix[row][column] * static_cast<double>(light[column]);
+    for (size_t column = 0; column < 3; ++column) sum += matrix[row][column] * light[column];
     out[row] = static_cast<float>(sum);
   }
   return out;
@@ -50,7 +49,7 @@ PrimaryMix::Light product(const Matrix& matrix, const PrimaryMix::Light& light) 
 }  // namespace
 
 absl::StatusOr<PrimaryMix> PrimaryMix::create(const v1::CaptureManifest& manifest) {
-  std::vector<Matrix> matrices(static_cast<size_t>(manifest.monitors_size()), kUnit);
+  std::vector<Matrix> matrices(manifest.monitors_size(), kUnit);
   std::vector<bool> known(matrices.size());
   for (size_t t = 0; t < matrices.size(); ++t) {
     const std::string& monitor = manifest.monitors(static_cast<int>(t)).name();
@@ -64,7 +63,7 @@ absl::StatusOr<PrimaryMix> PrimaryMix::create(const v1::CaptureManifest& manifes
 }
 
 absl::StatusOr<PrimaryMix> PrimaryMix::create(const v1::MatteMetadata& metadata) {
-  std::vector<Matrix> matrices(static_cast<size_t>(metadata.monitors_size()), kUnit);
+  std::vector<Matrix> matrices(metadata.monitors_size(), kUnit);
   std::vector<bool> known(matrices.size());
   for (size_t t = 0; t < matrices.size() && static_cast<int>(t) < metadata.crosstalk_size(); ++t) {
     const v1::Crosstalk& own = metadata.crosstalk(static_cast<int>(t));
@@ -82,8 +81,7 @@ absl::StatusOr<PrimaryMix> PrimaryMix::create(std::vector<Matrix> matrices, cons
   const auto eigen = [](const Matrix& matrix) {
     Eigen::Matrix3d out;
     for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column)
-        out(row, column) = matrix[static_cast<size_t>(row)][static_cast<size_t>(column)];
+      for (int column = 0; column < 3; ++column) out(row, column) = matrix[row][column];
     }
     return out;
   };
@@ -101,8 +99,7 @@ absl::StatusOr<PrimaryMix> PrimaryMix::create(std::vector<Matrix> matrices, cons
         "amplify noise more than ten times");
   }
   for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column)
-      mix.inverse_[static_cast<size_t>(row)][static_cast<size_t>(column)] = inverse(row, column);
+    for (int column = 0; column < 3; ++column) mix.inverse_[row][column] = inverse(row, column);
   }
   mix.matrices_ = std::move(matrices);
   return mix;

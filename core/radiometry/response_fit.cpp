@@ -71,11 +71,10 @@ class Fit {
       const ResponseOptions& options)
       : channels_(channels),
         options_(options),
-        declared_(static_cast<Eigen::Index>(declared_s.size())),
+        declared_(declared_s.size()),
         black_(options.black_level.value_or(std::array{0.0, 0.0, 0.0})),
         curves_{LogCurve(black_[0]), LogCurve(black_[1]), LogCurve(black_[2])} {
-    for (size_t j = 0; j < declared_s.size(); ++j)
-      declared_[static_cast<Eigen::Index>(j)] = std::log(declared_s[j]);
+    for (size_t j = 0; j < declared_s.size(); ++j) declared_[j] = std::log(declared_s[j]);
     times_ = declared_;
     for (size_t c = 0; c < 3; ++c) {
       noise_[c].fill(kFirstNoise);
@@ -116,7 +115,7 @@ class Fit {
     terms_.clear();
     for (size_t s = channel.first[pixel]; s < channel.first[pixel + 1]; ++s) {
       const CodeSample& sample = channel.samples[s];
-      const double seen = static_cast<double>(sample.code), time = times_[sample.frame];
+      const double seen = sample.code, time = times_[sample.frame];
       const double code = predicts() ? curve.code_of(light + time) : seen;
       Term term{0.0, 0.0, curve.slope(code), code};
       const double noise = term.per_code * code_noise(c, code, sample);
@@ -146,8 +145,7 @@ class Fit {
   }
 
   double code_noise(size_t c, double code, const CodeSample& sample) const {
-    return std::hypot(noise_[c][bin_of(code)],
-                      options_.alignment_sd_px * static_cast<double>(sample.gradient));
+    return std::hypot(noise_[c][bin_of(code)], options_.alignment_sd_px * sample.gradient);
   }
   static size_t bin_of(double code) {
     return static_cast<size_t>(std::clamp(static_cast<int>(code * kNoiseBins), 0, kNoiseBins - 1));
@@ -277,7 +275,7 @@ class Fit {
     const double top = curves_[c](options_.saturation);
     for (size_t k = 0; k < kKnots; ++k) {
       curve[k] = std::exp(curves_[c].at_knot(k) - top);
-      result.errors[c][k] = curve[k] * std::sqrt(std::max(variances[static_cast<Eigen::Index>(k)], 0.0));
+      result.errors[c][k] = curve[k] * std::sqrt(std::max(variances[k], 0.0));
     }
     continue_to_black(c, result);
   }
@@ -290,7 +288,7 @@ class Fit {
     for (size_t i = 0; i < lights_[c].size(); ++i) {
       weigh(c, i, true);
       for (const Term& term : terms_) {
-        if (term.weight > 0.0) ++count[static_cast<size_t>(knot_position_of(term.code).knot)];
+        if (term.weight > 0.0) ++count[knot_position_of(term.code).knot];
       }
     }
     size_t first = 1;
@@ -338,7 +336,7 @@ class Fit {
     }
     for (size_t bin = 0; bin < kNoiseBins; ++bin) {
       if (off[bin].size() < kMinSamples) continue;
-      const auto middle = off[bin].begin() + static_cast<std::ptrdiff_t>(off[bin].size() / 2);
+      const auto middle = off[bin].begin() + off[bin].size() / 2;
       std::nth_element(off[bin].begin(), middle, off[bin].end());
       noise_[c][bin] = std::max(1.4826 * *middle, kMinNoise);
     }

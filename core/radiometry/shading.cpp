@@ -43,8 +43,8 @@ absl::StatusOr<Shading> Shading::create(const v1::CaptureManifest& manifest) {
     for (int texture = 0; texture < manifest.monitors_size(); ++texture) {
       const v1::Monitor& monitor = manifest.monitors(texture);
       if (monitor.name() != calibration.monitor()) continue;
-      shading.grids_.resize(static_cast<size_t>(manifest.monitors_size()));
-      shading.grids_[static_cast<size_t>(texture)] = {
+      shading.grids_.resize(manifest.monitors_size());
+      shading.grids_[texture] = {
           .columns = uniformity.columns(),
           .rows = uniformity.rows(),
           .cell_width_px = static_cast<double>(monitor.width_px()) / uniformity.columns(),
@@ -63,15 +63,14 @@ double Shading::camera(int x, int y) const {
 }
 
 double Shading::monitor(int texture, double x_px, double y_px) const {
-  if (grids_.empty() || grids_[static_cast<size_t>(texture)].columns == 0) return 1.0;
-  const Grid& grid = grids_[static_cast<size_t>(texture)];
+  if (grids_.empty() || grids_[texture].columns == 0) return 1.0;
+  const Grid& grid = grids_[texture];
   const double across = std::clamp(x_px / grid.cell_width_px - 0.5, 0.0, grid.columns - 1.0),
                down = std::clamp(y_px / grid.cell_height_px - 0.5, 0.0, grid.rows - 1.0);
   const int left = static_cast<int>(across), top = static_cast<int>(down);
   const int right = std::min(left + 1, grid.columns - 1), bottom = std::min(top + 1, grid.rows - 1);
   const auto at = [&](int column, int row) {
-    return grid
-        .light[static_cast<size_t>(row) * static_cast<size_t>(grid.columns) + static_cast<size_t>(column)];
+    return grid.light[static_cast<size_t>(row) * grid.columns + column];
   };
   return std::lerp(std::lerp(at(left, top), at(right, top), across - left),
                    std::lerp(at(left, bottom), at(right, bottom), across - left), down - top);

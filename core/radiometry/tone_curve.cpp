@@ -198,7 +198,7 @@ Points normalised(const std::vector<TonePoint>& codes, int highest) {
   const auto count = static_cast<Eigen::Index>(codes.size());
   Points points{.x = VectorXd(count), .light = VectorXd(count), .weight = VectorXd(count), .process = {}};
   for (Eigen::Index i = 0; i < count; ++i) {
-    const TonePoint& point = codes[static_cast<size_t>(i)];
+    const TonePoint& point = codes[i];
     points.x[i] = point.code / static_cast<double>(highest);
     points.light[i] = (point.light - black) / swing;
     points.weight[i] = point.error > 0.0 ? point.error * point.error : 1.0;
@@ -282,7 +282,7 @@ absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> measured, int bits
     return absl::FailedPreconditionError(fmt::format("{}: no light is seen over the noise", what));
   }
   std::vector<double> radiances(static_cast<size_t>(highest) + 1), error(radiances.size());
-  for (int k = 0; k <= highest; ++k) radiances[static_cast<size_t>(k)] = (light[k] - light[0]) / full_scale;
+  for (int k = 0; k <= highest; ++k) radiances[k] = (light[k] - light[0]) / full_scale;
   radiances.back() = 1.0;
 
   // Universal kriging with gamma as an additional unknown: radiance is a ratio of the light at three codes,
@@ -297,13 +297,13 @@ absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> measured, int bits
            drift.row(j) * law * drift.row(k).transpose();
   };
   for (int k = 0; k <= highest; ++k) {
-    const double l = radiances[static_cast<size_t>(k)];
+    const double l = radiances[k];
     const std::array<std::pair<int, double>, 3> terms{{{k, 1.0}, {0, l - 1.0}, {highest, -l}}};
     double variance = 0.0;
     for (const auto& [i, a] : terms) {
       for (const auto& [j, b] : terms) variance += a * b * joint(i, j);
     }
-    error[static_cast<size_t>(k)] = std::sqrt(std::max(variance * model->variance, 0.0)) / full_scale;
+    error[k] = std::sqrt(std::max(variance * model->variance, 0.0)) / full_scale;
   }
   absl::StatusOr<ToneCurve> curve = ToneCurve::create(std::move(radiances));
   if (!curve.ok()) return curve.status();

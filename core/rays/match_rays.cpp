@@ -50,11 +50,11 @@ struct Node {
 };
 
 Place place_of(const Mode& mode) {
-  Place place{.weight = static_cast<double>(mode.weight),
-              .at = {static_cast<double>(mode.x_px), static_cast<double>(mode.y_px)},
+  Place place{.weight = mode.weight,
+              .at = {mode.x_px, mode.y_px},
               .covariance = Matrix2d::Zero(),
               .width = 0.0,
-              .sd = static_cast<double>(mode.centre_sd_px),
+              .sd = mode.centre_sd_px,
               .texture = mode.texture};
   place.covariance << static_cast<double>(mode.xx_px2), static_cast<double>(mode.xy_px2),
       static_cast<double>(mode.xy_px2), static_cast<double>(mode.yy_px2);
@@ -66,7 +66,7 @@ Place place_of(const Mode& mode) {
 double inside(const Mode& mode, const MonitorExtent& extent) {
   const auto along = [](float at_px, float variance_px2, double size_px) {
     constexpr double kMinSigma_px = 1e-3;
-    const double at = static_cast<double>(at_px), sigma_px = std::sqrt(static_cast<double>(variance_px2));
+    const double at = at_px, sigma_px = std::sqrt(static_cast<double>(variance_px2));
     return std::min(at, size_px - at) / std::max(sigma_px, kMinSigma_px);
   };
   return std::min(along(mode.x_px, mode.xx_px2, extent.width_px),
@@ -101,9 +101,9 @@ std::vector<Place> places_of(const Matte& matte, const Matte* other, int x, int 
   const std::span<const Mode> others =
       other != nullptr ? other->modes(x, y, channel) : std::span<const Mode>();
   for (const Mode& mode : matte.modes(x, y, channel)) {
-    if (!(static_cast<double>(mode.weight) > kMinWeight && mode.weight <= kMaxWeight)) continue;
+    if (!(mode.weight > kMinWeight && mode.weight <= kMaxWeight)) continue;
     const Mode seen = as_seen(mode, others, extent_of(matte.metadata.monitors(mode.texture)));
-    if (static_cast<double>(seen.weight) > kMinWeight) places.push_back(place_of(seen));
+    if (seen.weight > kMinWeight) places.push_back(place_of(seen));
   }
   return places;
 }
@@ -133,18 +133,18 @@ class Depth {
     if (planes_.empty()) return absl::DataLossError("the matte's header names no monitors");
     return absl::OkStatus();
   }
-  const MonitorPlane& plane(int texture) const { return planes_[static_cast<size_t>(texture)]; }
+  const MonitorPlane& plane(int texture) const { return planes_[texture]; }
   const std::vector<MonitorPlane>& planes() const { return planes_; }
   // Of where a monitor's place lies, mm^2, by the calibration's covariance of its pose; 0 where there is
   // none.
   Matrix3d error_at(int texture, const Vector2d& at) const {
-    const MonitorPlane& plane = planes_[static_cast<size_t>(texture)];
+    const MonitorPlane& plane = planes_[texture];
     const Vector3d turned = plane.at(at.x(), at.y()) - plane.corner_mm;
     Eigen::Matrix<double, 3, 6> by_pose;  // a turn about the camera's axes, then a translation
     by_pose << 0.0, turned.z(), -turned.y(), 1.0, 0.0, 0.0,  //
         -turned.z(), 0.0, turned.x(), 0.0, 1.0, 0.0,         //
         turned.y(), -turned.x(), 0.0, 0.0, 0.0, 1.0;
-    return by_pose * covariances_[static_cast<size_t>(texture)] * by_pose.transpose();
+    return by_pose * covariances_[texture] * by_pose.transpose();
   }
 
  private:
@@ -192,8 +192,8 @@ Ray ray_through(const MonitorPlane& near, const Vector2d& from, const Matrix2d& 
   for (int axis = 0; axis < 2; ++axis) {
     const Vector3d here = spread_on(near, from_axes, axis), there = spread_on(far, to_axes, axis);
     const Vector3d turn = (there - here) / length;
-    ray.origin_spread_mm[static_cast<size_t>(axis)] = here.cast<float>();
-    ray.direction_spread[static_cast<size_t>(axis)] = (turn - direction * direction.dot(turn)).cast<float>();
+    ray.origin_spread_mm[axis] = here.cast<float>();
+    ray.direction_spread[axis] = (turn - direction * direction.dot(turn)).cast<float>();
   }
   return ray;
 }
@@ -202,7 +202,7 @@ class Matcher {
  public:
   Matcher(const Matte& one, const Matte& other, const Depth& near, const Depth& far)
       : one_(one), width_(one.width_px()), height_(one.height_px()), near_(near), far_(far) {
-    nodes_.resize(static_cast<size_t>(width_) * static_cast<size_t>(height_) * kChannels);
+    nodes_.resize(static_cast<size_t>(width_) * height_ * kChannels);
     for_rows(height_, 0, [&](int first, int end) {
       for (int y = first; y < end; ++y) {
         for (int x = 0; x < width_; ++x) {
@@ -282,8 +282,7 @@ class Matcher {
   };
 
   size_t index(int x, int y, int c) const {
-    return (static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x)) * kChannels +
-           static_cast<size_t>(c);
+    return (static_cast<size_t>(y) * width_ + x) * kChannels + static_cast<size_t>(c);
   }
   Node& node(int x, int y, int c) { return nodes_[index(x, y, c)]; }
   const Node& node(int x, int y, int c) const { return nodes_[index(x, y, c)]; }
@@ -453,9 +452,9 @@ class Matcher {
       }
     }
     const auto root = [&](int of) {
-      while (parent[static_cast<size_t>(of)] != of) {
-        parent[static_cast<size_t>(of)] = parent[static_cast<size_t>(parent[static_cast<size_t>(of)])];
-        of = parent[static_cast<size_t>(of)];
+      while (parent[of] != of) {
+        parent[of] = parent[parent[of]];
+        of = parent[of];
       }
       return of;
     };
@@ -467,7 +466,7 @@ class Matcher {
           if (a.texture != b.texture || a.weight > kMaxRatio * b.weight || b.weight > kMaxRatio * a.weight)
             continue;
           if ((a.at - b.at).norm() > 0.5 * kNearPx + 2.0 * (a.width + b.width)) continue;
-          parent[static_cast<size_t>(root(labels[one][m]))] = root(labels[other][n]);
+          parent[root(labels[one][m])] = root(labels[other][n]);
         }
       }
     };
@@ -607,7 +606,7 @@ Ray straight_ray(const CameraLens& lens, int x, int y, float weight) {
   const double sd_px = std::sqrt(1.0 / 12.0);  // of a square pixel
   for (int axis = 0; axis < 2; ++axis) {
     const Vector2d step = 0.5 * Vector2d::Unit(axis);
-    ray.direction_spread[static_cast<size_t>(axis)] =
+    ray.direction_spread[axis] =
         (sd_px * (direction_at(middle + step) - direction_at(middle - step))).cast<float>();
   }
   ray.state = RayState::kStraight;
@@ -620,10 +619,9 @@ RayMatte gathered(const Matte& matte, const v1::RigGeometry& geometry, const std
                   const Matte* other, const RaysAt& rays_at) {
   const int width = matte.width_px(), height = matte.height_px();
   const CameraLens lens(geometry.camera());
-  std::vector<std::vector<Ray>> all(static_cast<size_t>(width) * static_cast<size_t>(height) * kChannels);
+  std::vector<std::vector<Ray>> all(static_cast<size_t>(width) * height * kChannels);
   const auto at = [&](int x, int y, int c) -> std::vector<Ray>& {
-    return all[(static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)) * kChannels +
-               static_cast<size_t>(c)];
+    return all[(static_cast<size_t>(y) * width + x) * kChannels + static_cast<size_t>(c)];
   };
   const auto covers = [&](int x, int y) {
     return std::max(matte.coverage(x, y), other != nullptr ? other->coverage(x, y) : 0.0f);
@@ -645,7 +643,7 @@ RayMatte gathered(const Matte& matte, const v1::RigGeometry& geometry, const std
                    std::abs(ray.direction.norm() - 1.0f) > kMaxLengthError;
           });
           std::ranges::stable_sort(rays, [](const Ray& a, const Ray& b) { return a.weight > b.weight; });
-          if (rays.size() > static_cast<size_t>(kMaxModes)) rays.resize(static_cast<size_t>(kMaxModes));
+          if (rays.size() > static_cast<size_t>(kMaxModes)) rays.resize(kMaxModes);
         }
       }
     }
@@ -732,8 +730,7 @@ absl::StatusOr<RayMatte> far_light_rays(const Matte& matte, const v1::RigGeometr
       ray.direction = direction.cast<float>();
       for (int axis = 0; axis < 2; ++axis) {
         const Vector3d turn = spread_on(plane, axes, axis) / length;
-        ray.direction_spread[static_cast<size_t>(axis)] =
-            (turn - direction * direction.dot(turn)).cast<float>();
+        ray.direction_spread[axis] = (turn - direction * direction.dot(turn)).cast<float>();
       }
       rays_here.push_back(ray);
     }

@@ -95,7 +95,7 @@ const std::vector<RayLayer>& ray_layers() {
 #undef RAY_SPREAD
 
 std::string ray_channel(int ray, const char* layer, int channel) {
-  return fmt::format("ray{}.{}.{}", ray + 1, layer, kRayColours[static_cast<size_t>(channel)]);
+  return fmt::format("ray{}.{}.{}", ray + 1, layer, kRayColours[channel]);
 }
 
 const Ray* strongest_of(const RayMatte& rays, int x, int y) {
@@ -111,11 +111,11 @@ template <class Matte, class Use>
 void for_channels(Matte& rays, const Use& use) {
   const auto none = [](int, int, float) {};
   for (int c = 0; c < kChannels; ++c) {
-    const auto index = static_cast<size_t>(c);
+    const size_t index = c;
     use(
         "preview", std::string(kRayColours[index]),
         [&, c](int x, int y) {
-          float light = rays.foreground(x, y)[static_cast<size_t>(c)];
+          float light = rays.foreground(x, y)[c];
           for (const Ray& ray : rays.rays(x, y, c)) light += 0.5f * ray.weight;
           return light;
         },
@@ -125,10 +125,10 @@ void for_channels(Matte& rays, const Use& use) {
       "preview", "A", [&](int x, int y) { return rays.coverage(x, y); }, none);
   for (int c = 0; c < kChannels; ++c) {
     use(
-        "foreground", fmt::format("foreground.F.{}", kRayColours[static_cast<size_t>(c)]),
-        [&, c](int x, int y) { return rays.foreground(x, y)[static_cast<size_t>(c)]; },
+        "foreground", fmt::format("foreground.F.{}", kRayColours[c]),
+        [&, c](int x, int y) { return rays.foreground(x, y)[c]; },
         [&, c](int x, int y, float value) {
-          if constexpr (!std::is_const_v<Matte>) rays.foreground(x, y)[static_cast<size_t>(c)] = value;
+          if constexpr (!std::is_const_v<Matte>) rays.foreground(x, y)[c] = value;
         });
   }
   use(
@@ -162,10 +162,9 @@ void for_channels(Matte& rays, const Use& use) {
       for (int c = 0; c < kChannels; ++c) {
         use(
             fmt::format("ray{}", r + 1), ray_channel(r, layer.name, c),
-            [&, r, c](int x, int y) { return layer.get(rays.rays(x, y, c)[static_cast<size_t>(r)]); },
+            [&, r, c](int x, int y) { return layer.get(rays.rays(x, y, c)[r]); },
             [&, r, c](int x, int y, float value) {
-              if constexpr (!std::is_const_v<Matte>)
-                layer.set(rays.rays(x, y, c)[static_cast<size_t>(r)], value);
+              if constexpr (!std::is_const_v<Matte>) layer.set(rays.rays(x, y, c)[r], value);
             });
       }
     }
@@ -205,7 +204,7 @@ class RayBytes final : public Imf::IStream {
  public:
   explicit RayBytes(std::string_view bytes) : IStream("rays"), bytes_(bytes) {}
   bool read(char c[], int n) override {
-    const auto size = static_cast<size_t>(n);
+    const size_t size = n;
     if (at_ > bytes_.size() || bytes_.size() - at_ < size) throw std::runtime_error("it ends too early");
     std::memcpy(c, bytes_.data() + at_, size);
     at_ += size;
@@ -230,7 +229,7 @@ absl::Status check_rays(const RayMatte& rays) {
     for (int x = 0; x < rays.width_px(); ++x) {
       bool good = std::isfinite(rays.coverage(x, y));
       for (int c = 0; c < kChannels; ++c) {
-        good = good && std::isfinite(rays.foreground(x, y)[static_cast<size_t>(c)]);
+        good = good && std::isfinite(rays.foreground(x, y)[c]);
         for (const Ray& ray : rays.rays(x, y, c)) {
           for (const RayLayer& layer : ray_layers()) good = good && std::isfinite(layer.get(ray));
           good = good && ray.weight >= 0.0f && ray.state <= RayState::kFarLight &&
@@ -266,7 +265,7 @@ absl::StatusOr<RayMatte> decode_checked(std::string_view bytes) {
   }
   // Before memory is taken for what the header promises: deflate makes at most 258 bytes of two bits.
   constexpr size_t kMaxExpansion = 1032;
-  const size_t area = static_cast<size_t>(width) * static_cast<size_t>(height);
+  const size_t area = static_cast<size_t>(width) * height;
   if (area * static_cast<size_t>(count) * ray_layers().size() * kChannels * sizeof(float) / kMaxExpansion >
       bytes.size()) {
     return absl::DataLossError("it is too short for its size");
@@ -300,12 +299,11 @@ absl::StatusOr<RayMatte> decode_checked(std::string_view bytes) {
     return absl::DataLossError("its pixels do not agree with its checksum");
   for_channels(rays, [&](const std::string& part, const std::string& channel, const auto&, const auto& set) {
     const auto p = std::ranges::find(parts, part, &ExrPart::name) - parts.begin();
-    const std::vector<std::string>& names = parts[static_cast<size_t>(p)].channels;
+    const std::vector<std::string>& names = parts[p].channels;
     const auto c = std::ranges::lower_bound(names, channel) - names.begin();
-    const std::vector<float>& plane = pixels[static_cast<size_t>(p)][static_cast<size_t>(c)];
+    const std::vector<float>& plane = pixels[p][c];
     for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x)
-        set(x, y, plane[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)]);
+      for (int x = 0; x < width; ++x) set(x, y, plane[static_cast<size_t>(y) * width + x]);
     }
   });
   GW_RETURN_IF_ERROR(check_rays(rays));
@@ -325,9 +323,9 @@ absl::StatusOr<std::string> encode_rays(const RayMatte& rays) {
   for (size_t p = 0; p < parts.size(); ++p) pixels[p].resize(parts[p].channels.size());
   for_channels(rays, [&](const std::string& part, const std::string& channel, const auto& get, const auto&) {
     const auto p = std::ranges::find(parts, part, &ExrPart::name) - parts.begin();
-    const std::vector<std::string>& names = parts[static_cast<size_t>(p)].channels;
+    const std::vector<std::string>& names = parts[p].channels;
     const auto c = std::ranges::lower_bound(names, channel) - names.begin();
-    std::vector<float>& plane = pixels[static_cast<size_t>(p)][static_cast<size_t>(c)];
+    std::vector<float>& plane = pixels[p][c];
     for (int y = 0; y < rays.height_px(); ++y) {
       for (int x = 0; x < rays.width_px(); ++x) plane.push_back(get(x, y));
     }
@@ -346,7 +344,7 @@ absl::StatusOr<std::string> encode_rays(const RayMatte& rays) {
       for (size_t p = 0; p < parts.size(); ++p) {
         std::vector<const float*> row;
         for (const std::vector<float>& plane : pixels[p])
-          row.push_back(plane.data() + static_cast<size_t>(y) * static_cast<size_t>(rays.width_px()));
+          row.push_back(plane.data() + static_cast<size_t>(y) * rays.width_px());
         writer.put(p, row);
       }
     }

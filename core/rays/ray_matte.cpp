@@ -7,7 +7,7 @@ namespace glasswing {
 
 RayMatte::RayMatte(int width_px, int height_px, int rays_per_channel)
     : width_px_(width_px), height_px_(height_px), rays_per_channel_(rays_per_channel) {
-  const size_t pixels = static_cast<size_t>(width_px) * static_cast<size_t>(height_px);
+  const size_t pixels = static_cast<size_t>(width_px) * height_px;
   foreground_.resize(pixels);
   coverage_.resize(pixels);
   flags_.resize(pixels);
@@ -45,7 +45,7 @@ v1::RayCounts count_rays(const RayMatte& rays) {
       for (int c = 0; c < kChannels; ++c) {
         for (const Ray& ray : rays.rays(x, y, c)) {
           if (!(ray.weight > 0.0f)) continue;
-          const auto weight = static_cast<double>(ray.weight);
+          const double weight = ray.weight;
           switch (ray.state) {
             case RayState::kAmbiguous:
               counts.set_ambiguous(counts.ambiguous() + 1);

@@ -65,9 +65,7 @@ class RayMatte {
   }
 
  private:
-  size_t pixel(int x, int y) const {
-    return static_cast<size_t>(y) * static_cast<size_t>(width_px_) + static_cast<size_t>(x);
-  }
+  size_t pixel(int x, int y) const { return static_cast<size_t>(y) * width_px_ + x; }
   size_t offset(int x, int y, int channel) const {
     return (pixel(x, y) * kChannels + static_cast<size_t>(channel)) * static_cast<size_t>(rays_per_channel_);
   }

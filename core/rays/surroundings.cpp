@@ -55,8 +55,7 @@ RadianceImage drawn_face(const RadianceImage& map, int face, int side) {
           const float* light = pixel_at(map, cube_direction(face, place(x, s % kSub), place(y, s / kSub)));
           for (size_t c = 0; c < kChannels; ++c) sum[c] += light[c];
         }
-        for (int c = 0; c < kChannels; ++c)
-          drawn.at(x, y, c) = sum[static_cast<size_t>(c)] / static_cast<float>(kSub * kSub);
+        for (int c = 0; c < kChannels; ++c) drawn.at(x, y, c) = sum[c] / static_cast<float>(kSub * kSub);
       }
     }
   });
@@ -75,8 +74,7 @@ RadianceImage shrunk(const RadianceImage& map) {
       const int x = std::min(static_cast<int>((u + 0.5) * width / map.width_px), width - 1);
       const size_t at = small.index(x, y, 0);
       weights[at / kChannels] += weight;
-      for (int c = 0; c < kChannels; ++c)
-        sums[at + static_cast<size_t>(c)] += weight * static_cast<double>(map.at(u, v, c));
+      for (int c = 0; c < kChannels; ++c) sums[at + static_cast<size_t>(c)] += weight * map.at(u, v, c);
     }
   }
   for (size_t i = 0; i < sums.size(); ++i)
@@ -145,13 +143,12 @@ class Projector {
           for (const Ray& ray : rays_.rays(x, y, c)) {
             if (!(ray.weight > 0.0f)) continue;
             seen += static_cast<double>(ray.weight);
-            add(ray, c, modes, used, foreground[static_cast<size_t>(c)]);
+            add(ray, c, modes, used, foreground[c]);
           }
           const double unseen = 1.0 - seen;
           if (surroundings_.lossless && environment_ != nullptr && rays_.coverage(x, y) > 0.0f &&
               unseen > 0.0) {
-            foreground[static_cast<size_t>(c)] +=
-                static_cast<float>(unseen) * mix_.seen(0, environment_->mean())[static_cast<size_t>(c)];
+            foreground[c] += static_cast<float>(unseen) * mix_.seen(0, environment_->mean())[c];
           }
         }
       }
@@ -165,7 +162,7 @@ class Projector {
     // monitor, and planes may stand before it.
     const bool forward = ray.state == RayState::kStraight || ray.state == RayState::kFarLight;
     const double from_mm = forward ? 0.0 : -std::numeric_limits<double>::infinity();
-    double left = static_cast<double>(ray.weight);
+    double left = ray.weight;
     PlaneFootprint footprint;
     for (size_t i = 0; i < order_.size(); ++i) {
       const PlanePicture& plane = surroundings_.planes[order_[i]];
@@ -181,7 +178,7 @@ class Projector {
     if (environment_->on_face(ray, face, footprint)) {
       modes[used++] = mode_of(footprint, left, static_cast<int>(order_.size()) + face);
     } else {
-      light += static_cast<float>(left) * mix_.seen(0, environment_->wide(ray))[static_cast<size_t>(channel)];
+      light += static_cast<float>(left) * mix_.seen(0, environment_->wide(ray))[channel];
     }
   }
 
@@ -208,8 +205,7 @@ EnvironmentMap::EnvironmentMap(const Environment& environment)
     const double weight = std::sin(kPi * (v + 0.5) / small_.height_px);
     total += weight * small_.width_px;
     for (int u = 0; u < small_.width_px; ++u) {
-      for (int c = 0; c < kChannels; ++c)
-        sums[static_cast<size_t>(c)] += weight * static_cast<double>(small_.at(u, v, c));
+      for (int c = 0; c < kChannels; ++c) sums[c] += weight * small_.at(u, v, c);
     }
   }
   for (size_t c = 0; c < kChannels; ++c) mean_[c] = static_cast<float>(sums[c] / total);
@@ -261,8 +257,7 @@ std::array<float, kChannels> EnvironmentMap::wide(const Ray& ray) const {
       across *= stretch;
       const double weight = std::exp(-0.5 * across.dot(inverse * across)) * std::sin(row) * stretch;
       total += weight;
-      for (int c = 0; c < kChannels; ++c)
-        sums[static_cast<size_t>(c)] += weight * static_cast<double>(small_.at(u, v, c));
+      for (int c = 0; c < kChannels; ++c) sums[c] += weight * small_.at(u, v, c);
     }
   }
   if (!(total > 0.0)) return mean_;
@@ -331,8 +326,7 @@ absl::StatusOr<RadianceImage> composite_rays(const RayMatte& rays, const Surroun
           failed.Update(made.status());
           return;
         }
-        std::ranges::copy(made->samples,
-                          out.samples.begin() + static_cast<std::ptrdiff_t>(first * row_length));
+        std::ranges::copy(made->samples, out.samples.begin() + first * row_length);
       } else {
         for (int y = first; y < end; ++y) {
           rows.prepare(matte, y - first, row);

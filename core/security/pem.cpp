@@ -18,7 +18,7 @@ std::string written_by(const Write& write) {
   write(out.get());
   char* bytes = nullptr;
   const long size = BIO_get_mem_data(out.get(), &bytes);
-  return std::string(bytes, static_cast<size_t>(size));
+  return std::string(bytes, size);
 }
 
 }  // namespace

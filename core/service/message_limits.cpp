@@ -17,7 +17,7 @@ std::string excess_of(const Message& message);
 
 std::string excess_of_string(const std::string& text, const FieldDescriptor& field) {
   const int given = field.options().GetExtension(v1::max_bytes);
-  const auto most = static_cast<size_t>(given > 0 ? given : kMaxStringBytes);
+  const size_t most = given > 0 ? given : kMaxStringBytes;
   if (text.size() <= most) return "";
   return fmt::format(" has {} bytes; it must have at most {}", text.size(), most);
 }
@@ -70,7 +70,7 @@ absl::Status check_limits(const Message& message) {
 }
 
 std::string fitted(std::string text, int max_bytes) {
-  auto size = static_cast<size_t>(max_bytes);
+  size_t size = max_bytes;
   if (text.size() <= size) return text;
   while (size > 0 && (static_cast<unsigned char>(text[size]) & 0xc0u) == 0x80u) --size;
   text.resize(size);

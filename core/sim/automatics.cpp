@@ -14,7 +14,7 @@ Colour automatic_gains(const Automatics& automatics, std::span<const Colour> lig
   for (int k = 1; k <= kFramesRemembered; ++k) {
     const float weight = std::exp2(-0.5f * static_cast<float>(k));
     weights += weight;
-    for (size_t c = 0; c < 3; ++c) seen[c] += weight * light_before[static_cast<size_t>(k - 1)][c];
+    for (size_t c = 0; c < 3; ++c) seen[c] += weight * light_before[k - 1][c];
   }
   for (float& light : seen) light = std::max(light / weights, kDark);
   const float mean = (seen[0] + seen[1] + seen[2]) / 3.0f;

@@ -35,7 +35,7 @@ void move(RadianceImage& image, bool along_x, double by_px) {
         float sum = 0.0f;
         for (int k = 0; k < 4; ++k) {
           const int at = std::clamp(second - 1 + k, 0, length - 1);
-          sum += weights[static_cast<size_t>(k)] * (along_x ? from.at(at, y, c) : from.at(x, at, c));
+          sum += weights[k] * (along_x ? from.at(at, y, c) : from.at(x, at, c));
         }
         image.at(x, y, c) = std::max(sum, 0.0f);
       }
@@ -61,15 +61,13 @@ void disturb(const Disturbances& d, double at_s, RadianceImage& radiance) {
       mean[i % 3] += static_cast<double>(radiance.samples[i]);
     for (double& sum : mean) sum *= 3.0 / static_cast<double>(radiance.samples.size());
     for (size_t i = 0; i < radiance.samples.size(); ++i)
-      radiance.samples[i] +=
-          static_cast<float>(d.flare * (mean[i % 3] - static_cast<double>(radiance.samples[i])));
+      radiance.samples[i] += static_cast<float>(d.flare * (mean[i % 3] - radiance.samples[i]));
   }
   const double light = 1.0 - d.warm_up * (1.0 - std::exp(-at_s / d.warm_up_s));
   const double lamp = lasts(at_s, d.lamp_s, d.lamp_lasts_s) ? d.lamp : 0.0;
   const double gain = at_s >= d.gain_s ? d.gain : 1.0;
   if (light == 1.0 && lamp == 0.0 && gain == 1.0) return;
-  for (float& sample : radiance.samples)
-    sample = static_cast<float>(gain * (light * static_cast<double>(sample) + lamp));
+  for (float& sample : radiance.samples) sample = static_cast<float>(gain * (light * sample + lamp));
 }
 
 void spoil_pixels(const Disturbances& d, Image16& frame) {

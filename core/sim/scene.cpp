@@ -199,7 +199,7 @@ class Crystal final : public Scene {
                crystal_facets(0.325 * std::min(back.height_px, back.width_px))) {}
   std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int) const override {
     constexpr std::array<double, 3> kIndex{1.500, 1.518, 1.540};
-    return stone_.trace(ray, kIndex[static_cast<size_t>(channel)]);
+    return stone_.trace(ray, kIndex[channel]);
   }
 
  private:
@@ -279,10 +279,10 @@ class Brushed final : public Scene {
     constexpr std::array<double, 3> kTint{0.80, 0.74, 0.66};
     std::vector<Path> paths;
     for (int i = 0; i < kFacets; ++i) {
-      const Vec3& normal = facets_[static_cast<size_t>((sample * kFacets + i) % kPoints)];
+      const Vec3& normal = facets_[(sample * kFacets + i) % kPoints];
       if (dot(normal, ray.direction) >= 0.0) continue;
-      paths.push_back({.ray = {*point, reflected(ray.direction, normal)},
-                       .weight = kTint[static_cast<size_t>(channel)] / kFacets});
+      paths.push_back(
+          {.ray = {*point, reflected(ray.direction, normal)}, .weight = kTint[channel] / kFacets});
     }
     return paths;
   }

@@ -105,7 +105,7 @@ void blur(RadianceImage& image, double sigma_px) {
           for (int i = -reach; i <= reach; ++i) {
             const int u = across ? std::clamp(x + i, 0, image.width_px - 1) : x;
             const int v = across ? y : std::clamp(y + i, 0, image.height_px - 1);
-            light += kernel[static_cast<size_t>(i + reach)] * from.at(u, v, c);
+            light += kernel[i + reach] * from.at(u, v, c);
           }
           image.at(x, y, c) = light / sum;
         }
@@ -179,9 +179,9 @@ Image16 expose(const RadianceImage& mean_radiance, double exposure_ms, const Sen
   for (size_t at = 0; at < light.size(); at += kSampleBlock) {
     const size_t count = std::min(kSampleBlock, light.size() - at);
     standard_normals(model.seed, frame_number, static_cast<std::uint32_t>(at / kSampleBlock), noise);
-    std::copy_n(light.begin() + static_cast<std::ptrdiff_t>(at), count, in.begin());
+    std::copy_n(light.begin() + at, count, in.begin());
     respond(response, in, noise, out);
-    std::copy_n(out.begin(), count, image.samples.begin() + static_cast<std::ptrdiff_t>(at));
+    std::copy_n(out.begin(), count, image.samples.begin() + at);
   }
   return image;
 }

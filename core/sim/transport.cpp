@@ -175,7 +175,7 @@ class TransportBuilder {
   void add_taps(const std::vector<Tap>& taps, int channel) {
     for (Transport::Part& part : transport_.parts_) part.counts.push_back(0);
     for (const Tap& tap : taps) {
-      Transport::Part& part = transport_.parts_[static_cast<size_t>(tap.monitor)];
+      Transport::Part& part = transport_.parts_[tap.monitor];
       part.taps.push_back(
           {.sample = static_cast<std::uint32_t>((tap.y_px * part.width_px + tap.x_px) * 3 + channel),
            .weight = tap.weight});
@@ -202,11 +202,10 @@ class TransportBuilder {
 };
 
 Transport::PixelTaps Transport::find(const Part& part, int x, int y) const {
-  const Columns& own = own_[static_cast<size_t>(y)];
+  const Columns& own = own_[y];
   const std::uint16_t* counts = part.counts.data() + own.first_pixel * samples_a_pixel();
   const std::uint16_t* count = counts + static_cast<size_t>(x - own.first) * samples_a_pixel();
-  return {.tap = part.taps.data() + std::accumulate(counts, count, part.first_taps[static_cast<size_t>(y)]),
-          .count = count};
+  return {.tap = part.taps.data() + std::accumulate(counts, count, part.first_taps[y]), .count = count};
 }
 
 std::vector<Tap> Transport::taps(int x, int y, int channel) const {
@@ -229,15 +228,15 @@ std::vector<Tap> Transport::taps(int x, int y, int channel) const {
 
 float Transport::foreground(int x, int y, int channel) const {
   if (!owns(x, y)) return around_->foreground(x, y, channel);
-  const Columns& own = own_[static_cast<size_t>(y)];
+  const Columns& own = own_[y];
   return foreground_[3 * (own.first_pixel + static_cast<size_t>(x - own.first)) +
                      static_cast<size_t>(channel)];
 }
 
 void Transport::start_row(int y, std::span<float> row) const {
   if (around_ != nullptr) around_->start_row(y, row);
-  const Columns& own = own_[static_cast<size_t>(y)];
-  const auto from = foreground_.begin() + static_cast<std::ptrdiff_t>(3 * own.first_pixel);
+  const Columns& own = own_[y];
+  const auto from = foreground_.begin() + 3 * own.first_pixel;
   std::copy(from, from + 3 * (own.last - own.first), row.begin() + 3 * own.first);
 }
 
@@ -310,18 +309,18 @@ class Tracer {
   Transport trace(const Scene& scene, std::shared_ptr<const Transport> around,
                   const std::function<bool(double share)>& row_done) const {
     const bool colourless = scene.is_colourless();
-    std::vector<Columns> rows(static_cast<size_t>(height_px_), {.first = 0, .last = width_px_});
+    std::vector<Columns> rows(height_px_, {.first = 0, .last = width_px_});
     if (around != nullptr && !find_edges(scene, rows, row_done)) return {};
     int pixels = 0;
     for (const Columns& row : rows) pixels += row.last - row.first;
     TransportBuilder builder(width_px_, height_px_, monitors_, colourless, std::move(around));
     for (int y = 0; y < height_px_; ++y) {
-      const auto [first, last] = rows[static_cast<size_t>(y)];
+      const auto [first, last] = rows[y];
       builder.begin_row(first);
       for (int x = first; x < last; ++x) {
         Colour foreground{};
         for (int c = 0; c < (colourless ? 1 : kChannels); ++c)
-          builder.add_taps(taps(scene, x, y, c, foreground[static_cast<size_t>(c)]), c);
+          builder.add_taps(taps(scene, x, y, c, foreground[c]), c);
         if (colourless) foreground.fill(foreground[0]);
         builder.end_pixel(foreground);
       }
@@ -339,7 +338,7 @@ class Tracer {
   bool find_edges(const Scene& scene, std::vector<Columns>& rows,
                   const std::function<bool(double share)>& row_done) const {
     for (int y = 0; y < height_px_; ++y) {
-      auto& [first, last] = rows[static_cast<size_t>(y)];
+      auto& [first, last] = rows[y];
       while (first < last && !hits(scene, first, y)) ++first;
       while (first < last && !hits(scene, last - 1, y)) --last;
       if (!row_done(0.0)) return false;
@@ -382,7 +381,7 @@ class Tracer {
       }
     }
     merge(taps);
-    foreground = scene.foreground()[static_cast<size_t>(channel)] * static_cast<float>(hits * scale) +
+    foreground = scene.foreground()[channel] * static_cast<float>(hits * scale) +
                  static_cast<float>(lamp_light * scale);
     return taps;
   }

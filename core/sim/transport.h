@@ -52,7 +52,7 @@ class Transport {
   struct Rows {
     int first, last;
   };
-  Rows rows_seen(size_t monitor, int y) const { return parts_[monitor].rows[static_cast<size_t>(y)]; }
+  Rows rows_seen(size_t monitor, int y) const { return parts_[monitor].rows[y]; }
 
  private:
   friend class TransportBuilder;
@@ -74,7 +74,7 @@ class Transport {
     size_t first_pixel = 0;  // number of pixels in the rows above
   };
   bool owns(int x, int y) const {
-    const Columns& own = own_[static_cast<size_t>(y)];
+    const Columns& own = own_[y];
     return x >= own.first && x < own.last;
   }
   size_t samples_a_pixel() const { return colourless_ ? 1 : 3; }
@@ -99,7 +99,7 @@ class Transport {
 
 template <typename Radiance>
 void Transport::add_row(size_t monitor, int y, std::span<float> row, const Radiance& radiance) const {
-  const Columns& own = own_[static_cast<size_t>(y)];
+  const Columns& own = own_[y];
   if (around_ != nullptr) {
     around_->add_columns(monitor, y, 0, own.first, row, radiance);
     around_->add_columns(monitor, y, own.last, width_px_, row, radiance);

@@ -90,7 +90,7 @@ bool is_alike(const Footprint& a, const Mode& b) {
 std::vector<Footprint> footprints_of(const Matte& matte, int x, int y) {
   std::vector<Footprint> found;
   for (int c = 0; c < kChannels; ++c) {
-    const auto channel = static_cast<size_t>(c);
+    const size_t channel = c;
     for (const Mode& mode : matte.modes(x, y, c)) {
       if (!(mode.weight >= kWeightUnit)) continue;
       auto shared = std::ranges::find_if(

@@ -244,7 +244,7 @@ absl::Status KmsDisplay::wait_for_all(nanoseconds at) {
                                       [](const Output& output) { return output.stage != Stage::kShown; });
     if (awaited == outputs_.end()) return absl::OkStatus();
     if (monotonic_now() > deadline) {
-      const auto index = static_cast<size_t>(awaited - outputs_.begin());
+      const size_t index = awaited - outputs_.begin();
       GW_RETURN_IF_ERROR(check_plugged_in(index));
       return absl::UnavailableError(
           fmt::format("monitor \"{}\" has not refreshed for {} s: is it switched on?", screens_[index].name,

@@ -15,7 +15,7 @@ constexpr nanoseconds kEarly = std::chrono::milliseconds(5);
 size_t log_limit_of(const std::vector<ScreenInfo>& screens) {
   size_t largest_bytes = 1;
   for (const ScreenInfo& screen : screens) {
-    const size_t pixels = static_cast<size_t>(screen.width_px) * static_cast<size_t>(screen.height_px);
+    const size_t pixels = static_cast<size_t>(screen.width_px) * screen.height_px;
     largest_bytes = std::max(largest_bytes, pixels * 3 * sizeof(std::uint16_t));
   }
   return std::max(std::min(kLogBytes / largest_bytes, kMaxLogged), 2 * screens.size());
@@ -79,7 +79,7 @@ bool LightTap::read(std::uint64_t& cursor, std::vector<Emission>& emissions, nan
     emitted_.wait_for(lock, timeout, [&] { return next_ > cursor; });
     const std::uint64_t first = next_ - log_.size();
     if (cursor < first) return false;
-    emissions.assign(log_.begin() + static_cast<std::ptrdiff_t>(cursor - first), log_.end());
+    emissions.assign(log_.begin() + cursor - first, log_.end());
   }
   cursor = next_;
   // A show that is not yet asked for starts after now.

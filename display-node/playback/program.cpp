@@ -24,8 +24,7 @@ size_t bytes_of(const Image16& image) {
 }
 
 size_t bytes_of(const ScreenInfo& screen) {
-  return sizeof(std::uint16_t) * 3 * static_cast<size_t>(screen.width_px) *
-         static_cast<size_t>(screen.height_px);
+  return sizeof(std::uint16_t) * 3 * static_cast<size_t>(screen.width_px) * screen.height_px;
 }
 
 }  // namespace
@@ -101,7 +100,7 @@ void Program::draw_ahead(const v1::LoadProgramRequest& request) {
   for (size_t s = 0; s < steps_.size(); ++s) {
     for (const v1::Stimulus& stimulus : request.steps(static_cast<int>(s)).stimuli()) {
       const auto found = std::ranges::find(screens_, stimulus.panel(), &ScreenInfo::name);
-      const auto screen = static_cast<size_t>(found - screens_.begin());
+      const size_t screen = found - screens_.begin();
       Shown& shown = steps_[s].shown[screen];
       if (!shown.pattern && shown.photo == nullptr) continue;
       Picture& picture = shared[{stimulus.SerializeAsString(), shown.patch_id.has_value()}];
@@ -139,7 +138,7 @@ absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
       return bad(
           fmt::format("there is no monitor \"{}\"; there are: {}", stimulus.panel(), names_of(screens_)));
     }
-    const auto index = static_cast<size_t>(screen - screens_.begin());
+    const size_t index = screen - screens_.begin();
     Shown& shown = step.shown[index];
     if (!lit.insert(index).second)
       return bad(fmt::format("monitor \"{}\" is lit twice; it must have one stimulus", screen->name));
@@ -204,8 +203,7 @@ Picture Program::drawn(const Shown& shown, size_t index) const {
     IdPatch{.width_px = screen.width_px, .first_row = 0, .rows = screen.patch_rows}.draw(*shown.patch_id,
                                                                                          strip);
     const auto highest = static_cast<std::uint16_t>((1 << screen.bits) - 1);
-    std::transform(strip.samples.begin(), strip.samples.end(),
-                   codes.begin() + static_cast<std::ptrdiff_t>(above_patch),
+    std::transform(strip.samples.begin(), strip.samples.end(), codes.begin() + above_patch,
                    [&](float lit) { return lit > 0.0f ? highest : std::uint16_t{0}; });
   }
   return whole;

@@ -66,7 +66,7 @@ absl::StatusOr<std::vector<std::optional<Dither>>> dithers_of(
       return absl::InvalidArgumentError(fmt::format("there is a calibration of monitor \"{}\"; there are: {}",
                                                     calibration.monitor(), names_of(screens)));
     }
-    std::optional<Dither>& dither = dithers[static_cast<size_t>(screen - screens.begin())];
+    std::optional<Dither>& dither = dithers[screen - screens.begin()];
     if (dither) {
       return absl::InvalidArgumentError(fmt::format(
           "monitor \"{}\" has two calibrations; it must have one at most", calibration.monitor()));

@@ -135,10 +135,11 @@ absl::Status GroupCapture::learn(const std::vector<v1::Frame>& frames, std::stop
 }
 
 absl::StatusOr<bool> GroupCapture::judge(std::vector<v1::Frame> frames, bool is_over, std::stop_token stop) {
-  const auto after_steps = std::ranges::stable_partition(
-      frames, [](const v1::Frame& frame) { return !RigWatch::is_repeat(frame.step()); });
-  const std::vector<v1::Frame> repeats(after_steps.begin(), after_steps.end());
-  frames.erase(after_steps.begin(), after_steps.end());
+  const auto after_steps = std::stable_partition(frames.begin(), frames.end(), [](const v1::Frame& frame) {
+    return !RigWatch::is_repeat(frame.step());
+  });
+  const std::vector<v1::Frame> repeats(after_steps, frames.end());
+  frames.erase(after_steps, frames.end());
   const nanoseconds seen_until = recording_.frames_seen_until().value_or(nanoseconds::min());
   const auto has_left = [&](int step) {
     return is_over || seen_until >= recording_.window_of(step).patch_until;
@@ -264,8 +265,9 @@ absl::StatusOr<std::string> GroupCapture::lags(const Step& of_group, std::stop_t
   for (const auto& [monitor, steps] : learning) {
     GW_ASSIGN_OR_RETURN(const std::optional<nanoseconds> lag, lag_of(steps, stop));
     if (!lag) continue;
-    const auto display = std::ranges::find_if(
-        setup_.links.displays, [&](const auto& each) { return each->monitor(monitor) != nullptr; });
+    const auto display = std::ranges::find_if(setup_.links.displays, [&name = monitor](const auto& each) {
+      return each->monitor(name) != nullptr;
+    });
     text += fmt::format(
         "{}monitor \"{}\" shows each step {:.0f} ms {} than {} reports, or the clock of {} is off by that: "
         "glasswing calibrate sync --monitor {}",

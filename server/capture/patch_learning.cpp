@@ -28,10 +28,10 @@ std::vector<v1::Frame> PatchLearning::take_learning_frames(std::vector<v1::Frame
       learning_.push_back(std::move(frame));
     }
   }
-  const auto stays = std::ranges::stable_partition(
-      learning_, [&](const v1::Frame& frame) { return !has_left(frame.step()); });
-  std::vector<v1::Frame> taken(std::make_move_iterator(stays.begin()), std::make_move_iterator(stays.end()));
-  learning_.erase(stays.begin(), stays.end());
+  const auto stays = std::stable_partition(learning_.begin(), learning_.end(),
+                                           [&](const v1::Frame& frame) { return !has_left(frame.step()); });
+  std::vector<v1::Frame> taken(std::make_move_iterator(stays), std::make_move_iterator(learning_.end()));
+  learning_.erase(stays, learning_.end());
   return taken;
 }
 

@@ -43,7 +43,7 @@ nanoseconds typical_window(const TestCaptureTimes& times) {
   std::vector<nanoseconds> lengths;
   for (const StableWindow& window : times.windows) lengths.push_back(window.until - window.from);
   if (lengths.empty()) return nanoseconds(0);
-  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
+  const auto middle = lengths.begin() + lengths.size() / 2;
   std::nth_element(lengths.begin(), middle, lengths.end());
   return *middle;
 }

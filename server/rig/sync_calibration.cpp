@@ -122,8 +122,7 @@ absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms,
         shown.display->link.rig_from_node(nanoseconds(presentation.scanout_start_ns()));
     const nanoseconds replaced =
         start.time + nanoseconds(presentation.replaced_ns() - presentation.scanout_start_ns());
-    measurement.record.shown.push_back(
-        {.scanout_start = start.time, .lit = sequence[static_cast<size_t>(presentation.step())]});
+    measurement.record.shown.push_back({.scanout_start = start.time, .lit = sequence[presentation.step()]});
     measurement.record.scanout = nanoseconds(presentation.scanout_end_ns() - presentation.scanout_start_ns());
     from = std::min(from, start.time - milliseconds(100));
     until = std::max(until, replaced);

@@ -23,7 +23,7 @@ std::optional<std::vector<v1::StepEvent>> StepLog::events(const std::string& ses
   const auto entry = std::ranges::find(entries_, session, &Entry::session);
   if (entry == entries_.end()) return std::nullopt;
   const size_t from = std::min(first, entry->events.size());
-  return std::vector(entry->events.begin() + static_cast<std::ptrdiff_t>(from), entry->events.end());
+  return std::vector(entry->events.begin() + from, entry->events.end());
 }
 
 v1::StepEvent proof_of(const v1::Frame& frame, double seconds) {

@@ -74,14 +74,13 @@ std::optional<DraftTiles::Claimed> DraftTiles::claim(nanoseconds now) {
 
 absl::Status DraftTiles::check(const v1::TileLease& lease) const {
   const bool known = lease.tile() >= 0 && lease.tile() < static_cast<int>(states_.size());
-  if (known && holders_[static_cast<size_t>(lease.tile())].attempt == lease.attempt())
-    return absl::OkStatus();
+  if (known && holders_[lease.tile()].attempt == lease.attempt()) return absl::OkStatus();
   return void_attempt(lease);
 }
 
 absl::Status DraftTiles::renew(const v1::TileLease& lease, nanoseconds now) {
   GW_RETURN_IF_ERROR(check(lease));
-  const auto at = static_cast<size_t>(lease.tile());
+  const size_t at = lease.tile();
   if (states_[at].is_done() || !holders_[at].held) return void_attempt(lease);
   holders_[at].until = now + lease_;
   return absl::OkStatus();
@@ -89,18 +88,18 @@ absl::Status DraftTiles::renew(const v1::TileLease& lease, nanoseconds now) {
 
 absl::StatusOr<TileRange> DraftTiles::range(const v1::TileLease& lease) const {
   GW_RETURN_IF_ERROR(check(lease));
-  return states_[static_cast<size_t>(lease.tile())].range;
+  return states_[lease.tile()].range;
 }
 
 absl::Status DraftTiles::complete(const v1::TileLease& lease, const std::string& file) {
   GW_RETURN_IF_ERROR(check(lease));
-  states_[static_cast<size_t>(lease.tile())].done.result = file;
+  states_[lease.tile()].done.result = file;
   return absl::OkStatus();
 }
 
 bool DraftTiles::give_back(const v1::TileLease& lease, bool failed) {
   if (!check(lease).ok()) return true;
-  const auto at = static_cast<size_t>(lease.tile());
+  const size_t at = lease.tile();
   holders_[at].held = false;
   if (failed) ++states_[at].failures;
   return states_[at].failures < kMaxFailures;

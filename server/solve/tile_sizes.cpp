@@ -50,11 +50,11 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
   double sum = 0.0, end = share;
   for (int y = 0; y < height_px; ++y) {
     // A row belongs to the tile that its middle falls into.
-    const bool next = sum + 0.5 * work[static_cast<size_t>(y)] > end;
+    const bool next = sum + 0.5 * work[y] > end;
     if (tiles.empty() || next || tiles.back().count == max_rows) tiles.push_back({.first = y, .count = 0});
-    while (sum + 0.5 * work[static_cast<size_t>(y)] > end) end += share;
+    while (sum + 0.5 * work[y] > end) end += share;
     ++tiles.back().count;
-    sum += work[static_cast<size_t>(y)];
+    sum += work[y];
   }
   return tiles;
 }

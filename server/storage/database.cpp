@@ -34,7 +34,7 @@ void row_checksum(sqlite3_context* context, int count, sqlite3_value** values) {
   RunningChecksum sum;
   for (int i = 0; i < count; ++i) {
     const void* value = sqlite3_value_blob(values[i]);
-    const auto size = static_cast<size_t>(sqlite3_value_bytes(values[i]));
+    const size_t size = sqlite3_value_bytes(values[i]);
     sum.add(fmt::format("{}:", size));
     if (size > 0) sum.add({static_cast<const char*>(value), size});
   }
@@ -140,7 +140,7 @@ std::int64_t Database::Query::integer(int column) const {
 
 std::string Database::Query::text(int column) const {
   const void* bytes = sqlite3_column_blob(statement_.get(), column);
-  const auto size = static_cast<size_t>(sqlite3_column_bytes(statement_.get(), column));
+  const size_t size = sqlite3_column_bytes(statement_.get(), column);
   return bytes == nullptr ? std::string() : std::string(static_cast<const char*>(bytes), size);
 }
 

@@ -119,7 +119,7 @@ void ImageFiles::await(const std::string& name) {
     return;
   }
   std::error_code error;
-  const auto size = static_cast<std::int64_t>(fs::file_size(directory_ / name, error));
+  const std::int64_t size = fs::file_size(directory_ / name, error);
   awaited_.push_back({.name = name, .size_bytes = error ? 0 : size});
   awaited_bytes_ += awaited_.back().size_bytes;
   while (awaited_.size() > kMaxAwaited || (awaited_bytes_ > kMaxAwaitedBytes && awaited_.size() > 1)) {

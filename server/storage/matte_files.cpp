@@ -115,7 +115,7 @@ absl::StatusOr<std::int64_t> MatteFiles::remove(const std::string& session) cons
   std::error_code error, unknown;
   const auto remove_file = [&](const fs::path& path) {
     if (error || !fs::is_regular_file(path, unknown)) return;
-    const auto size = static_cast<std::int64_t>(fs::file_size(path, error));
+    const std::int64_t size = fs::file_size(path, error);
     if (!error && fs::remove(path, error)) bytes += size;
   };
   for (const fs::path& path : {finished(session), next(session), draft(session)}) remove_file(path);

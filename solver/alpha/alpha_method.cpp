@@ -28,7 +28,7 @@ class AlphaSolver {
   void solve_row(int y, Matte& matte) {
     const std::vector<bool> object = surroundings_.settle_row(y, {}, matte).object;
     for (int x = 0; x < matte.width_px(); ++x) {
-      if (object[static_cast<size_t>(x)]) solve_pixel(x, y, matte);
+      if (object[x]) solve_pixel(x, y, matte);
     }
   }
 
@@ -90,10 +90,10 @@ class AlphaSolver {
       slopes += lines[c].known ? lines[c].slope : 0.0;
       known += lines[c].known ? 1.0 : 0.0;
     }
-    const BackgroundPoint& point = surroundings_.background(x, y)[static_cast<size_t>(layout_.texture)];
+    const BackgroundPoint& point = surroundings_.background(x, y)[layout_.texture];
     const double inside = std::max(point.axis[0].inside * point.axis[1].inside, kMinInside);
     for (int c = 0; c < kChannels; ++c) {
-      const auto channel = static_cast<size_t>(c);
+      const size_t channel = c;
       // A channel in which no backing has light is assumed to be like the others.
       const double slope = lines[channel].known ? lines[channel].slope : slopes / std::max(known, 1.0);
       matte.foreground(x, y)[channel] =

@@ -25,9 +25,9 @@ bool is_dark(const Light& light) {
 double colour_in(const Light& light, int key) {
   double other = 0.0;
   for (int c = 0; c < kChannels; ++c) {
-    if (c != key) other = std::max(other, light[static_cast<size_t>(c)]);
+    if (c != key) other = std::max(other, light[c]);
   }
-  return light[static_cast<size_t>(key)] - other;
+  return light[key] - other;
 }
 
 int key_of(const Light& light) {
@@ -37,9 +37,9 @@ int key_of(const Light& light) {
 double key_signal(const Samples3& sample, const Vlahos& constants) {
   double other = 0.0;
   for (int c = 0; c < kChannels; ++c) {
-    if (c != constants.key) other = std::max(other, sample[static_cast<size_t>(c)]);
+    if (c != constants.key) other = std::max(other, sample[c]);
   }
-  return sample[static_cast<size_t>(constants.key)] - constants.a2 * other;
+  return sample[constants.key] - constants.a2 * other;
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ std::span<DifferenceSample> part_of(std::span<DifferenceSample> all, size_t part
 }
 
 double median_square(std::span<DifferenceSample> samples) {
-  const auto middle = samples.begin() + static_cast<std::ptrdiff_t>(samples.size() / 2);
+  const auto middle = samples.begin() + samples.size() / 2;
   std::nth_element(samples.begin(), middle, samples.end(),
                    [](const DifferenceSample& a, const DifferenceSample& b) { return a.square < b.square; });
   return middle->square;

@@ -64,8 +64,8 @@ void settle(EmptyMonitor& monitor) {
     std::ranges::stable_sort(bars, [](const BarFrames& a, const BarFrames& b) {
       return a.width_px != b.width_px ? a.width_px > b.width_px : a.inverse > b.inverse;
     });
-    const auto repeated = std::ranges::unique(bars, {}, &BarFrames::width_px);
-    bars.erase(repeated.begin(), repeated.end());
+    const auto same_width = [](const BarFrames& a, const BarFrames& b) { return a.width_px == b.width_px; };
+    bars.erase(std::unique(bars.begin(), bars.end(), same_width), bars.end());
   }
 }
 
@@ -79,7 +79,7 @@ Samples3 pixel_of(const FrameStack& stack, int frame, int x, int y) {
   Samples3 samples{};
   if (frame < 0) return samples;
   for (const int c : stack.channels(x, y)) {
-    samples[static_cast<size_t>(c)] = static_cast<double>(stack.at(frame, x, y, c));
+    samples[c] = static_cast<double>(stack.at(frame, x, y, c));
   }
   return samples;
 }
@@ -110,7 +110,7 @@ std::vector<EmptyMonitor> lay_out_empty_stage(const v1::CaptureManifest& manifes
     const auto texture = texture_of.find(frame.stimulus().panel());
     if (!tells_of_the_empty_stage(frame) || frame.exposure_ms() != exposure_ms) continue;
     if (texture == texture_of.end()) continue;
-    EmptyMonitor& monitor = monitors[static_cast<size_t>(texture->second)];
+    EmptyMonitor& monitor = monitors[texture->second];
     if (kind_of(frame.stimulus()) == StimulusKind::kSquare) {
       add_bars(frame.stimulus(), i, monitor);
     } else if (gray_of(frame.stimulus()) == 0.0) {
@@ -163,7 +163,7 @@ StraightView straight_view(const v1::Camera& camera, const EmptyMonitor& monitor
 
 Mode BackgroundPoint::mode(int channel, int texture) const {
   const auto variance = [](double sigma_px) { return static_cast<float>(sigma_px * sigma_px); };
-  return {.weight = static_cast<float>(std::max(weight[static_cast<size_t>(channel)], 0.0)),
+  return {.weight = static_cast<float>(std::max(weight[channel], 0.0)),
           .x_px = static_cast<float>(axis[0].centre_px),
           .y_px = static_cast<float>(axis[1].centre_px),
           .xx_px2 = variance(axis[0].sigma_px),

@@ -54,9 +54,9 @@ bool sample_at(const RadianceImage& image, Point place, std::array<double, 3>& v
     const int v = std::clamp(static_cast<int>(top) + j - 1, 0, image.height_px - 1);
     for (int i = 0; i < 4; ++i) {
       const int u = std::clamp(static_cast<int>(left) + i - 1, 0, image.width_px - 1);
-      const double weight = across[static_cast<size_t>(i)] * down[static_cast<size_t>(j)];
+      const double weight = across[i] * down[j];
       const float* const code = &image.samples[image.index(u, v, 0)];
-      for (size_t c = 0; c < 3; ++c) value[c] += weight * static_cast<double>(code[c]);
+      for (size_t c = 0; c < 3; ++c) value[c] += weight * code[c];
     }
   }
   return true;
@@ -108,8 +108,8 @@ class Level {
     }
     const Step change = normal.ldlt().solve(gradient);
     ImageRegistration moves;
-    for (int i = 0; i < 2; ++i) moves.shift_px[static_cast<size_t>(i)] = change[i];
-    for (int i = 0; i < 4; ++i) moves.stretch[static_cast<size_t>(i)] = change[2 + i] / half_px();
+    for (int i = 0; i < 2; ++i) moves.shift_px[i] = change[i];
+    for (int i = 0; i < 4; ++i) moves.stretch[i] = change[2 + i] / half_px();
     for (size_t i = 0; i < 2; ++i) registration.shift_px[i] += moves.shift_px[i];
     for (size_t i = 0; i < 4; ++i) registration.stretch[i] += moves.stretch[i];
     for (size_t c = 0; c < 3; ++c) {
@@ -160,11 +160,11 @@ class Level {
   }
   Step unknowns(const ImageRegistration& registration) const {
     Step all;
-    for (int i = 0; i < 2; ++i) all[i] = registration.shift_px[static_cast<size_t>(i)];
-    for (int i = 0; i < 4; ++i) all[2 + i] = registration.stretch[static_cast<size_t>(i)] * half_px();
+    for (int i = 0; i < 2; ++i) all[i] = registration.shift_px[i];
+    for (int i = 0; i < 4; ++i) all[2 + i] = registration.stretch[i] * half_px();
     for (int c = 0; c < 3; ++c) {
-      all[kMotions + 2 * c] = registration.gain[static_cast<size_t>(c)] - 1.0;
-      all[kMotions + 2 * c + 1] = registration.offset[static_cast<size_t>(c)];
+      all[kMotions + 2 * c] = registration.gain[c] - 1.0;
+      all[kMotions + 2 * c + 1] = registration.offset[c];
     }
     return all;
   }
@@ -180,9 +180,9 @@ class Level {
                             (to.y + 0.5 * full_height_px_) * y_scale_};
         if (!sample_at(without_, from, seen.without)) continue;
         for (int c = 0; c < 3; ++c) {
-          const auto i = static_cast<size_t>(c);
-          seen.difference[i] = static_cast<double>(with_.at(x, y, c)) -
-                               registration.gain[i] * seen.without[i] - registration.offset[i];
+          const size_t i = c;
+          seen.difference[i] =
+              with_.at(x, y, c) - registration.gain[i] * seen.without[i] - registration.offset[i];
           seen.x_slope[i] = 0.5 * x_scale_ * (with(x + 1, y, c) - with(x - 1, y, c));
           seen.y_slope[i] = 0.5 * y_scale_ * (with(x, y + 1, c) - with(x, y - 1, c));
         }

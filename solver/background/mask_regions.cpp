@@ -40,7 +40,7 @@ class Regions {
   }
 
  private:
-  Run& of(int run) { return runs_[static_cast<size_t>(run)]; }
+  Run& of(int run) { return runs_[run]; }
 
   void add_row(std::uint8_t* row, int width_px, std::uint8_t value) {
     const auto other = static_cast<std::uint8_t>(~value);

@@ -42,9 +42,8 @@ std::vector<DifferenceSample> samples_of(const Image16& empty, const Image16& ra
   for (size_t i = 0; i < count; i += step) {
     const double each = square(i);
     if (std::isnan(each)) continue;
-    samples.push_back({.square = each,
-                       .level = static_cast<double>(radiance_of(empty.samples[i])),
-                       .range = static_cast<double>(radiance_of(range.samples[i]))});
+    samples.push_back(
+        {.square = each, .level = radiance_of(empty.samples[i]), .range = radiance_of(range.samples[i])});
   }
   return samples;
 }
@@ -95,7 +94,7 @@ absl::StatusOr<ObjectMask> ObjectMask::of_pair(const Image16& with, const Image1
   mask.registration_ = registration;
   mask.learn_noise(
       [&](size_t i) {
-        const auto difference = static_cast<double>(radiance_of(with.samples[i]) - empty.samples[i]);
+        const double difference = radiance_of(with.samples[i]) - empty.samples[i];
         return difference * difference;
       },
       false, 1.0);
@@ -110,7 +109,7 @@ double ObjectMask::usual_noise() const {
   std::copy_if(inverse_sd_.begin(), inverse_sd_.end(), std::back_inserter(inverse),
                [](float each) { return each > 0.0f; });
   if (inverse.empty()) return 0.0;
-  const auto middle = inverse.begin() + static_cast<std::ptrdiff_t>(inverse.size() / 2);
+  const auto middle = inverse.begin() + inverse.size() / 2;
   std::nth_element(inverse.begin(), middle, inverse.end());
   return 1.0 / (65535.0 * static_cast<double>(*middle));
 }
@@ -118,7 +117,7 @@ double ObjectMask::usual_noise() const {
 Mask ObjectMask::mask(const Image16& frame) const {
   assert(frame.width_px == empty_.width_px && frame.height_px == empty_.height_px);
   Mask mask{.width_px = frame.width_px, .height_px = frame.height_px, .samples = {}};
-  mask.samples.resize(static_cast<size_t>(frame.width_px) * static_cast<size_t>(frame.height_px));
+  mask.samples.resize(static_cast<size_t>(frame.width_px) * frame.height_px);
   const size_t row_samples = 3 * static_cast<size_t>(frame.width_px);
   std::vector<float> squares(row_samples);
   for (int y = 0; y < frame.height_px; ++y) {
@@ -160,8 +159,7 @@ absl::StatusOr<ObjectMask> EmptyAverage::finish(const MaskOptions& options) cons
   }
   ObjectMask mask(codes_of(mean_), options);
   // A frame differs from the mean by its own noise and the mean's.
-  mask.learn_noise([&](size_t i) { return static_cast<double>(squares_.samples[i]) / (count_ - 1.0); }, true,
-                   1.0 + 1.0 / count_);
+  mask.learn_noise([&](size_t i) { return squares_.samples[i] / (count_ - 1.0); }, true, 1.0 + 1.0 / count_);
   return mask;
 }
 

@@ -21,9 +21,7 @@ struct Mask {
   int width_px = 0, height_px = 0;
   std::vector<std::uint8_t> samples;  // by rows: 255 object, 0 background
 
-  bool inside(int x, int y) const {
-    return samples[static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x)] != 0;
-  }
+  bool inside(int x, int y) const { return samples[static_cast<size_t>(y) * width_px + x] != 0; }
   double coverage() const;  // the object's share of the picture
 };
 

@@ -49,7 +49,7 @@ SilhouetteTest::SilhouetteTest(double tolerance, double false_positive_rate)
 }
 
 double SilhouetteTest::threshold(int degrees) const {
-  const auto place = static_cast<size_t>(degrees);
+  const size_t place = degrees;
   return place < thresholds_.size() ? thresholds_[place] : chi_square_quantile(degrees, false_positive_rate_);
 }
 

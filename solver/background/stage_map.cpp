@@ -202,7 +202,7 @@ class StageMapFit {
       const Eigen::LDLT<Matrix6> solver(normal);
       const Vector6 step = solver.solve(right);
       if (!step.allFinite() || !determined(solver)) return false;
-      for (size_t i = 0; i < 6; ++i) start_.homography_[i] += step[static_cast<Eigen::Index>(i)];
+      for (size_t i = 0; i < 6; ++i) start_.homography_[i] += step[i];
       if (step.cwiseAbs().maxCoeff() < kSmall) break;
       left = residuals(start_);
     }
@@ -233,7 +233,7 @@ class StageMapFit {
       const Eigen::LDLT<Eigen::Matrix<double, 8, 8>> solver(normal);
       const Vector8 step = solver.solve(right);
       if (!step.allFinite() || !determined(solver)) return false;
-      for (size_t i = 0; i < 8; ++i) start_.homography_[i] += step[static_cast<Eigen::Index>(i)];
+      for (size_t i = 0; i < 8; ++i) start_.homography_[i] += step[i];
       // The whole picture stays before the camera.
       if (std::abs(start_.homography_[6]) + std::abs(start_.homography_[7]) > 0.95) return false;
       if (step.head<6>().cwiseAbs().maxCoeff() < kSmall) break;
@@ -283,15 +283,15 @@ class StageMapFit {
       }
       for (Eigen::Index i = 0; i < size; ++i) {
         for (Eigen::Index j = 0; i + j < size; ++j) {
-          const double both = tx[static_cast<size_t>(i)] * ty[static_cast<size_t>(j)];
+          const double both = tx[i] * ty[j];
           uu(j, i) += pull.uu * both;
           uv(j, i) += pull.uv * both;
           vv(j, i) += pull.vv * both;
         }
       }
       for (Eigen::Index k = 0; k < terms; ++k) {
-        right[2 * k] += pull.u * pixel.terms[static_cast<size_t>(k)];
-        right[2 * k + 1] += pull.v * pixel.terms[static_cast<size_t>(k)];
+        right[2 * k] += pull.u * pixel.terms[k];
+        right[2 * k + 1] += pull.v * pixel.terms[k];
       }
     }
     // Of term k: T_i(x) T_j(y).
@@ -301,9 +301,9 @@ class StageMapFit {
     }
     for (Eigen::Index k = 0; k < terms; ++k) {
       for (Eigen::Index l = 0; l <= k; ++l) {
-        const auto [i, j] = powers[static_cast<size_t>(k)];
-        const auto [m, n] = powers[static_cast<size_t>(l)];
-        const auto product = [&](const auto& sums) {
+        const auto [i, j] = powers[k];
+        const auto [m, n] = powers[l];
+        const auto product = [i = i, j = j, m = m, n = n](const auto& sums) {
           return 0.25 * (sums(j + n, i + m) + sums(j + n, std::abs(i - m)) + sums(std::abs(j - n), i + m) +
                          sums(std::abs(j - n), std::abs(i - m)));
         };
@@ -349,8 +349,8 @@ std::array<double, 2> StageMap::place(double x, double y, std::span<const double
   const double depth = 1.0 + h[6] * x + h[7] * y;
   double u = (h[0] * x + h[1] * y + h[2]) / depth, v = (h[3] * x + h[4] * y + h[5]) / depth;
   for (Eigen::Index k = 0; k < rest_.cols(); ++k) {
-    u += rest_(0, k) * terms[static_cast<size_t>(k)];
-    v += rest_(1, k) * terms[static_cast<size_t>(k)];
+    u += rest_(0, k) * terms[k];
+    v += rest_(1, k) * terms[k];
   }
   return {u, v};
 }
@@ -361,8 +361,7 @@ double StageMap::sd_px(double x_px, double y_px) const {
   double variance = 0.0;
   for (Eigen::Index k = 0; k < covariance_.rows(); ++k) {
     for (Eigen::Index l = k % 2; l < covariance_.cols(); l += 2)
-      variance += covariance_(k, l) * terms.value[static_cast<size_t>(k / 2)] *
-                  terms.value[static_cast<size_t>(l / 2)];
+      variance += covariance_(k, l) * terms.value[k / 2] * terms.value[l / 2];
   }
   return std::sqrt(0.5 * variance);
 }
@@ -377,7 +376,7 @@ StagePoint StageMap::at(double x_px, double y_px) const {
   if (degree_ > 0) {
     const Terms terms = terms_at(x, y, degree_);
     for (Eigen::Index k = 0; k < rest_.cols(); ++k) {
-      const auto t = static_cast<size_t>(k);
+      const size_t t = k;
       u += rest_(0, k) * terms.value[t];
       v += rest_(1, k) * terms.value[t];
       u_x += rest_(0, k) * terms.by_x[t];

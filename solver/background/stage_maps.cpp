@@ -56,13 +56,13 @@ std::vector<std::vector<StageSweep>> lay_out_sweeps(const v1::CaptureManifest& m
          [{frame.exposure_ms(), stimulus.peak(), colour}]
              .emplace(stimulus.r_px(), i);
   }
-  std::vector<std::vector<StageSweep>> sweeps(static_cast<size_t>(manifest.monitors_size()));
+  std::vector<std::vector<StageSweep>> sweeps(manifest.monitors_size());
   for (const auto& [key, lights] : found) {
     const auto& [texture, phi_deg, sigma_px, object] = key;
     const auto most =
         std::ranges::max_element(lights, {}, [](const auto& entry) { return entry.second.size(); });
     if (most->second.size() < kMinSteps) continue;
-    StageSweep& sweep = sweeps[static_cast<size_t>(texture)].emplace_back();
+    StageSweep& sweep = sweeps[texture].emplace_back();
     sweep.object = object;
     sweep.cos_phi = std::cos(phi_deg * std::numbers::pi / 180.0);
     sweep.sin_phi = std::sin(phi_deg * std::numbers::pi / 180.0);
@@ -186,7 +186,7 @@ class MapFinder {
     for (const int frame : sweep.frames) {
       double sum = 0.0;
       for (const int c : row.channels(x, 0)) {
-        if (row.rows[static_cast<size_t>(frame)][row.sample_index(x, 0, c)] >= kSaturatedCode) return;
+        if (row.rows[frame][row.sample_index(x, 0, c)] >= kSaturatedCode) return;
         sum += static_cast<double>(row.at(frame, x, 0, c));
       }
       light.push_back(sum);
@@ -341,7 +341,7 @@ class MapFinder {
 
 SweepPeak find_sweep_peak(std::span<const double> r_px, std::span<const double> y, double sigma_px) {
   SweepPeak peak;
-  const auto top = static_cast<size_t>(std::ranges::max_element(y) - y.begin());
+  const size_t top = std::ranges::max_element(y) - y.begin();
   const double low = *std::ranges::min_element(y);
   const double from_px = r_px[top] - 3.5 * sigma_px, to_px = r_px[top] + 3.5 * sigma_px;
   // A peak at an end may lie beyond it.
@@ -413,7 +413,7 @@ absl::StatusOr<StageMaps> measure_stage_maps(const v1::CaptureManifest& manifest
   }
   for (MapFinder& finder : finders) {
     MapFinder::Found found = finder.find();
-    maps.of_monitor[static_cast<size_t>(finder.texture())] = std::move(found.map);
+    maps.of_monitor[finder.texture()] = std::move(found.map);
     if (!found.warning.empty()) maps.warnings.push_back(std::move(found.warning));
   }
   return maps;

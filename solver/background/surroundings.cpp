@@ -80,15 +80,15 @@ void Surroundings::judge_maps(int y) {
       const BackgroundPoint& point = points.emplace_back(point_on_map(m, x, y));
       strained.push_back(point.seen && background_[m].refutes(point));
     }
-    refuted_[m].assign(static_cast<size_t>(width), false);
+    refuted_[m].assign(width, false);
     for (int x = 0; x < width; ++x) {
-      if (!strained[static_cast<size_t>(x)]) continue;
+      if (!strained[x]) continue;
       int count = 0, against = 0;
       for (int i = std::max(x - kNeighbours, 0); i <= std::min(x + kNeighbours, width - 1); ++i) {
-        count += points[static_cast<size_t>(i)].seen;
-        against += strained[static_cast<size_t>(i)];
+        count += points[i].seen;
+        against += strained[i];
       }
-      refuted_[m][static_cast<size_t>(x)] = 2 * against > count;
+      refuted_[m][x] = 2 * against > count;
     }
   }
 }
@@ -97,8 +97,8 @@ std::span<const BackgroundPoint> Surroundings::background(int x, int y) {
   if (y != judged_row_) judge_maps(y);
   points_.clear();
   for (size_t m = 0; m < background_.size(); ++m) {
-    if (map_of(m) != nullptr && !refuted_[m][static_cast<size_t>(x)]) {
-      points_.push_back(on_map_[m][static_cast<size_t>(x)]);
+    if (map_of(m) != nullptr && !refuted_[m][x]) {
+      points_.push_back(on_map_[m][x]);
       continue;
     }
     gather(stack_, layout_.monitors[m], x, y, empty_pixel_);
@@ -118,13 +118,12 @@ bool Surroundings::map_background(int x, int y, Matte& matte) {
     if (!point.seen) continue;
     if (layout_.black.empty()) {
       for (const int c : stack_.channels(x, y))
-        matte.foreground(x, y)[static_cast<size_t>(c)] =
-            static_cast<float>(point.foreground[static_cast<size_t>(c)]);
+        matte.foreground(x, y)[c] = static_cast<float>(point.foreground[c]);
     }
     if (point.ambiguous) matte.flags(x, y) |= kFlagPoorFit;
     sure = sure && !point.ambiguous;
     for (const int c : stack_.channels(x, y)) {
-      size_t& place = slot[static_cast<size_t>(c)];
+      size_t& place = slot[c];
       if (place == matte.modes(x, y, c).size()) continue;
       Mode& mode = matte.modes(x, y, c)[place++] = point.mode(c, layout_.monitors[m].texture);
       if (layout_.bare)
@@ -136,10 +135,10 @@ bool Surroundings::map_background(int x, int y, Matte& matte) {
 }
 
 SettledRow Surroundings::settle_row(int y, std::span<const double> read_sd, Matte& matte) {
-  const auto width = static_cast<size_t>(matte.width_px());
+  const size_t width = matte.width_px();
   SettledRow row{.object = std::vector<bool>(width), .open = std::vector<bool>(width)};
   for (int x = 0; x < matte.width_px(); ++x) {
-    const auto pixel = static_cast<size_t>(x);
+    const size_t pixel = x;
     const bool patch = sees_patch(x, y);
     row.object[pixel] = !patch && has_object(x, y, read_sd.empty() ? noise_.read_sd : read_sd[pixel]);
     if (patch) {
@@ -150,8 +149,7 @@ SettledRow Surroundings::settle_row(int y, std::span<const double> read_sd, Matt
     if (!layout_.black.empty()) {
       const auto row_start = static_cast<int>(stack_.sample_index(0, y, 0));
       for (const int c : stack_.channels(x, y))
-        matte.foreground(x, y)[static_cast<size_t>(c)] =
-            black(y, static_cast<int>(stack_.sample_index(x, y, c)) - row_start);
+        matte.foreground(x, y)[c] = black(y, static_cast<int>(stack_.sample_index(x, y, c)) - row_start);
     }
     row.open[pixel] = !row.object[pixel] && !map_background(x, y, matte);
   }

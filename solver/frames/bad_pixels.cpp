@@ -61,8 +61,7 @@ absl::StatusOr<std::vector<std::vector<float>>> pictures(const std::vector<int>&
   for (int y = 0; y < height; ++y) {
     GW_ASSIGN_OR_RETURN(const FrameStack row, read(y, frames));
     for (size_t i = 0; i < frames.size(); ++i) {
-      for (const std::uint16_t code : row.rows[static_cast<size_t>(frames[i])])
-        light[i].push_back(row.radiance(code));
+      for (const std::uint16_t code : row.rows[frames[i]]) light[i].push_back(row.radiance(code));
     }
   }
   return light;
@@ -78,7 +77,7 @@ absl::StatusOr<std::vector<bool>> sees_patch(const std::vector<std::vector<int>>
     for (size_t lane = 0; lane < width * lanes; ++lane) {
       float low = INFINITY, high = -INFINITY;
       for (const int frame : frames) {
-        const float light = row.radiance(row.rows[static_cast<size_t>(frame)][lane]);
+        const float light = row.radiance(row.rows[frame][lane]);
         low = std::min(low, light);
         high = std::max(high, light);
       }
@@ -108,7 +107,7 @@ absl::Status drop_near_patch(const v1::CaptureManifest& manifest, size_t lanes, 
   std::erase_if(pixels, [&](int pixel) {
     for (const int y : {pixel / width - away, pixel / width, pixel / width + away}) {
       for (const int x : {pixel % width - away, pixel % width, pixel % width + away}) {
-        if (is_inside(y, height) && is_inside(x, width) && sees[y][static_cast<size_t>(x)]) return true;
+        if (is_inside(y, height) && is_inside(x, width) && sees[y][x]) return true;
       }
     }
     return false;
@@ -134,15 +133,13 @@ absl::StatusOr<std::vector<int>> find_bad_pixels(const v1::CaptureManifest& mani
   for (const std::vector<float>& own : light) {
     std::vector<float> steps;
     for (size_t i = lanes; i < own.size(); i += 7) steps.push_back(std::abs(own[i] - own[i - lanes]));
-    const double sd =
-        std::max(1.4826 / std::sqrt(2.0) * static_cast<double>(median(steps)), kMinStep / kBeyond);
+    const double sd = std::max(1.4826 / std::sqrt(2.0) * median(steps), kMinStep / kBeyond);
     noisiest = std::max(noisiest, sd);
     for (size_t y = 0; y < height; ++y) {
       const auto row = [&](size_t at) { return at < height ? own.data() + at * width * lanes : nullptr; };
       const std::array<const float*, 3> rows{row(y - reach), row(y), row(y + reach)};
       for (size_t x = 0; x < width * lanes; ++x) {
-        const auto size =
-            static_cast<float>(static_cast<double>(beyond(rows, x, reach * lanes, width * lanes)) / sd);
+        const auto size = static_cast<float>(beyond(rows, x, reach * lanes, width * lanes) / sd);
         const size_t pixel = y * width + x / lanes;
         worst[pixel] = std::max(worst[pixel], size);
         count[pixel] += size > static_cast<float>(kBeyond);

@@ -37,7 +37,7 @@ std::vector<AreaFrames> areas_of(const v1::CaptureManifest& manifest, const Sess
   for (int f = 0; f < manifest.frames_size(); ++f) {
     const v1::Frame& frame = manifest.frames(f);
     const v1::Stimulus& stimulus = frame.stimulus();
-    if (!frame.object() || !is_pattern(frame) || samples.light[static_cast<size_t>(f)].empty()) continue;
+    if (!frame.object() || !is_pattern(frame) || samples.light[f].empty()) continue;
     const Key key{stimulus.panel(), frame.exposure_ms()};
     const double gray = gray_of(stimulus);
     if (kind_of(stimulus) == StimulusKind::kSolid && gray == 0.0) areas[key].black = f;
@@ -60,7 +60,7 @@ std::vector<AreaFrames> areas_of(const v1::CaptureManifest& manifest, const Sess
 // The two pictures' light over white's, less black; 1 if that is not known.
 double sum_of(const ComparedFrames& compared, const AreaFrames& areas, const BarPair& pair) {
   const auto light = [&](int frame, size_t lane) {
-    return static_cast<double>(compared.samples.light[static_cast<size_t>(frame)][lane]);
+    return static_cast<double>(compared.samples.light[frame][lane]);
   };
   std::vector<double> sums;
   for (size_t lane = 0; lane < compared.samples.lane_count(); ++lane) {

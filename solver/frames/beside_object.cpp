@@ -22,7 +22,7 @@ struct Line {
 Line line_of(const SessionSamples& samples, const std::vector<std::pair<size_t, size_t>>& pairs, size_t pixel,
              double noise_sd) {
   double xx = 0.0, xy = 0.0, yy = 0.0, count = 0.0;
-  const auto lanes = static_cast<size_t>(samples.lanes_per_pixel);
+  const size_t lanes = samples.lanes_per_pixel;
   for (size_t lane = pixel * lanes; lane < (pixel + 1) * lanes; ++lane) {
     double x = 0.0, y = 0.0, own = 0.0, own_xx = 0.0, own_xy = 0.0, own_yy = 0.0;
     for (const auto& [object, empty] : pairs) {

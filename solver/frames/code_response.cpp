@@ -38,7 +38,7 @@ absl::StatusOr<CodeResponse> find_code_response(const v1::CaptureManifest& manif
   GW_ASSIGN_OR_RETURN(const SessionSamples samples, sample_frames(manifest, patterns, read));
   std::vector<std::vector<float>> codes;
   for (const int f : patterns) {
-    std::vector<float>& own = codes.emplace_back(samples.light[static_cast<size_t>(f)]);
+    std::vector<float>& own = codes.emplace_back(samples.light[f]);
     for (float& code : own)
       code = std::isnan(code) ? static_cast<float>(kMonitorWhite) : std::max(code, 0.0f);
   }

@@ -14,20 +14,19 @@ constexpr double kMaxChange = 0.05, kContrast = 0.5;
 // By how much the light of two pixels differs over such a picture, a bound: what one has and the other does
 // not, and what an edge between footprints shows of one only.
 double difference_of(const Matte& matte, int ax, int ay, int bx, int by, int channel, double share) {
-  const auto c = static_cast<size_t>(channel);
+  const size_t c = channel;
   double difference =
       share * std::abs(static_cast<double>(matte.foreground(ax, ay)[c] - matte.foreground(bx, by)[c]));
   for (const Mode& own : matte.modes(ax, ay, channel)) {
     if (own.weight == 0.0f) continue;
-    double least =
-        kContrast * static_cast<double>(own.weight) * std::min(share, 1.0);  // unlike all of the other's
+    double least = kContrast * own.weight * std::min(share, 1.0);  // unlike all of the other's
     for (const Mode& other : matte.modes(bx, by, channel)) {
       if (other.weight == 0.0f || other.texture != own.texture) continue;
       const double width = std::sqrt(0.5 * static_cast<double>(own.xx_px2 + own.yy_px2) + 1.0 / 12.0);
       const double away = share * std::hypot(static_cast<double>(own.x_px - other.x_px),
                                              static_cast<double>(own.y_px - other.y_px));
       const double seen = std::erf(away / width / (2.0 * std::numbers::sqrt2));
-      least = std::min(least, kContrast * (static_cast<double>(own.weight) * seen +
+      least = std::min(least, kContrast * (own.weight * seen +
                                            share * std::abs(static_cast<double>(own.weight - other.weight))));
     }
     difference += least;

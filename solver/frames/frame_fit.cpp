@@ -50,15 +50,14 @@ FrameFit::Recorded FrameFit::recorded(double light) const {
 
 inline FrameFit::Rest FrameFit::rest_of(std::span<const float> light, size_t lit, size_t l, double h,
                                         double slope2) const {
-  const auto lanes = static_cast<size_t>(samples_.lanes_per_pixel);
+  const size_t lanes = samples_.lanes_per_pixel;
   const size_t lane = seen_.view.pixels()[lit].pixel * lanes + l, at = lit * lanes + l;
   Rest rest{.channel = static_cast<size_t>(samples_.channel[lane])};
   const auto k = static_cast<Eigen::Index>(rest.channel);
-  rest.whole = static_cast<double>(seen_.contrast[at]) * picture_.level(static_cast<int>(rest.channel));
-  const Recorded expected =
-      recorded(static_cast<double>(seen_.black[at]) + at_[k] * rest.whole * h + at_[kChannels + k]);
+  rest.whole = seen_.contrast[at] * picture_.level(static_cast<int>(rest.channel));
+  const Recorded expected = recorded(seen_.black[at] + at_[k] * rest.whole * h + at_[kChannels + k]);
   rest.by_light = expected.by_light;
-  rest.rest = static_cast<double>(light[lane]) - expected.light;
+  rest.rest = light[lane] - expected.light;
   const double variance =
       noise_sd_ * noise_sd_ + kPlaceError_px * kPlaceError_px * slope2 * rest.whole * rest.whole;
   const double z2 = rest.rest * rest.rest / (variance * scale_ * scale_);
@@ -74,7 +73,7 @@ FrameFit::Sums FrameFit::sums(std::span<const float> light) const {
     sums.normal[c].setZero();
     sums.right[c].setZero();
   }
-  const auto lanes = static_cast<size_t>(samples_.lanes_per_pixel);
+  const size_t lanes = samples_.lanes_per_pixel;
   const double dx = at_[kShift] - shown_dx_px_, dy = at_[kShift + 1] - shown_dy_px_;
   const size_t dark_step = 1 + shown_.size() / kDarkPixels;
   for (size_t i = 0; i < shown_.size(); ++i) {
@@ -87,7 +86,7 @@ FrameFit::Sums FrameFit::sums(std::span<const float> light) const {
     for (size_t l = 0; l < lanes; ++l) {
       const Rest own = rest_of(light, i, l, h, by_dx * by_dx + by_dy * by_dy);
       if (own.weight == 0.0) continue;
-      const double moved = at_[static_cast<Eigen::Index>(own.channel)] * own.whole;
+      const double moved = at_[own.channel] * own.whole;
       const Eigen::Vector4d by =
           own.by_light * Eigen::Vector4d(own.whole * h, 1.0, moved * by_dx, moved * by_dy);
       sums.normal[own.channel].noalias() += own.weight * by * by.transpose();
@@ -117,7 +116,7 @@ void FrameFit::measure_turn(std::span<const float> light, FrameMeasure& measure)
           by_dx, by_dy, by_dy * (place.x - samples_.middle_x_px) - by_dx * (place.y - samples_.middle_y_px));
       for (size_t l = 0; l < static_cast<size_t>(samples_.lanes_per_pixel); ++l) {
         const Rest own = rest_of(light, i, l, shown.h + by_move.dot(at), by_dx * by_dx + by_dy * by_dy);
-        const double moved = own.by_light * at_[static_cast<Eigen::Index>(own.channel)] * own.whole;
+        const double moved = own.by_light * at_[own.channel] * own.whole;
         normal.noalias() += own.weight * moved * moved * by_move * by_move.transpose();
         right.noalias() += own.weight * own.rest * moved * by_move;
       }
@@ -136,7 +135,7 @@ FrameMeasure FrameFit::fit(std::span<const float> light, const std::array<double
   const double offset_prior = picture_.has_dark_parts() ? kOffsetPrior : kFlatOffsetPrior;
   Unknowns expected = Unknowns::Zero();
   for (size_t c = 0; c < kChannels; ++c) {
-    expected[static_cast<Eigen::Index>(c)] = 1.0;
+    expected[c] = 1.0;
     expected[static_cast<Eigen::Index>(c) + kChannels] = offset[c];
   }
   at_ = expected;
@@ -148,10 +147,8 @@ FrameMeasure FrameFit::fit(std::span<const float> light, const std::array<double
     for (Eigen::Index c = 0; c < kChannels; ++c) {
       const std::array<Eigen::Index, 4> place{c, kChannels + c, kShift, kShift + 1};
       for (Eigen::Index i = 0; i < 4; ++i) {
-        right[place[static_cast<size_t>(i)]] += own.right[static_cast<size_t>(c)][i];
-        for (Eigen::Index j = 0; j < 4; ++j)
-          normal(place[static_cast<size_t>(i)], place[static_cast<size_t>(j)]) +=
-              own.normal[static_cast<size_t>(c)](i, j);
+        right[place[i]] += own.right[c][i];
+        for (Eigen::Index j = 0; j < 4; ++j) normal(place[i], place[j]) += own.normal[c](i, j);
       }
     }
     for (Eigen::Index i = 0; i < kUnknowns; ++i) {
@@ -194,7 +191,7 @@ FrameFit::GhostEquations FrameFit::ghosts(std::span<const float> light,
                                           std::span<const std::span<const float>> last) const {
   constexpr Eigen::Index kOwn = 2, kAll = kOwn + static_cast<Eigen::Index>(kGhosts);
   GhostEquations whole;
-  const auto lanes = static_cast<size_t>(samples_.lanes_per_pixel);
+  const size_t lanes = samples_.lanes_per_pixel;
   std::array<Eigen::Matrix<double, kAll, kAll>, kChannels> normal;
   std::array<Eigen::Matrix<double, kAll, 1>, kChannels> right;
   for (size_t c = 0; c < kChannels; ++c) {
@@ -206,14 +203,13 @@ FrameFit::GhostEquations FrameFit::ghosts(std::span<const float> light,
     if (std::isnan(shown_[i].h)) continue;
     for (size_t l = 0; l < lanes; ++l) {
       const size_t lane = lit.pixel * lanes + l, at = i * lanes + l;
-      const auto c = static_cast<size_t>(samples_.channel[lane]);
+      const size_t c = samples_.channel[lane];
       const auto k = static_cast<Eigen::Index>(c);
-      const double contrast = static_cast<double>(seen_.contrast[at]);
+      const double contrast = seen_.contrast[at];
       const double shown = contrast * picture_.level(static_cast<int>(c)) * shown_[i].h;
       const double slope = contrast * std::hypot(shown_[i].by_x, shown_[i].by_y);
-      const Recorded expected =
-          recorded(static_cast<double>(seen_.black[at]) + at_[k] * shown + at_[kChannels + k]);
-      const double rest = static_cast<double>(light[lane]) - expected.light;
+      const Recorded expected = recorded(seen_.black[at] + at_[k] * shown + at_[kChannels + k]);
+      const double rest = light[lane] - expected.light;
       Eigen::Matrix<double, kAll, 1> by = Eigen::Matrix<double, kAll, 1>::Zero();
       by[0] = expected.by_light * shown;
       by[1] = expected.by_light;

@@ -38,7 +38,7 @@ constexpr double kFlareExplained = 4.0;          // what flare explains over wha
 }  // namespace
 
 std::vector<int> by_time(const v1::CaptureManifest& manifest) {
-  std::vector<int> order(static_cast<size_t>(manifest.frames_size()));
+  std::vector<int> order(manifest.frames_size());
   std::iota(order.begin(), order.end(), 0);
   const bool timed = std::ranges::all_of(
       manifest.frames(), [](const v1::Frame& frame) { return frame.exposure_start_ns() > 0; });
@@ -83,7 +83,7 @@ class Reporter {
   Reporter(const v1::CaptureManifest& manifest, const ComparedFrames& compared,
            const std::vector<bool>& beside, const Removed& removed)
       : manifest_(manifest), samples_(compared.samples), noise_sd_(compared.noise_sd), removed_(removed) {
-    report_.frames.resize(static_cast<size_t>(manifest.frames_size()));
+    report_.frames.resize(manifest.frames_size());
     report_.order = by_time(manifest);
     report_.radius_px = std::hypot(samples_.middle_x_px, samples_.middle_y_px);
     const bool full = grays_say_full(beside);
@@ -91,7 +91,7 @@ class Reporter {
     report_.before.resize(report_.frames.size());
     for (size_t i = 0; i < report_.order.size(); ++i) {
       for (size_t k = 1; k <= kGhosts; ++k)
-        report_.before[static_cast<size_t>(report_.order[i])][k - 1] = k <= i ? report_.order[i - k] : -1;
+        report_.before[report_.order[i]][k - 1] = k <= i ? report_.order[i - k] : -1;
     }
   }
 
@@ -165,7 +165,7 @@ class Reporter {
     for (const auto& [texture, seen] : seen_) {
       const int black = seen.monitor.black, white = seen.monitor.white;
       if (black >= 0) {
-        std::vector<float> light = samples_.light[static_cast<size_t>(black)];
+        std::vector<float> light = samples_.light[black];
         std::ranges::sort(light);
         const float low = light[light.size() / 100], high = light[light.size() * 99 / 100];
         if (low > kBlackLevel && high - low < 6.0f * static_cast<float>(noise_sd_) + 0.5f * low) {
@@ -196,7 +196,7 @@ class Reporter {
       for (auto i = at;
            found < kWanted && (way > 0 ? std::next(i) != report_.order.end() : i != report_.order.begin());) {
         i += way;
-        const FrameMeasure& measure = report_.frames[static_cast<size_t>(*i)];
+        const FrameMeasure& measure = report_.frames[*i];
         if (manifest_.frames(*i).object() != manifest_.frames(static_cast<int>(frame)).object()) break;
         if (!measure.dark) continue;
         for (size_t c = 0; c < kChannels; ++c) offsets[c].push_back(measure.offset[c]);
@@ -248,13 +248,13 @@ class Reporter {
     return false;
   }
 
-  bool is_clipped(int frame) const { return clipped_[static_cast<size_t>(frame)]; }
+  bool is_clipped(int frame) const { return clipped_[frame]; }
 
   // What is saturated counts as 1.
   std::array<double, kChannels> mean_of(const std::vector<float>& light) const {
     std::array<double, kChannels> sum{}, count{};
     for (size_t lane = 0; lane < light.size(); ++lane) {
-      const auto c = static_cast<size_t>(samples_.channel[lane]);
+      const size_t c = samples_.channel[lane];
       sum[c] += std::isnan(light[lane]) ? 1.0 : static_cast<double>(light[lane]);
       count[c] += 1.0;
     }
@@ -265,13 +265,13 @@ class Reporter {
   // The sd of noise of which the camera cut off what lay below black; 0: it cut off none.
   double cut_off_sd(const SeenMonitor& seen) const {
     if (seen.monitor.black < 0) return 0.0;
-    const std::vector<float>& light = samples_.light[static_cast<size_t>(seen.monitor.black)];
-    const auto lanes = static_cast<size_t>(samples_.lanes_per_pixel);
+    const std::vector<float>& light = samples_.light[seen.monitor.black];
+    const size_t lanes = samples_.lanes_per_pixel;
     const float lowest = std::ranges::min(light);
     double count = 0.0, low = 0.0, squares = 0.0;
     for (const LitPixel& lit : seen.view.pixels()) {
       for (size_t lane = lit.pixel * lanes; lane < (lit.pixel + 1) * lanes; ++lane) {
-        const double above = static_cast<double>(light[lane] - lowest);
+        const double above = light[lane] - lowest;
         count += 1.0;
         low += above < 1e-5;
         squares += above * above;
@@ -288,17 +288,15 @@ class Reporter {
       if (frame.object() || kind_of(frame.stimulus()) != StimulusKind::kSolid || !is_pattern(frame)) continue;
       if (texture_of(manifest_, frame.stimulus().panel()) != texture || gray_of(frame.stimulus()) <= 0.0)
         continue;
-      if (!samples_.light[static_cast<size_t>(f)].empty()) grays.emplace(gray_of(frame.stimulus()), f);
+      if (!samples_.light[f].empty()) grays.emplace(gray_of(frame.stimulus()), f);
     }
     return grays;
   }
 
   void measure_contrast(SeenMonitor& seen) const {
     const std::map<double, int, std::greater<>> grays = grays_of(seen.monitor.texture);
-    const auto lanes = static_cast<size_t>(samples_.lanes_per_pixel);
-    const auto light = [&](int frame, size_t lane) {
-      return samples_.light[static_cast<size_t>(frame)][lane];
-    };
+    const size_t lanes = samples_.lanes_per_pixel;
+    const auto light = [&](int frame, size_t lane) { return samples_.light[frame][lane]; };
     // Noise that the camera cut off at 0 makes what is dark too bright.
     seen.cut_off_sd = cut_off_sd(seen);
     const float dark = kDark * static_cast<float>(seen.cut_off_sd);
@@ -348,7 +346,7 @@ class Reporter {
       if (step.cwiseAbs().maxCoeff() < 1e-4) break;
       for (auto& [texture, seen] : seen_) measure_contrast(seen);
     }
-    for (size_t k = 0; k < kGhosts; ++k) report_.ghost[k].value = share[static_cast<Eigen::Index>(k)];
+    for (size_t k = 0; k < kGhosts; ++k) report_.ghost[k].value = share[k];
     return true;
   }
 
@@ -360,8 +358,8 @@ class Reporter {
     for (const Fit& fit : fits_) {
       std::vector<std::vector<float>> last;
       for (const int before : report_.before[fit.frame]) {
-        if (before < 0 || recorded[static_cast<size_t>(before)].empty()) continue;
-        last.push_back(recorded[static_cast<size_t>(before)]);
+        if (before < 0 || recorded[before].empty()) continue;
+        last.push_back(recorded[before]);
         for (float& light : last.back()) light /= static_cast<float>(left);
       }
       if (last.size() < kGhosts || fit.picture.is_stripe()) continue;
@@ -393,10 +391,10 @@ class Reporter {
     for (size_t f = 0; f < recorded.size(); ++f) {
       for (size_t k = 0; k < kGhosts; ++k) {
         const int before = report_.before[f][k];
-        if (before < 0 || recorded[static_cast<size_t>(before)].empty()) continue;
-        const auto part = static_cast<float>(share[static_cast<Eigen::Index>(k)]);
+        if (before < 0 || recorded[before].empty()) continue;
+        const auto part = static_cast<float>(share[k]);
         for (size_t lane = 0; lane < recorded[f].size(); ++lane)
-          samples_.light[f][lane] -= part * recorded[static_cast<size_t>(before)][lane];
+          samples_.light[f][lane] -= part * recorded[before][lane];
       }
       for (float& light : samples_.light[f]) light /= left;
     }
@@ -424,7 +422,7 @@ class Reporter {
       std::vector<float>& light = samples_.light[f];
       const std::array<double, kChannels>& mean = report_.frames[f].mean;
       for (size_t lane = 0; lane < light.size(); ++lane) {
-        const auto veil = static_cast<float>(share * mean[static_cast<size_t>(samples_.channel[lane])]);
+        const auto veil = static_cast<float>(share * mean[samples_.channel[lane]]);
         light[lane] = (light[lane] - veil) / static_cast<float>(1.0 - share);
       }
     }
@@ -488,7 +486,7 @@ FrameReport report_frames(const v1::CaptureManifest& manifest, const ComparedFra
                           const std::vector<bool>& beside, const Removed& removed) {
   Reporter reporter(manifest, compared, beside, removed);
   for (const EmptyMonitor& monitor : compared.layout.monitors) {
-    const auto& stage = compared.maps.of_monitor[static_cast<size_t>(monitor.texture)];
+    const auto& stage = compared.maps.of_monitor[monitor.texture];
     if (stage) reporter.see(monitor, *stage, beside);
   }
   return reporter.measure();

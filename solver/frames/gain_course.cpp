@@ -43,7 +43,7 @@ class CourseFinder {
   CourseFinder(const v1::CaptureManifest& manifest, const FrameReport& report)
       : manifest_(manifest), report_(report) {
     for (const int f : report.order) {
-      const FrameMeasure& measure = report.frames[static_cast<size_t>(f)];
+      const FrameMeasure& measure = report.frames[f];
       if (!measure.measured) continue;
       steps_.push_back({.frame = f,
                         .object = manifest.frames(f).object(),
@@ -83,9 +83,7 @@ class CourseFinder {
     const bool measured =
         std::ranges::any_of(steps_, [&](const GainStep& own) { return own.frame == step.frame; });
     for (size_t c = 0; c < kChannels; ++c) {
-      const auto own = [&](const GainStep& other) {
-        return report_.frames[static_cast<size_t>(other.frame)].gain[c];
-      };
+      const auto own = [&](const GainStep& other) { return report_.frames[other.frame].gain[c]; };
       double sum = 0.0, weight = 0.0;
       for (const GainStep* other : beside) {
         sum += own(*other) / (other->sd * other->sd);

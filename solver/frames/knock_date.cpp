@@ -63,7 +63,7 @@ absl::StatusOr<std::vector<std::vector<float>>> light_of(const LightReader& read
   const int step = row.width_px / kDatedColumns + 1;
   std::vector<std::vector<float>> light(sweep.size());
   for (size_t i = 0; i < sweep.size(); ++i) {
-    const auto codes = row.rows[static_cast<size_t>(sweep[i])];
+    const auto codes = row.rows[sweep[i]];
     for (int x = 0; x < row.width_px; x += step) {
       for (const int c : row.channels(x, 0)) {
         const std::uint16_t code = codes[row.sample_index(x, 0, c)];
@@ -82,8 +82,8 @@ void add_scores(const std::vector<std::vector<float>>& still, const std::vector<
     for (size_t first = 0; first + kWindow <= still.size(); ++first) {
       std::array<double, kWindow + 1> before{}, after{};  // sums of the differences' parts
       for (size_t i = 0; i < kWindow; ++i) {
-        before[i + 1] = before[i] + kDifference[i] * static_cast<double>(still[first + i][lane]);
-        after[i + 1] = after[i] + kDifference[i] * static_cast<double>(moved[first + i][lane]);
+        before[i + 1] = before[i] + kDifference[i] * still[first + i][lane];
+        after[i + 1] = after[i] + kDifference[i] * moved[first + i][lane];
       }
       const double all = after[kWindow], none = before[kWindow];
       if (std::isnan(all) || std::isnan(none)) continue;

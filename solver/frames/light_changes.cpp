@@ -98,7 +98,7 @@ class ChangeFinder {
       const double scatter = sd_of(all);
       double most = 0.0;
       for (const int f : report_.order) {
-        const FrameMeasure& measure = report_.frames[static_cast<size_t>(f)];
+        const FrameMeasure& measure = report_.frames[f];
         if (!(measure.dark || measure.measured) || manifest_.frames(f).object() != object) continue;
         const double own = mean_of(measure.offset) - usual;
         if (std::abs(own) < kOddOffset + kSureOffset * std::hypot(measure.offset_sd, scatter)) continue;
@@ -109,9 +109,9 @@ class ChangeFinder {
       }
       if (odd.size() < kMinOddOffsets) continue;
       for (const int f : odd) {
-        FrameCorrection& correction = corrections_.of_frame[static_cast<size_t>(f)];
+        FrameCorrection& correction = corrections_.of_frame[f];
         for (size_t c = 0; c < kChannels; ++c)
-          correction.offset[c] = static_cast<float>(report_.frames[static_cast<size_t>(f)].offset[c] - usual);
+          correction.offset[c] = static_cast<float>(report_.frames[f].offset[c] - usual);
       }
       changed_ = true;
       warnings_.push_back(

@@ -49,7 +49,7 @@ LitView::LitView(const SessionSamples& samples, const std::vector<bool>& beside,
 
 std::optional<LitView::Picture> LitView::Picture::of(const v1::Stimulus& stimulus) {
   Picture picture;
-  for (int c = 0; c < kChannels; ++c) picture.level_[static_cast<size_t>(c)] = colour_of(stimulus, c);
+  for (int c = 0; c < kChannels; ++c) picture.level_[c] = colour_of(stimulus, c);
   switch (kind_of(stimulus)) {
     case StimulusKind::kSolid:
       return picture;

@@ -44,7 +44,7 @@ class LitView {
    public:
     static std::optional<Picture> of(const v1::Stimulus& stimulus);
     ShownLight at(const LitPixel& pixel, double dx_px, double dy_px) const;
-    double level(int channel) const { return level_[static_cast<size_t>(channel)]; }
+    double level(int channel) const { return level_[channel]; }
     bool is_flat() const { return kind_ == Kind::kSolid; }
     bool is_stripe() const { return kind_ == Kind::kStripe; }
     bool has_dark_parts() const { return !is_flat() || level_ == Levels{}; }

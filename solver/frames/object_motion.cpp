@@ -41,11 +41,10 @@ std::vector<Sweep> sweeps_of(const v1::CaptureManifest& manifest, const Compared
   std::map<std::tuple<double, double>, Sweep> sweeps;
   std::map<std::tuple<double, double>, std::map<double, int>> by_place;
   for (std::ptrdiff_t i = 0; i < std::ssize(order); ++i) {
-    const int f = order[static_cast<size_t>(i)];
+    const int f = order[i];
     const v1::Stimulus& stimulus = manifest.frames(f).stimulus();
     if (!manifest.frames(f).object() || kind_of(stimulus) != StimulusKind::kStripe ||
-        compared.samples.light[static_cast<size_t>(f)].empty() ||
-        texture_of(manifest, stimulus.panel()) != texture)
+        compared.samples.light[f].empty() || texture_of(manifest, stimulus.panel()) != texture)
       continue;
     const std::tuple key{stimulus.phi_deg(), stimulus.sigma_px()};
     if (by_place[key].empty()) sweeps[key].first = i;
@@ -67,7 +66,7 @@ std::vector<Sweep> sweeps_of(const v1::CaptureManifest& manifest, const Compared
 
 float dark_of(const ComparedFrames& compared, size_t lane) {
   if (compared.layout.black.empty()) return 0.0f;
-  return compared.samples.light[static_cast<size_t>(compared.layout.black.front().frame)][lane];
+  return compared.samples.light[compared.layout.black.front().frame][lane];
 }
 
 // The light of each lane that all stripes of the sweep add up to, of white; NaN where it lacks some.
@@ -88,11 +87,11 @@ std::vector<double> sums_of(const ComparedFrames& compared, const FrameCorrectio
     const double before = i > 0 ? steps[i - 1] : INFINITY, after = i < steps.size() ? steps[i] : INFINITY;
     const double share = 0.5 * scale * (std::min(before, kMaxGap * step) + std::min(after, kMaxGap * step));
     const bool gap = std::max(before, after) > kMaxGap * step;
-    const auto f = static_cast<size_t>(sweep.frames[i]);
+    const size_t f = sweep.frames[i];
     const FrameCorrection correction = corrections == nullptr ? FrameCorrection{} : corrections->of_frame[f];
     const std::vector<float>& lights = compared.samples.light[f];
     for (size_t lane = 0; lane < lanes; ++lane) {
-      const auto c = static_cast<size_t>(compared.samples.channel[lane]);
+      const size_t c = compared.samples.channel[lane];
       const double light = static_cast<double>(
           (lights[lane] - dark_of(compared, lane) - correction.offset[c]) / correction.gain[c]);
       sums[lane] += share * light;
@@ -115,7 +114,7 @@ std::vector<bool> sees_patch(const ComparedFrames& compared) {
     for (size_t lane = 0; lane < samples.lane_count(); ++lane) {
       float low = INFINITY, high = -INFINITY;
       for (const int f : patches) {
-        const std::vector<float>& lights = samples.light[static_cast<size_t>(f)];
+        const std::vector<float>& lights = samples.light[f];
         if (lights.empty()) continue;
         low = std::min(low, lights[lane]), high = std::max(high, lights[lane]);
       }
@@ -127,7 +126,7 @@ std::vector<bool> sees_patch(const ComparedFrames& compared) {
 
 // By pixel, in the mean of its lanes.
 std::vector<double> of_pixels(const SessionSamples& samples, const std::vector<double>& sums) {
-  const auto lanes = static_cast<size_t>(samples.lanes_per_pixel);
+  const size_t lanes = samples.lanes_per_pixel;
   std::vector<double> means(samples.pixels.size(), 0.0);
   for (size_t lane = 0; lane < sums.size(); ++lane)
     means[samples.pixel_of(lane)] += sums[lane] / static_cast<double>(lanes);
@@ -142,10 +141,10 @@ std::vector<bool> at_object(const SessionSamples& samples, const std::vector<boo
   std::vector<bool> at(beside.size());
   for (int j = 0; j < rows; ++j) {
     for (int i = 0; i < columns; ++i) {
-      if (beside[static_cast<size_t>(j * columns + i)]) continue;
+      if (beside[j * columns + i]) continue;
       for (int y = std::max(j - kRim, 0); y <= std::min(j + kRim, rows - 1); ++y) {
         for (int x = std::max(i - kRim, 0); x <= std::min(i + kRim, columns - 1); ++x)
-          at[static_cast<size_t>(y * columns + x)] = true;
+          at[y * columns + x] = true;
       }
     }
   }
@@ -214,7 +213,7 @@ std::string object_motion_warning(const v1::CaptureManifest& manifest, const Com
     const double stripes =
         (sweeps.front().r_px.back() - sweeps.front().r_px.front()) * sweeps.front().scale();
     for (size_t lane = 0; corrections != nullptr && lane < errors.size(); ++lane)
-      errors[lane] = kGainError * stripes * static_cast<double>(dark_of(compared, lane));
+      errors[lane] = kGainError * stripes * dark_of(compared, lane);
     errors = of_pixels(compared.samples, errors);
     for (size_t k = 1; k < sweeps.size(); ++k) {
       const Moved moved = moved_between(first, light_of(sweeps[k]), errors, at);
@@ -224,8 +223,7 @@ std::string object_motion_warning(const v1::CaptureManifest& manifest, const Com
       return fmt::format(
           "the object or the camera moved before frame {}: {} of {} pixels no longer see as much light as "
           "in the first sweep; capture again from frame {}",
-          order[static_cast<size_t>(sweeps[k].last)], moved.pixels, moved.of,
-          order[static_cast<size_t>(sweeps[k - 1].first)]);
+          order[sweeps[k].last], moved.pixels, moved.of, order[sweeps[k - 1].first]);
     }
   }
   return "";

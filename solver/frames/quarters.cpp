@@ -35,7 +35,7 @@ bool Quarters::say_gains(const std::vector<GainStep>& steps, double scale) const
     double squares = 0.0, products = 0.0, variance = 0.0;
     size_t count = 0;
     for (const GainStep& step : steps) {
-      const FrameMeasure& measure = own.frames[static_cast<size_t>(step.frame)];
+      const FrameMeasure& measure = own.frames[step.frame];
       const double away = step.gain - scale;
       if (!measure.measured) continue;
       squares += away * away;
@@ -52,7 +52,7 @@ bool Quarters::say_gains(const std::vector<GainStep>& steps, double scale) const
 
 bool Quarters::say_offset(int frame, double offset) const {
   return std::ranges::all_of(reports(), [&](const FrameReport& own) {
-    const FrameMeasure& measure = own.frames[static_cast<size_t>(frame)];
+    const FrameMeasure& measure = own.frames[frame];
     return !measure.dark || is_alike(mean_of(measure.offset), offset, measure.offset_sd);
   });
 }

@@ -52,17 +52,15 @@ std::vector<double> shares_of(const v1::CaptureManifest& manifest, const Compare
   std::array<DarkSamples, kBands> dark;
   const int height = manifest.camera().height_px();
   for (std::ptrdiff_t i = 1; i + 1 < std::ssize(order); ++i) {
-    const auto own = static_cast<size_t>(order[static_cast<size_t>(i)]),
-               beside = static_cast<size_t>(order[static_cast<size_t>(i + way)]),
-               opposite = static_cast<size_t>(order[static_cast<size_t>(i - way)]);
+    const auto own = static_cast<size_t>(order[i]), beside = static_cast<size_t>(order[i + way]),
+               opposite = static_cast<size_t>(order[i - way]);
     const v1::Frame& frame = manifest.frames(static_cast<int>(own));
     if (!is_area(frame) || is_fine(frame.stimulus()) || !is_area(manifest.frames(static_cast<int>(beside))) ||
         !is_area(manifest.frames(static_cast<int>(opposite))))
       continue;
     const int white = solid_like(manifest, frame, 1.0), black = solid_like(manifest, frame, 0.0);
     if (white < 0 || black < 0) continue;
-    const std::vector<float>&full = samples.light[static_cast<size_t>(white)],
-          &none = samples.light[static_cast<size_t>(black)];
+    const std::vector<float>&full = samples.light[white], &none = samples.light[black];
     const std::array<size_t, 3> all{own, beside, opposite};
     if (full.empty() || none.empty() ||
         std::ranges::any_of(all, [&](size_t f) { return samples.light[f].empty(); }))

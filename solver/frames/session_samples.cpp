@@ -26,7 +26,7 @@ std::vector<int> places(int length, int max_count, bool alternate) {
 absl::StatusOr<SessionSamples> sample_frames(const v1::CaptureManifest& manifest,
                                              const std::vector<int>& frames, const LightReader& read) {
   SessionSamples samples;
-  samples.light.resize(static_cast<size_t>(manifest.frames_size()));
+  samples.light.resize(manifest.frames_size());
   samples.middle_x_px = 0.5 * (manifest.camera().width_px() - 1);
   samples.middle_y_px = 0.5 * (manifest.camera().height_px() - 1);
   const bool mosaic = !manifest.camera().mosaic().empty();
@@ -40,9 +40,8 @@ absl::StatusOr<SessionSamples> sample_frames(const v1::CaptureManifest& manifest
         samples.channel.push_back(c);
         const size_t at = row.sample_index(x, 0, c);
         for (const int frame : frames) {
-          const std::uint16_t code = row.rows[static_cast<size_t>(frame)][at];
-          samples.light[static_cast<size_t>(frame)].push_back(code >= kSaturatedCode ? NAN
-                                                                                     : row.radiance(code));
+          const std::uint16_t code = row.rows[frame][at];
+          samples.light[frame].push_back(code >= kSaturatedCode ? NAN : row.radiance(code));
         }
       }
     }

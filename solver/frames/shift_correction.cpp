@@ -27,7 +27,7 @@ std::shared_ptr<const FrameCorrections> moved_back(const v1::CaptureManifest& ma
   const double middle_x_px = 0.5 * (manifest.camera().width_px() - 1),
                middle_y_px = 0.5 * (manifest.camera().height_px() - 1);
   for (auto f = std::ranges::find(report.order, knock.frame); f != report.order.end(); ++f) {
-    FrameCorrection& own = moved->of_frame[static_cast<size_t>(*f)];
+    FrameCorrection& own = moved->of_frame[*f];
     own.dx_px = static_cast<float>(knock.dx_px + knock.turn_rad * middle_y_px);
     own.dy_px = static_cast<float>(knock.dy_px - knock.turn_rad * middle_x_px);
     own.turn_rad = static_cast<float>(knock.turn_rad);

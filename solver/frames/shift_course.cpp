@@ -110,10 +110,10 @@ std::vector<Turned> turned(const FrameReport& report) {
   // Model errors are alike in all frames: none counts for more than 0.01 px at the corners.
   const double least_sd_rad = 0.01 / std::max(report.radius_px, 1.0);
   for (std::ptrdiff_t i = 0; i < std::ssize(report.order); ++i) {
-    const FrameMeasure& measure = report.frames[static_cast<size_t>(report.order[static_cast<size_t>(i)])];
+    const FrameMeasure& measure = report.frames[report.order[i]];
     if (!measure.measured || !(measure.turn_sd_rad > 0.0)) continue;
     const double sd_rad = std::max(measure.turn_sd_rad, least_sd_rad);
-    frames.push_back({.frame = report.order[static_cast<size_t>(i)],
+    frames.push_back({.frame = report.order[i],
                       .place = i,
                       .turn_rad = measure.turn_rad,
                       .precision = 1.0 / (sd_rad * sd_rad)});
@@ -213,7 +213,7 @@ size_t step_at(const std::vector<Placed>& frames) {
 std::vector<Placed> placed(const FrameReport& report) {
   std::vector<Placed> frames;
   for (size_t i = 0; i < report.order.size(); ++i) {
-    const FrameMeasure& measure = report.frames[static_cast<size_t>(report.order[i])];
+    const FrameMeasure& measure = report.frames[report.order[i]];
     if (!measure.measured || measure.xx + measure.yy < kMinPrecision) continue;
     frames.push_back({.frame = report.order[i],
                       .part = static_cast<double>(i) / static_cast<double>(report.order.size()),
@@ -368,8 +368,8 @@ Knock step_left(const FrameReport& report, int frame) {
   const auto place_in_time = [&](int own) {
     return std::ranges::find(report.order, own) - report.order.begin();
   };
-  const auto at = static_cast<size_t>(std::ranges::count_if(
-      frames, [&](const Placed& own) { return place_in_time(own.frame) < place_in_time(frame); }));
+  const size_t at = std::ranges::count_if(
+      frames, [&](const Placed& own) { return place_in_time(own.frame) < place_in_time(frame); });
   const Place before = place_of(frames, 0, at), after = place_of(frames, at, frames.size());
   Knock left{.frame = frame, .dx_px = after.x_px - before.x_px, .dy_px = after.y_px - before.y_px};
   const std::vector<Turned> turns = turned(report);

@@ -45,8 +45,8 @@ GrayFrames grays_for(const v1::CaptureManifest& manifest, const FrameReport& rep
       continue;
     const double level = gray_of(solid.stimulus()) / gray_of(frame.stimulus());
     if (level == 0.0) grays.black = other;
-    if (!(level > 0.0 && level < 1.0) || report.frames[static_cast<size_t>(other)].clipped) continue;
-    if (grays.gray >= 0 && level < static_cast<double>(grays.level)) continue;
+    if (!(level > 0.0 && level < 1.0) || report.frames[other].clipped) continue;
+    if (grays.gray >= 0 && level < grays.level) continue;
     grays.gray = other;
     grays.level = static_cast<float>(level);
   }
@@ -64,10 +64,10 @@ bool take_grays(const v1::CaptureManifest& manifest, const FrameReport& report,
     const GrayFrames own = grays_for(manifest, report, f, frames);
     if (own.gray < 0 || own.black < 0) continue;
     grays[f] = own;
-    over_exposed = over_exposed || report.frames[static_cast<size_t>(f)].clipped;
+    over_exposed = over_exposed || report.frames[f].clipped;
   }
   if (!over_exposed) return false;
-  for (const auto& [f, own] : grays) corrections.of_frame[static_cast<size_t>(f)].grays = own;
+  for (const auto& [f, own] : grays) corrections.of_frame[f].grays = own;
   return true;
 }
 

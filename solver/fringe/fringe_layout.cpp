@@ -190,8 +190,7 @@ absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest
     }
     const size_t with = frame.object() ? 1 : 0;
     std::array<double, 3> light;
-    for (int c = 0; c < 3; ++c)
-      light[static_cast<size_t>(c)] = colour_of(stimulus, c) * (wave ? stimulus.peak() : 1.0);
+    for (int c = 0; c < 3; ++c) light[c] = colour_of(stimulus, c) * (wave ? stimulus.peak() : 1.0);
     const ExposedFrame exposed = exposures.exposed(manifest, i);
     if (square) {
       if (stimulus.bar_width_px() >= 1.0 && std::isfinite(stimulus.offset_px()))

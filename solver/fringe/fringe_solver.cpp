@@ -15,7 +15,7 @@ constexpr double kMaxVeil = 0.25;
 Mode mode_of(const SpectrumFit& fit, int m, int texture, double share = 1.0) {
   Footprint footprint = fit.modes[m];
   footprint.weight *= share;
-  const auto i = static_cast<size_t>(m);
+  const size_t i = m;
   return glasswing::mode_of(footprint, share * fit.weight_sd[i], fit.centre_sd_px[i], texture);
 }
 
@@ -80,13 +80,13 @@ FringeSolver::FringeSolver(const FrameStack& stack, const FringeLayout& layout, 
 }
 
 bool FringeSolver::exceeds(double chi_square, const SpectrumFit& fit) const {
-  return fit.degrees > 0 && chi_square > thresholds_[static_cast<size_t>(fit.degrees)];
+  return fit.degrees > 0 && chi_square > thresholds_[fit.degrees];
 }
 
 void FringeSolver::estimate_row_noise(int y) {
   const SampleNoise& usual = surroundings_.noise();
   const double min_sd = sample_noise(layout_.stage.camera, 0.0).read_sd;
-  read_sd_.resize(static_cast<size_t>(stack_.width_px));
+  read_sd_.resize(stack_.width_px);
   for (size_t x = 0; x < read_sd_.size(); ++x) {
     double squares = 0.0;
     int degrees = 0;
@@ -107,8 +107,8 @@ void FringeSolver::solve_row(int y, Matte& matte) {
   for (int x = 0; x < matte.width_px(); ++x) {
     if (matte.flags(x, y) & kFlagNoData) continue;
     SampleNoise noise = surroundings_.noise();
-    if (!read_sd_.empty()) noise = {.read_sd = read_sd_[static_cast<size_t>(x)], .gain = 0.0};
-    if (object[static_cast<size_t>(x)]) {
+    if (!read_sd_.empty()) noise = {.read_sd = read_sd_[x], .gain = 0.0};
+    if (object[x]) {
       solve_pixel(x, y, noise, matte);
     } else if (!bars_ && !empty_.empty()) {
       map_background(x, y, noise, matte);
@@ -168,7 +168,7 @@ FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& a
     if (!veiled.modes.empty() && veiled.tolerated < 0.25 * found.fit.tolerated) found.fit = veiled;
   }
   for (int m = 0; m < found.fit.modes.size(); ++m) {
-    double& sd_px = found.fit.centre_sd_px[static_cast<size_t>(m)];
+    double& sd_px = found.fit.centre_sd_px[m];
     sd_px = std::hypot(sd_px, place.disagreement_px);
   }
   if (!found.fit.converged) found.flags |= kFlagNotConverged;
@@ -195,7 +195,7 @@ void FringeSolver::solve_pixel(int x, int y, const SampleNoise& noise, Matte& ma
           (spectrum_.mean_sample - spectrum_.mean_light * light) / static_cast<double>(object_.size());
     }
     if (layout_.stage.black.empty())
-      matte.foreground(x, y)[static_cast<size_t>(c)] = static_cast<float>(std::max(foreground, 0.0));
+      matte.foreground(x, y)[c] = static_cast<float>(std::max(foreground, 0.0));
   }
 }
 
@@ -204,13 +204,13 @@ void FringeSolver::map_background(int x, int y, const SampleNoise& noise, Matte&
   size_t slot = 0;
   for (const Monitor& monitor : empty_) {
     for (int c = 0; c < kChannels; ++c)
-      monitor.meter.measure(stack_, stack_.sample_index(x, y, c), c, noise, spectra_[static_cast<size_t>(c)]);
+      monitor.meter.measure(stack_, stack_.sample_index(x, y, c), c, noise, spectra_[c]);
     const Spectrum mean = mean_of(spectra_);
     const Found found = find(monitor, mean, 1);
     if (found.fit.modes.empty() || slot == matte.modes(x, y, 0).size()) continue;
     matte.flags(x, y) |= found.flags;
     for (int c = 0; c < kChannels; ++c) {
-      const double share = share_of(spectra_[static_cast<size_t>(c)], mean);
+      const double share = share_of(spectra_[c], mean);
       matte.modes(x, y, c)[slot] = mode_of(found.fit, 0, monitor.layout->texture, share);
     }
     ++slot;

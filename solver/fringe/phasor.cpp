@@ -71,7 +71,7 @@ PhasorMeter::Solver PhasorMeter::solver_of(const Wave& wave, const std::vector<b
 
 void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, const SampleNoise& noise,
                           Spectrum& spectrum) const {
-  const auto c = static_cast<size_t>(channel);
+  const size_t c = channel;
   spectrum = {.phasors = std::move(spectrum.phasors), .bars = std::move(spectrum.bars)};
   spectrum.phasors.assign(monitor_.waves.size(), {});
   Line line;

@@ -178,7 +178,7 @@ SpectrumFit SpectrumFitter::fit(const Spectrum& spectrum, const std::vector<bool
   const FootprintMatrix covariance = factor.inverse();
   for (int m = 0; m < result.modes.size(); ++m) {
     const Eigen::Index at = kParameters * m;
-    const auto i = static_cast<size_t>(m);
+    const size_t i = m;
     result.weight_sd[i] = std::sqrt(covariance(at, at));
     result.centre_sd_px[i] = std::sqrt(0.5 * (covariance(at + 1, at + 1) + covariance(at + 2, at + 2)));
   }

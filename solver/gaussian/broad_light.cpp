@@ -21,7 +21,7 @@ BroadLight::BroadLight(const SampleLayout& layout, std::span<const LitArea> area
   const double side_px = std::max(extent.width_px, extent.height_px);
   double step_px = INFINITY;
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
-    const auto last = static_cast<size_t>(sweep.first + sweep.count - 1);
+    const size_t last = sweep.first + sweep.count - 1;
     step_px = std::min(step_px, static_cast<double>(layout.offset_px[last]) / (sweep.count - 1));
   }
   group_ = std::max(1, static_cast<int>(kStepShare * kWidths.front() * side_px / step_px));
@@ -31,7 +31,7 @@ BroadLight::BroadLight(const SampleLayout& layout, std::span<const LitArea> area
       const int count = std::min(group_, sweep.count - first);
       double sum = 0.0;
       for (int i = first; i < first + count; ++i)
-        sum += static_cast<double>(layout.offset_px[static_cast<size_t>(sweep.first + i)]);
+        sum += static_cast<double>(layout.offset_px[sweep.first + i]);
       r_px.push_back(sweep.first_r_px + sum / count);
     }
     layout_.add(sweep.axis, r_px);
@@ -51,8 +51,8 @@ BroadLight::BroadLight(const SampleLayout& layout, std::span<const LitArea> area
       for (const LitArea& area : areas) own.lit.push_back(shares.of(area).share);
       for (const SampleLayout::Sweep& sweep : layout_.sweeps) {
         for (int k = sweep.first; k < sweep.first + sweep.count; ++k) {
-          const double r = sweep.first_r_px + static_cast<double>(layout_.offset_px[static_cast<size_t>(k)]);
-          own.answer[static_cast<size_t>(k)] = static_cast<float>(response(own.mode, sweep.axis, r, extent));
+          const double r = sweep.first_r_px + layout_.offset_px[k];
+          own.answer[k] = static_cast<float>(response(own.mode, sweep.axis, r, extent));
         }
       }
       templates_.push_back(std::move(own));
@@ -93,7 +93,7 @@ std::optional<JointFit> BroadLight::best_template(const PixelSamples& averaged, 
   for (size_t i = 0; i < averaged.y.size(); ++i) {
     const auto u = static_cast<double>(averaged.floor_answer[i]), w = static_cast<double>(averaged.weight[i]);
     floors += w * u * u;
-    floor_products += w * u * static_cast<double>(averaged.y[i]);
+    floor_products += w * u * averaged.y[i];
   }
   std::optional<JointFit> best;
   for (const Template& own : templates_) {
@@ -105,11 +105,10 @@ std::optional<JointFit> BroadLight::best_template(const PixelSamples& averaged, 
       products += area.weight * own.lit[i] * area.y;
     }
     for (size_t i = 0; i < averaged.y.size(); ++i) {
-      const auto answer = static_cast<double>(own.answer[i]),
-                 weighted = answer * static_cast<double>(averaged.weight[i]);
-      mixed += weighted * static_cast<double>(averaged.floor_answer[i]);
+      const auto answer = static_cast<double>(own.answer[i]), weighted = answer * averaged.weight[i];
+      mixed += weighted * averaged.floor_answer[i];
       squares += weighted * answer;
-      products += weighted * static_cast<double>(averaged.y[i]);
+      products += weighted * averaged.y[i];
     }
     // Without the floor, as in joint_fit.h; nothing may be left of what it explains as well.
     const double alone = squares;

@@ -108,7 +108,7 @@ void PlaceWindows(const SampleLayout::Sweep& sweep, const float* offset_px,
   for (auto& row : gathered.reaches) std::fill(std::begin(row), std::end(row), false);
   for (int lane = 0; lane < lanes; ++lane) {
     // Lanes without a pixel repeat the last one.
-    const Footprints& start = pixels[static_cast<size_t>(std::min(lane, count - 1))].start;
+    const Footprints& start = pixels[std::min(lane, count - 1)].start;
     double centre[kMaxFootprints], reach[kMaxFootprints];
     for (int m = 0; m < modes; ++m) {
       centre[m] = start[m].x_px * sweep.axis.cos_phi + start[m].y_px * sweep.axis.sin_phi - sweep.first_r_px;
@@ -135,11 +135,11 @@ void GatherSweep(const SampleLayout::Sweep& sweep, const float* offset_px, size_
   Gathered& gathered = space.sweeps[s];
   Window windows[kMaxLanes][kMaxFootprints];
   PlaceWindows(sweep, offset_px, pixels, gathered, windows);
-  const auto size = static_cast<size_t>(gathered.first[modes] * lanes);
+  const size_t size = gathered.first[modes] * lanes;
   for (auto* const column : {&gathered.y, &gathered.root_weight, &gathered.floor, &gathered.offset_px})
     column->assign(size, 0.0f);
   for (int lane = 0; lane < lanes; ++lane) {
-    const BatchPixel& pixel = pixels[static_cast<size_t>(std::min(lane, count - 1))];
+    const BatchPixel& pixel = pixels[std::min(lane, count - 1)];
     const Window* own = windows[lane];
     const double origin = modes == 0 ? 0.0
                                      : pixel.start[0].x_px * sweep.axis.cos_phi +
@@ -150,12 +150,12 @@ void GatherSweep(const SampleLayout::Sweep& sweep, const float* offset_px, size_
         bool had = false;
         for (int n = 0; n < m; ++n) had = had || (i >= own[n].first && i < own[n].last);
         if (had) continue;
-        const auto place = static_cast<size_t>(at);
+        const size_t place = at;
         const float weight = pixel.weight[s] != nullptr ? pixel.weight[s][i * stride] : 1.0f;
         gathered.y[place] = pixel.y[s][i * stride];
         gathered.root_weight[place] = weight;
         gathered.floor[place] = pixel.floor_answer[s] != nullptr ? pixel.floor_answer[s][i * stride] : 1.0f;
-        gathered.offset_px[place] = static_cast<float>(static_cast<double>(offset_px[i]) - origin);
+        gathered.offset_px[place] = static_cast<float>(offset_px[i] - origin);
         at += lanes;
         if (weight > 0.0f) space.sample_count[lane] += 1.0f;
       }
@@ -789,10 +789,7 @@ void HoldAgainstWhite(size_t area_count, int mode_count, V light_variance, Batch
   hn::Store(hn::Sub(white, modes), d, out[2]), hn::Store(variance, d, out[3]);
   for (size_t lane = 0; lane < lanes; ++lane) {
     if (!(out[0][lane] > 0.0f)) continue;
-    found[lane] = {.known = true,
-                   .white = static_cast<double>(out[1][lane]),
-                   .rest = static_cast<double>(out[2][lane]),
-                   .variance = static_cast<double>(out[3][lane])};
+    found[lane] = {.known = true, .white = out[1][lane], .rest = out[2][lane], .variance = out[3][lane]};
   }
 }
 
@@ -870,8 +867,8 @@ JointFit FitOf(const BatchPixel& pixel, size_t lane, const BatchSpace& space, co
                          .xx_px2 = p(3) * p(3),
                          .xy_px2 = p(3) * p(4),
                          .yy_px2 = p(4) * p(4) + p(5) * p(5)});
-    fit.weight_sd[static_cast<size_t>(m)] = std::sqrt(variance * at(errors.weight[m]));
-    fit.centre_sd_px[static_cast<size_t>(m)] = std::sqrt(variance * at(errors.centre[m]));
+    fit.weight_sd[m] = std::sqrt(variance * at(errors.weight[m]));
+    fit.centre_sd_px[m] = std::sqrt(variance * at(errors.centre[m]));
   }
   return fit;
 }

@@ -67,7 +67,7 @@ void add_errors(const NormalEquations& at, double bound_weight, unsigned held, J
   const double unit = std::max(variance, kMinStep * kMinStep);
   for (int m = 0; m < fit.modes.size(); ++m) {
     const std::array<double, 5> known = known_within_pixel(fit.modes[m]);
-    for (int i = 0; i < 5; ++i) normal(6 * m + 1 + i, 6 * m + 1 + i) += unit * known[static_cast<size_t>(i)];
+    for (int i = 0; i < 5; ++i) normal(6 * m + 1 + i, 6 * m + 1 + i) += unit * known[i];
   }
   fit.weight_sd.fill(std::numeric_limits<double>::infinity());
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
@@ -87,9 +87,8 @@ void add_errors(const NormalEquations& at, double bound_weight, unsigned held, J
   }
   fit.light_sd = sd(light);
   for (int m = 0; m < fit.modes.size(); ++m) {
-    fit.weight_sd[static_cast<size_t>(m)] = sd(covariance(6 * m, 6 * m));
-    fit.centre_sd_px[static_cast<size_t>(m)] =
-        sd(0.5 * (covariance(6 * m + 1, 6 * m + 1) + covariance(6 * m + 2, 6 * m + 2)));
+    fit.weight_sd[m] = sd(covariance(6 * m, 6 * m));
+    fit.centre_sd_px[m] = sd(0.5 * (covariance(6 * m + 1, 6 * m + 1) + covariance(6 * m + 2, 6 * m + 2)));
   }
 }
 
@@ -102,7 +101,7 @@ void SampleLayout::add(const StripeAxis& axis, const std::vector<double>& r_px) 
               .count = static_cast<int>(r_px.size()),
               .padded_count = (static_cast<int>(r_px.size()) + kPad - 1) / kPad * kPad};
   for (const double r : r_px) offset_px.push_back(static_cast<float>(r - sweep.first_r_px));
-  offset_px.resize(static_cast<size_t>(sweep.first + sweep.padded_count), offset_px.back());
+  offset_px.resize(sweep.first + sweep.padded_count, offset_px.back());
   sweeps.push_back(sweep);
 }
 

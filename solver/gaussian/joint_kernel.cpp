@@ -224,9 +224,7 @@ void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const M
   const double d_gx[5] = {0.0, 0.0, c, s, 0.0};
   const double d_gy[5] = {0.0, 0.0, 0.0, turn * c, turn * s};
   const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
-  const auto pull_at = [&](int i) {
-    return (static_cast<double>(offset_px[i]) + sweep.first_r_px - cut.centre_px) / variance;
-  };
+  const auto pull_at = [&](int i) { return (offset_px[i] + sweep.first_r_px - cut.centre_px) / variance; };
   if (range.begin >= range.end) return;
   const double first = pull_at(range.begin), last = pull_at(range.end - 1);
   const Edges near[2] = {Near(cut.low_x_px, cut.high_x_px, cut.x_px, gx, cut.sd_x_px, first, last),
@@ -671,13 +669,12 @@ void add_areas(const Footprints& modes, std::vector<AreaRow>& rows, NormalEquati
     std::array<int, kMaxParameters> told;
     size_t count = 0;
     for (int p = 0; p < 6 * modes.size(); ++p) {
-      if (row.by[static_cast<size_t>(p)] != 0.0) told[count++] = p;
+      if (row.by[p] != 0.0) told[count++] = p;
     }
     for (size_t i = 0; i < count; ++i) {
-      const double weighted = row.weight * row.by[static_cast<size_t>(told[i])];
+      const double weighted = row.weight * row.by[told[i]];
       equations.gradient[told[i]] += weighted * row.rest;
-      for (size_t j = 0; j < count; ++j)
-        equations.matrix(told[j], told[i]) += weighted * row.by[static_cast<size_t>(told[j])];
+      for (size_t j = 0; j < count; ++j) equations.matrix(told[j], told[i]) += weighted * row.by[told[j]];
     }
   }
 }

@@ -50,7 +50,7 @@ std::string described(const JointFit& fit) {
   std::string text;
   for (int m = 0; m < fit.modes.size(); ++m) {
     const Footprint& mode = fit.modes[m];
-    const auto i = static_cast<size_t>(m);
+    const size_t i = m;
     text += fmt::format(
         "\n    R {:.5f} +- {:.5f} at ({:.3f}, {:.3f}) +- {:.3f} px, Sigma ({:.3f}, {:.3f}, {:.3f}) px2",
         mode.weight, fit.weight_sd[i], mode.x_px, mode.y_px, fit.centre_sd_px[i], mode.xx_px2, mode.xy_px2,
@@ -122,8 +122,7 @@ void LaneSolver::weigh_areas(const LaneSamples& samples, const JointFit& fit, Pi
     for (int m = 0; m < fit.modes.size(); ++m) {
       const Footprint& mode = fit.modes[m];
       shape += mode.weight * lit_share_error(mode, area.lit, monitor_.extent);
-      if (dark || saturated)
-        light += area.light * mode.weight * shares[static_cast<size_t>(m)].of(area.lit).share;
+      if (dark || saturated) light += area.light * mode.weight * shares[m].of(area.lit).share;
     }
     if (saturated && light >= samples.area[a]) continue;  // it is at least that
     if (dark) {
@@ -258,7 +257,7 @@ std::optional<JointFit> LaneSolver::with_broad_light(const LaneSamples& samples,
                       workspace_);
     if (!fit.converged || !is_positive(fit)) return std::nullopt;
     modes = fit.modes;
-    const auto last = static_cast<size_t>(modes.size());
+    const size_t last = modes.size();
     fit.weight_sd[last] = broad->fit.weight_sd[0];
     fit.centre_sd_px[last] = broad->fit.centre_sd_px[0];
     fit.light_sd = std::hypot(fit.light_sd, broad->fit.light_sd);
@@ -271,7 +270,7 @@ std::optional<JointFit> LaneSolver::with_broad_light(const LaneSamples& samples,
 LaneFit LaneSolver::judge(const LaneSamples& samples, LaneFit settled, LaneNotes* notes) {
   for (int m = settled.fit.modes.size() - 1; m >= 0; --m) {
     JointFit& fit = settled.fit;
-    const auto i = static_cast<size_t>(m);
+    const size_t i = m;
     const bool sure = fit.modes[m].weight > kSure * fit.weight_sd[i];
     if (sure && lies_on(fit.modes[m], monitor_.extent)) continue;
     if (!sure && fit.modes.size() > 1) {
@@ -323,7 +322,7 @@ bool LaneSolver::hold_on_monitor(const LaneSamples& samples, int m, LaneFit& set
     fit.converged = false;
     return false;
   }
-  const auto i = static_cast<size_t>(m);
+  const size_t i = m;
   on.centre_sd_px[i] = std::hypot(on.centre_sd_px[i], std::sqrt(0.5 * (seen.xx_px2 + seen.yy_px2)));
   settled = {.fit = on, .beyond = held_against_white(samples, on)};
   return true;

@@ -141,9 +141,9 @@ class SubsetChoice {
     }
     for (int i = 0; i < count_; ++i) {
       for (size_t s = 0; s < axes.size(); ++s) {
-        const Peak& own = shapes[static_cast<size_t>(i)][s];
+        const Peak& own = shapes[i][s];
         for (const Peak& peak : peaks[s].all()) data_[i] += overlap(own, peak);
-        for (int j = 0; j <= i; ++j) gram_(i, j) += overlap(own, shapes[static_cast<size_t>(j)][s]);
+        for (int j = 0; j <= i; ++j) gram_(i, j) += overlap(own, shapes[j][s]);
       }
       for (int j = 0; j < i; ++j) gram_(j, i) = gram_(i, j);
     }
@@ -158,7 +158,7 @@ class SubsetChoice {
     if (best_score_ <= 0.0) return false;
     *modes = {};
     for (int k = 0; k < size; ++k) {
-      Footprint mode = meetings_[static_cast<size_t>(best_[static_cast<size_t>(k)])].mode;
+      Footprint mode = meetings_[best_[k]].mode;
       mode.weight = best_weights_[k];
       modes->push_back(mode);
     }
@@ -172,7 +172,7 @@ class SubsetChoice {
       return;
     }
     for (int i = from; i <= count_ - (size_ - chosen); ++i) {
-      current_[static_cast<size_t>(chosen)] = i;
+      current_[chosen] = i;
       extend(chosen + 1, i + 1);
     }
   }
@@ -182,9 +182,8 @@ class SubsetChoice {
     Eigen::Matrix4d gram = Eigen::Matrix4d::Identity();
     Eigen::Vector4d data = Eigen::Vector4d::Zero();
     for (int a = 0; a < size_; ++a) {
-      data[a] = data_[current_[static_cast<size_t>(a)]];
-      for (int b = 0; b < size_; ++b)
-        gram(a, b) = gram_(current_[static_cast<size_t>(a)], current_[static_cast<size_t>(b)]);
+      data[a] = data_[current_[a]];
+      for (int b = 0; b < size_; ++b) gram(a, b) = gram_(current_[a], current_[b]);
       gram(a, a) *= 1.0 + 1e-6;
     }
     const Eigen::Vector4d weights = gram.llt().solve(data);
@@ -216,18 +215,17 @@ Peaks rises_of(const float* residual, const SampleLayout& layout, const SampleLa
   const float* offset_px = layout.offset_px.data() + sweep.first;
   const auto smooth = [&](int i) {
     const int before = std::max(i - 1, 0), after = std::min(i + 1, sweep.count - 1);
-    return 0.25 * (static_cast<double>(residual[before]) + 2.0 * static_cast<double>(residual[i]) +
-                   static_cast<double>(residual[after]));
+    return 0.25 * (residual[before] + 2.0 * residual[i] + residual[after]);
   };
   double before = -INFINITY, here = smooth(0);
   for (int i = 0; i < sweep.count; ++i) {
     const double after = i + 1 < sweep.count ? smooth(i + 1) : -INFINITY;
     if (here > before && here >= after && here > floor) {
       const Peak rise{.amplitude = here,
-                      .centre_px = sweep.first_r_px + static_cast<double>(offset_px[i]),
+                      .centre_px = sweep.first_r_px + offset_px[i],
                       .sigma_px = 1.1 * sweep.axis.sigma_px};
       if (rises.count < 2) {
-        rises.peaks[static_cast<size_t>(rises.count++)] = rise;
+        rises.peaks[rises.count++] = rise;
       } else if (here > rises.peaks[1].amplitude) {
         rises.peaks[1] = rise;
       }
@@ -262,7 +260,7 @@ bool is_explained(const JointFit& fit, double noise_sd) {
 // Converged, and each mode's weight exceeds four of its standard errors.
 bool is_sound(const JointFit& fit) {
   for (int m = 0; m < fit.modes.size(); ++m) {
-    if (!(fit.modes[m].weight > 4.0 * fit.weight_sd[static_cast<size_t>(m)])) return false;
+    if (!(fit.modes[m].weight > 4.0 * fit.weight_sd[m])) return false;
   }
   return fit.converged;
 }
@@ -423,7 +421,7 @@ class Search {
           std::lower_bound(offset_px, offset_px + sweep.count, static_cast<float>(centre - reach));
       for (const float* at = begin;
            at != offset_px + sweep.count && static_cast<double>(*at) < centre + reach; ++at) {
-        const auto i = static_cast<size_t>(sweep.first + (at - offset_px));
+        const size_t i = sweep.first + (at - offset_px);
         sum += static_cast<double>(samples_.weight[i] * workspace_.residual[i] * workspace_.residual[i]);
       }
     }

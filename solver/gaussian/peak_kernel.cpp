@@ -22,13 +22,13 @@ void Insert(internal::LaneTops& tops, float height, int place) {
   int at = tops.count < kMaxPeaks ? tops.count++ : kMaxPeaks;
   if (at == kMaxPeaks && height <= tops.height[kMaxPeaks - 1]) return;
   at = std::min(at, kMaxPeaks - 1);
-  while (at > 0 && tops.height[static_cast<size_t>(at - 1)] < height) {
-    tops.height[static_cast<size_t>(at)] = tops.height[static_cast<size_t>(at - 1)];
-    tops.place[static_cast<size_t>(at)] = tops.place[static_cast<size_t>(at - 1)];
+  while (at > 0 && tops.height[at - 1] < height) {
+    tops.height[at] = tops.height[at - 1];
+    tops.place[at] = tops.place[at - 1];
     --at;
   }
-  tops.height[static_cast<size_t>(at)] = height;
-  tops.place[static_cast<size_t>(at)] = place;
+  tops.height[at] = height;
+  tops.place[at] = place;
 }
 
 void FindTops(const SweepBlock& sweep, const float* floor, internal::LaneTops* tops) {

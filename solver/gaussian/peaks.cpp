@@ -62,9 +62,9 @@ void PeakFinder::add_tops(int sweep, const SweepBlock& block, const std::array<f
   internal::find_tops(block, floor.data(), tops.data());
   for (int lane = 0; lane < kBlockLanes; ++lane) {
     if ((lanes >> lane & 1u) == 0) continue;
-    const internal::LaneTops& own = tops[static_cast<size_t>(lane)];
+    const internal::LaneTops& own = tops[lane];
     for (int t = 0; t < own.count; ++t) {
-      const int place = own.place[static_cast<size_t>(t)];
+      const int place = own.place[t];
       const int room = std::min(place, block.count - 1 - place);
       const Smoothed smooth(block.y + place * kBlockLanes + lane, place, block.count - 1 - place);
       Top& found =
@@ -89,7 +89,7 @@ void PeakFinder::add_doubles(const std::array<float, kBlockLanes>& noise_sd) {
     const auto n = static_cast<float>(2 * top.window.half + 1);
     if (!top.fit.settled || top.window.half < 5) continue;
     const LineGaussian& one = top.fit.peak;
-    const float noise = std::max(noise_sd[static_cast<size_t>(top.lane)], 0.01f * one.amplitude);
+    const float noise = std::max(noise_sd[top.lane], 0.01f * one.amplitude);
     if (top.fit.chi2 < 1.5f * n * noise * noise) continue;
     const LineGaussian half{
         .amplitude = 0.6f * one.amplitude, .centre = one.centre, .sigma = 0.75f * one.sigma};
@@ -118,28 +118,27 @@ void PeakFinder::find(std::span<const SweepBlock> sweeps, const std::array<float
   windows_.clear();
   singles_.clear();
   for (const auto& [half, i] : by_length_) {
-    windows_.push_back(tops_[static_cast<size_t>(i)].window);
-    singles_.push_back(tops_[static_cast<size_t>(i)].fit);
+    windows_.push_back(tops_[i].window);
+    singles_.push_back(tops_[i].fit);
   }
   fit_single(windows_, singles_);
-  for (size_t k = 0; k < singles_.size(); ++k)
-    tops_[static_cast<size_t>(by_length_[k].second)].fit = singles_[k];
+  for (size_t k = 0; k < singles_.size(); ++k) tops_[by_length_[k].second].fit = singles_[k];
   add_doubles(noise_sd);
 
   found.assign(sweeps.size(), {});
   const auto add = [&](const Top& top, const LineGaussian& fit) {
-    const SweepBlock& sweep = sweeps[static_cast<size_t>(top.sweep)];
-    Peaks& peaks = found[static_cast<size_t>(top.sweep)][static_cast<size_t>(top.lane)];
+    const SweepBlock& sweep = sweeps[top.sweep];
+    Peaks& peaks = found[top.sweep][top.lane];
     const Peak peak{
-        .amplitude = static_cast<double>(fit.amplitude),
+        .amplitude = fit.amplitude,
         .centre_px = sweep.first_r_px + (top.place + static_cast<double>(fit.centre)) * sweep.step_px,
-        .sigma_px = static_cast<double>(fit.sigma) * sweep.step_px};
+        .sigma_px = fit.sigma * sweep.step_px};
     int at = peaks.count < kMaxPeaks ? peaks.count++ : kMaxPeaks - 1;
-    if (at == kMaxPeaks - 1 && peaks.peaks[static_cast<size_t>(at)].amplitude > peak.amplitude) return;
-    for (; at > 0 && peaks.peaks[static_cast<size_t>(at - 1)].amplitude < peak.amplitude; --at) {
-      peaks.peaks[static_cast<size_t>(at)] = peaks.peaks[static_cast<size_t>(at - 1)];
+    if (at == kMaxPeaks - 1 && peaks.peaks[at].amplitude > peak.amplitude) return;
+    for (; at > 0 && peaks.peaks[at - 1].amplitude < peak.amplitude; --at) {
+      peaks.peaks[at] = peaks.peaks[at - 1];
     }
-    peaks.peaks[static_cast<size_t>(at)] = peak;
+    peaks.peaks[at] = peak;
   };
   size_t next = 0;
   for (size_t i = 0; i < tops_.size(); ++i) {

@@ -54,7 +54,7 @@ void BlockPreparer::find_inverse_peaks() {
     for (const SweepLayout& sweep : layout_.sweeps) {
       for (const auto& peak : sweep.peak) {
         for (const int channel : channels_[phase]) {
-          const double own = peak[static_cast<size_t>(channel)];
+          const double own = peak[channel];
           inverse_peak_[phase].push_back(own > 0.0 ? static_cast<float>(1.0 / own) : 0.0f);
         }
       }

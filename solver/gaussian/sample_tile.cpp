@@ -36,7 +36,7 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
   size_t sample = 0;
   for (const SweepLayout& sweep : layout_.sweeps) {
     for (const Shot& shot : sweep.shots) {
-      const std::uint16_t* codes = stack.rows[static_cast<size_t>(shot.front().frame)].data() + start;
+      const std::uint16_t* codes = stack.rows[shot.front().frame].data() + start;
       // Prefetch the next stretch: frames lie too far apart for the hardware prefetcher.
       for (int ahead = lane_count; ahead < 2 * lane_count; ahead += 32) __builtin_prefetch(codes + ahead);
       const std::uint16_t most =
@@ -73,7 +73,7 @@ void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int la
       for (int lane = 0; lane < lane_count; ++lane) {
         const size_t index = row_start + static_cast<size_t>(lane);
         const MergedSample merged = merge(stack, shot, index, noise);
-        const size_t block = static_cast<size_t>(lane / kBlockLanes);
+        const size_t block = lane / kBlockLanes;
         const size_t at =
             (block * sample_count_ + sample) * kBlockLanes + static_cast<size_t>(lane % kBlockLanes);
         samples_[at] = static_cast<float>(merged.radiance);
@@ -131,8 +131,7 @@ void SampleTile::replace_cut_off(int block, const std::array<float, kBlockLanes>
     sums.assign(static_cast<size_t>(count) + 1, {});
     for (std::ptrdiff_t i = 0; i < count; ++i) {
       for (size_t lane = 0; lane < kBlockLanes; ++lane)
-        sums[static_cast<size_t>(i + 1)][lane] =
-            sums[static_cast<size_t>(i)][lane] + sweep[i * kBlockLanes + static_cast<std::ptrdiff_t>(lane)];
+        sums[i + 1][lane] = sums[i][lane] + sweep[i * kBlockLanes + static_cast<std::ptrdiff_t>(lane)];
     }
     for (std::ptrdiff_t i = 0; i < count; ++i) {
       const auto from = static_cast<size_t>(std::max<std::ptrdiff_t>(i - kNeighbours, 0)),

@@ -50,9 +50,8 @@ std::vector<std::vector<AreaFrames>> areas_of(const v1::CaptureManifest& manifes
     area.light = light;
     area.shot.push_back(exposures.exposed(manifest, i));
   }
-  std::vector<std::vector<AreaFrames>> by_texture(static_cast<size_t>(manifest.monitors_size()));
-  for (auto& [key, area] : areas)
-    by_texture[static_cast<size_t>(std::get<0>(key))].push_back(std::move(area));
+  std::vector<std::vector<AreaFrames>> by_texture(manifest.monitors_size());
+  for (auto& [key, area] : areas) by_texture[std::get<0>(key)].push_back(std::move(area));
   return by_texture;
 }
 
@@ -112,8 +111,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
           frame.file(), stimulus.sigma_px(), stimulus.peak(), stimulus.r_px(), stimulus.phi_deg()));
     }
     Sample sample{.frame = exposures.exposed(manifest, i), .r_px = stimulus.r_px(), .peak = {}};
-    for (int c = 0; c < 3; ++c)
-      sample.peak[static_cast<size_t>(c)] = stimulus.peak() * colour_of(stimulus, c);
+    for (int c = 0; c < 3; ++c) sample.peak[c] = stimulus.peak() * colour_of(stimulus, c);
     sweeps[{texture, stimulus.phi_deg(), stimulus.sigma_px()}].push_back(sample);
   }
   for (auto& [key, samples] : sweeps) {

@@ -35,13 +35,13 @@ bool is_cut(const Footprints& modes, const MonitorExtent& extent) {
 
 std::vector<Peaks> peaks_of(const SweptMonitor& monitor, const PreparedBlock& block, int lane) {
   std::vector<Peaks> peaks;
-  for (const size_t s : monitor.sweeps) peaks.push_back(block.peaks[s][static_cast<size_t>(lane)]);
+  for (const size_t s : monitor.sweeps) peaks.push_back(block.peaks[s][lane]);
   return peaks;
 }
 
 // The fit of all samples, with its floor above black.
 LaneFit lane_fit(const BatchFit& batch, const PreparedBlock& block, int lane) {
-  const auto l = static_cast<size_t>(lane);
+  const size_t l = lane;
   LaneFit fit{.fit = batch.all, .beyond = batch.beyond};
   fit.fit.floor += static_cast<double>(block.baseline[l] - block.black[l]);
   return fit;
@@ -70,8 +70,8 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout,
       preparer_(layout, monitors, noise_, noise_known_,
                 [this](int phase, int lane) { return channel_in(phase, lane); }) {
   for (const SweptMonitor& monitor : monitors) lane_solvers_.emplace_back(monitor, max_modes);
-  noise_sd_.resize(static_cast<size_t>(lane_count_));
-  to_solve_.resize(static_cast<size_t>(stack.width_px));
+  noise_sd_.resize(lane_count_);
+  to_solve_.resize(stack.width_px);
 }
 
 int StackSolver::phase_of(int first_lane, int y) const {
@@ -115,9 +115,9 @@ std::vector<double> StackSolver::read_noise() const {
   std::vector<double> read_sd(to_solve_.size());
   for (size_t x = 0; x < read_sd.size(); ++x) {
     double variance = 0.0;
-    const auto lanes = static_cast<size_t>(pixel_lanes_);
+    const size_t lanes = pixel_lanes_;
     for (size_t lane = x * lanes; lane < (x + 1) * lanes; ++lane) {
-      const auto sd = static_cast<double>(noise_sd_[lane]);
+      const double sd = noise_sd_[lane];
       variance += sd * sd / pixel_lanes_;
     }
     read_sd[x] = std::sqrt(std::max(variance, kMinStep * kMinStep));
@@ -128,7 +128,7 @@ std::vector<double> StackSolver::read_noise() const {
 void StackSolver::settle_row(int y, Matte& matte) {
   if (noise_known_) {
     for (int lane = 0; lane < lane_count_; ++lane) {
-      noise_sd_[static_cast<size_t>(lane)] =
+      noise_sd_[lane] =
           static_cast<float>(std::sqrt(noise_.variance(static_cast<double>(surroundings_.black(y, lane)))));
     }
   } else {
@@ -157,7 +157,7 @@ void StackSolver::solve_row(int y, Matte& matte) {
     }
     for (int block = 0; block < std::ssize(tile.blocks); ++block) {
       for (int lane = 0; lane < kBlockLanes; ++lane) {
-        if (tile.blocks[static_cast<size_t>(block)].solves(lane)) store(tile, block, lane, y, matte);
+        if (tile.blocks[block].solves(lane)) store(tile, block, lane, y, matte);
       }
     }
   }
@@ -174,11 +174,11 @@ StackSolver::Tile StackSolver::prepare(int y, int first, int count) {
     int lanes = 0;
     for (int lane = 0; lane < kBlockLanes && start.first_lane + lane < lane_count_; ++lane, ++lanes) {
       const int row_lane = start.first_lane + lane;
-      const auto l = static_cast<size_t>(lane);
-      if (!to_solve_[static_cast<size_t>(row_lane / pixel_lanes_)]) continue;
+      const size_t l = lane;
+      if (!to_solve_[row_lane / pixel_lanes_]) continue;
       start.lanes |= 1u << lane;
       start.black[l] = surroundings_.black(y, row_lane);
-      start.noise_sd[l] = noise_sd_[static_cast<size_t>(row_lane)];
+      start.noise_sd[l] = noise_sd_[row_lane];
       if (!noise_known_)
         one[l] = std::max(start.noise_sd[l] * start.noise_sd[l], static_cast<float>(kMinStep * kMinStep));
     }
@@ -194,8 +194,8 @@ StackSolver::Tile StackSolver::prepare(int y, int first, int count) {
 
 BatchPixel StackSolver::batch_pixel(size_t m, const Tile& tile, int block_index, int lane) const {
   const SweptMonitor& monitor = monitors_[m];
-  const PreparedBlock& block = tile.blocks[static_cast<size_t>(block_index)];
-  const auto l = static_cast<size_t>(lane);
+  const PreparedBlock& block = tile.blocks[block_index];
+  const size_t l = lane;
   BatchPixel pixel;
   for (size_t k = 0; k < monitor.sweeps.size(); ++k) {
     const float* const samples = tile_.samples(block_index, monitor.sweeps[k]);
@@ -206,7 +206,7 @@ BatchPixel StackSolver::batch_pixel(size_t m, const Tile& tile, int block_index,
           preparer_.inverse_peak(block.phase) + (samples - tile_.samples(block_index, 0)) + lane;
   }
   const double noise_sd = std::max(static_cast<double>(block.noise_sd[l]), kMinStep),
-               dark = static_cast<double>(preparer_.dark_noise());
+               dark = preparer_.dark_noise();
   pixel.noise_sd = noise_sd;
   pixel.floor_weight = 1.0 / (dark * dark);
   pixel.black = static_cast<double>(block.black[l] - block.baseline[l]);
@@ -225,7 +225,7 @@ void StackSolver::fit_batches(size_t m, Tile& tile) const {
   std::array<std::vector<BatchPixel>, kMaxFootprints + 1> batches;  // by count of modes
   std::array<std::vector<size_t>, kMaxFootprints + 1> places;
   for (int block = 0; block < std::ssize(tile.blocks); ++block) {
-    const PreparedBlock& own = tile.blocks[static_cast<size_t>(block)];
+    const PreparedBlock& own = tile.blocks[block];
     for (int lane = 0; lane < kBlockLanes; ++lane) {
       // Bounds and edges are for fit_jointly.
       if (!own.solves(lane) || own.is_bounded(lane)) continue;
@@ -237,7 +237,7 @@ void StackSolver::fit_batches(size_t m, Tile& tile) const {
       pixel.start = usual_start(monitor.samples, peaks, max_modes_);
       if (saturated || (pixel.start.empty() && any_peak(peaks)) || is_cut(pixel.start, monitor.extent))
         continue;
-      const auto batch = static_cast<size_t>(pixel.start.size());
+      const size_t batch = pixel.start.size();
       batches[batch].push_back(pixel);
       places[batch].push_back(place(block, lane));
     }
@@ -258,27 +258,27 @@ void StackSolver::fit_batches(size_t m, Tile& tile) const {
 
 LaneSamples StackSolver::lane_samples(size_t m, const PreparedBlock& block, int block_index, int lane) const {
   const SweptMonitor& monitor = monitors_[m];
-  const auto l = static_cast<size_t>(lane);
-  const double dark = static_cast<double>(preparer_.dark_noise());
+  const size_t l = lane;
+  const double dark = preparer_.dark_noise();
   LaneSamples lane_samples{.sweeps = {.layout = &monitor.samples, .y = {}, .weight = {}},
                            .peaks = peaks_of(monitor, block, lane),
                            .area = {},
                            .area_variance = {},
-                           .noise_sd = static_cast<double>(block.noise_sd[l]),
-                           .black = static_cast<double>(block.black[l]),
-                           .baseline = static_cast<double>(block.baseline[l]),
+                           .noise_sd = block.noise_sd[l],
+                           .black = block.black[l],
+                           .baseline = block.baseline[l],
                            .floor_weight = 1.0 / (dark * dark)};
   PixelSamples& to = lane_samples.sweeps;
   to.bound_weight = std::pow(std::max(lane_samples.noise_sd, kMinStep) / kBoundSd, 2);
   to.width_weight = kWidthWeight * std::pow(std::max(lane_samples.noise_sd, kMinNoise), 2);
-  const auto size = static_cast<size_t>(monitor.samples.padded_count());
+  const size_t size = monitor.samples.padded_count();
   to.y.assign(size, 0.0f);
   to.weight.assign(size, 0.0f);
   to.floor_answer.assign(size, 0.0f);
   to.at_least.assign(block.is_bounded(lane) ? size : 0, 0.0f);
   for (size_t k = 0; k < monitor.sweeps.size(); ++k) {
     const size_t s = monitor.sweeps[k];
-    const auto first = static_cast<size_t>(monitor.samples.sweeps[k].first);
+    const size_t first = monitor.samples.sweeps[k].first;
     const float* const samples = tile_.samples(block_index, s) + lane;
     const float* const weights = tile_.weighted() ? tile_.weights(block_index, s) + lane : nullptr;
     const float* const inverse =
@@ -291,7 +291,7 @@ LaneSamples StackSolver::lane_samples(size_t m, const PreparedBlock& block, int 
       to.floor_answer[first + i] = inverse[i * kBlockLanes];
     }
   }
-  const auto texture = static_cast<size_t>(monitor.texture);
+  const size_t texture = monitor.texture;
   for (size_t a = 0; a < monitor.areas.size(); ++a) {
     lane_samples.area.push_back(static_cast<double>(tile_.areas(block_index, texture)[a * kBlockLanes + l]));
     lane_samples.area_variance.push_back(
@@ -303,7 +303,7 @@ LaneSamples StackSolver::lane_samples(size_t m, const PreparedBlock& block, int 
 void StackSolver::fit_lanes(size_t m, Tile& tile) {
   const auto for_lanes = [&](auto each) {
     for (int block = 0; block < std::ssize(tile.blocks); ++block) {
-      const PreparedBlock& own = tile.blocks[static_cast<size_t>(block)];
+      const PreparedBlock& own = tile.blocks[block];
       for (int lane = 0; lane < kBlockLanes; ++lane) {
         if (own.solves(lane)) each(own, block, lane, place(block, lane));
       }
@@ -313,7 +313,7 @@ void StackSolver::fit_lanes(size_t m, Tile& tile) {
   std::vector<bool> searched(beyond.size());
   for_lanes([&](const PreparedBlock& own, int block, int lane, size_t at) {
     const BatchFit* const batch = tile.batched[m][at] ? &tile.batch[m][at] : nullptr;
-    const auto noise_sd = static_cast<double>(own.noise_sd[static_cast<size_t>(lane)]);
+    const double noise_sd = own.noise_sd[lane];
     if (batch == nullptr || !is_done(*batch, noise_sd)) {
       tile.fits[m][at] = lane_solvers_[m].search(lane_samples(m, own, block, lane), batch);
       searched[at] = true;
@@ -339,8 +339,8 @@ bool StackSolver::neighbours_have_more(const std::vector<WhiteRest>& beyond, siz
   const int step = stack_.mosaic ? 2 : kChannels;
   for (int away = -kNeighbours; away <= kNeighbours; ++away) {
     const auto at = static_cast<std::ptrdiff_t>(lane) + away * step;
-    if (at < 0 || at >= std::ssize(beyond) || !beyond[static_cast<size_t>(at)].known) continue;
-    const WhiteRest& own = beyond[static_cast<size_t>(at)];
+    if (at < 0 || at >= std::ssize(beyond) || !beyond[at].known) continue;
+    const WhiteRest& own = beyond[at];
     rest += own.rest;
     variance += own.variance;
     light += std::abs(own.white);
@@ -349,10 +349,10 @@ bool StackSolver::neighbours_have_more(const std::vector<WhiteRest>& beyond, siz
 }
 
 void StackSolver::store(const Tile& tile, int block_index, int lane, int y, Matte& matte) const {
-  const PreparedBlock& block = tile.blocks[static_cast<size_t>(block_index)];
+  const PreparedBlock& block = tile.blocks[block_index];
   const int row_lane = block.first_lane + lane, x = row_lane / pixel_lanes_;
   const int channel = channel_in(block.phase, lane);
-  const auto noise_sd = static_cast<double>(block.noise_sd[static_cast<size_t>(lane)]);
+  const double noise_sd = block.noise_sd[lane];
   std::uint8_t flags = matte.flags(x, y);
   if (block.is_bounded(lane)) flags |= kFlagSaturated;
   std::vector<Mode> found;
@@ -363,7 +363,7 @@ void StackSolver::store(const Tile& tile, int block_index, int lane, int y, Matt
     const JointFit& fit = own.fit;
     floor += fit.floor / static_cast<double>(monitors_.size());
     for (int k = 0; k < fit.modes.size(); ++k) {
-      const auto i = static_cast<size_t>(k);
+      const size_t i = k;
       if (fit.modes[k].weight == 0.0) continue;
       const double centre_sd_px = std::hypot(fit.centre_sd_px[i], shape_error_px(fit.modes[k]));
       const Mode mode = mode_of(fit.modes[k], fit.weight_sd[i], centre_sd_px, monitors_[m].texture);
@@ -385,8 +385,7 @@ void StackSolver::store(const Tile& tile, int block_index, int lane, int y, Matt
     usable = usable || !fit.modes.empty() || has_samples(m, block_index, lane);
   }
   if (!usable) flags |= kFlagNoData;
-  matte.foreground(x, y)[static_cast<size_t>(channel)] =
-      block.black[static_cast<size_t>(lane)] + static_cast<float>(floor);
+  matte.foreground(x, y)[channel] = block.black[lane] + static_cast<float>(floor);
   std::stable_sort(found.begin(), found.end(),
                    [](const Mode& a, const Mode& b) { return a.weight > b.weight; });
   const std::span<Mode> modes = matte.modes(x, y, channel);
@@ -410,7 +409,7 @@ std::vector<StackSolver::Explained> StackSolver::explain(int x, int y) {
   std::vector<Explained> lanes;
   Matte matte = blank_matte(stack_, {}, kMaxModes);
   settle_row(y, matte);
-  if (!to_solve_[static_cast<size_t>(x)]) return lanes;
+  if (!to_solve_[x]) return lanes;
   const int first = x * pixel_lanes_ / kStretch * kStretch;
   Tile tile = prepare(y, first, std::min(kStretch, lane_count_ - first));
   for (size_t m = 0; m < monitors_.size(); ++m) fit_batches(m, tile);
@@ -418,7 +417,7 @@ std::vector<StackSolver::Explained> StackSolver::explain(int x, int y) {
     // A pixel may continue in the next stretch.
     if (row_lane - first >= kStretch) break;
     const int block = (row_lane - first) / kBlockLanes, lane = (row_lane - first) % kBlockLanes;
-    const PreparedBlock& own = tile.blocks[static_cast<size_t>(block)];
+    const PreparedBlock& own = tile.blocks[block];
     Explained& explained = lanes.emplace_back();
     explained.channel = channel_in(own.phase, lane);
     for (size_t m = 0; m < monitors_.size(); ++m) {

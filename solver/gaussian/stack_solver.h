@@ -41,9 +41,7 @@ class StackSolver {
     std::vector<std::vector<bool>> batched;    // whether the batch holds it
     std::vector<std::vector<LaneFit>> fits;
   };
-  static size_t place(int block, int lane) {
-    return static_cast<size_t>(block) * kBlockLanes + static_cast<size_t>(lane);
-  }
+  static size_t place(int block, int lane) { return static_cast<size_t>(block) * kBlockLanes + lane; }
 
   // A block's lanes begin with any channel; on a mosaic, where blocks begin at even columns, they depend on
   // the row.

@@ -7,7 +7,7 @@ std::vector<SweptMonitor> swept_monitors(const StackLayout& layout) {
   for (size_t s = 0; s < layout.sweeps.size(); ++s) {
     const SweepLayout& sweep = layout.sweeps[s];
     if (monitors.empty() || monitors.back().texture != sweep.texture) {
-      const EmptyMonitor& monitor = layout.stage.monitors[static_cast<size_t>(sweep.texture)];
+      const EmptyMonitor& monitor = layout.stage.monitors[sweep.texture];
       monitors.push_back({.texture = sweep.texture,
                           .extent = {.width_px = static_cast<double>(monitor.width_px),
                                      .height_px = static_cast<double>(monitor.height_px)},
@@ -21,7 +21,7 @@ std::vector<SweptMonitor> swept_monitors(const StackLayout& layout) {
   }
   for (SweptMonitor& monitor : monitors) {
     std::vector<LitArea> lit;
-    for (const AreaFrames& area : layout.areas[static_cast<size_t>(monitor.texture)]) {
+    for (const AreaFrames& area : layout.areas[monitor.texture]) {
       monitor.areas.push_back({.lit = area.lit, .light = area.light});
       lit.push_back(area.lit);
     }

@@ -79,7 +79,7 @@ SynthesizedCapture part_of(const v1::CaptureManifest& recorded,
 std::vector<int> frames_of(const SynthesizedCapture& capture, const std::vector<int>& synthesized) {
   std::set<int> frames;
   for (const int frame : synthesized) {
-    for (const Part& part : capture.parts[static_cast<size_t>(frame)]) frames.insert(part.frame);
+    for (const Part& part : capture.parts[frame]) frames.insert(part.frame);
   }
   return {frames.begin(), frames.end()};
 }
@@ -92,10 +92,10 @@ FrameStack synthesized_stack(const FrameStack& recorded, const SynthesizedCaptur
   stack.rows.assign(capture.parts.size(), {});
   auto sums = std::make_shared<std::vector<std::vector<std::uint16_t>>>();
   for (const int frame : synthesized) {
-    const std::vector<Part>& parts = capture.parts[static_cast<size_t>(frame)];
-    const auto rows_of = [&](const Part& part) { return recorded.rows[static_cast<size_t>(part.frame)]; };
+    const std::vector<Part>& parts = capture.parts[frame];
+    const auto rows_of = [&](const Part& part) { return recorded.rows[part.frame]; };
     if (parts.size() == 1 && parts.front().weight == 1.0) {
-      stack.rows[static_cast<size_t>(frame)] = rows_of(parts.front());
+      stack.rows[frame] = rows_of(parts.front());
       continue;
     }
     const size_t count = rows_of(parts.front()).size();
@@ -115,7 +115,7 @@ FrameStack synthesized_stack(const FrameStack& recorded, const SynthesizedCaptur
       sum[i] = saturated[i] ? std::uint16_t{65535}
                             : static_cast<std::uint16_t>(std::lround(std::clamp(light[i], 0.0f, 65501.0f)));
     }
-    stack.rows[static_cast<size_t>(frame)] = sum;
+    stack.rows[frame] = sum;
   }
   stack.owner =
       std::make_shared<std::pair<std::shared_ptr<const void>, decltype(sums)>>(recorded.owner, sums);
@@ -154,9 +154,9 @@ absl::StatusOr<std::shared_ptr<const StripeSums::Basis>> StripeSums::basis(const
     return absl::FailedPreconditionError(
         fmt::format("no stripes at {} deg on monitor \"{}\", or no black", phi_deg, panel));
   }
-  basis->patterns.resize(basis->axis.count, static_cast<Eigen::Index>(basis->frames.size()));
+  basis->patterns.resize(basis->axis.count, basis->frames.size());
   for (size_t k = 0; k < basis->frames.size(); ++k) {
-    GW_ASSIGN_OR_RETURN(basis->patterns.col(static_cast<Eigen::Index>(k)),
+    GW_ASSIGN_OR_RETURN(basis->patterns.col(k),
                         shown(recorded_.frames(basis->frames[k]).stimulus(), basis->axis));
   }
   Eigen::MatrixXd products = basis->patterns.transpose() * basis->patterns;
@@ -185,7 +185,7 @@ absl::StatusOr<std::vector<Part>> StripeSums::parts(const v1::Stimulus& wanted, 
   }
   std::vector<Part> parts;
   for (size_t k = 0; k < own->frames.size(); ++k)
-    parts.push_back({.frame = own->frames[k], .weight = weights[static_cast<Eigen::Index>(k)]});
+    parts.push_back({.frame = own->frames[k], .weight = weights[k]});
   // Light that is present even before black counts once.
   parts.push_back({.frame = own->black, .weight = 1.0 - weights.sum()});
   return parts;

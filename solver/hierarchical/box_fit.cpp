@@ -88,8 +88,7 @@ double range_of(const BoxMonitor& monitor, const std::vector<BoxSample>& samples
 
 double misfit(std::span<const WaveAxis::Seen> seen, std::span<const double> v) {
   double sum = 0.0;
-  for (size_t k = 0; k < seen.size(); ++k)
-    sum += static_cast<double>(seen[k].weight) * std::pow(static_cast<double>(seen[k].u) - v[k], 2);
+  for (size_t k = 0; k < seen.size(); ++k) sum += seen[k].weight * std::pow(seen[k].u - v[k], 2);
   return sum;
 }
 
@@ -354,7 +353,7 @@ void BoxFitter::spread(size_t m, PixelBox& box) {
   for (size_t j = 1; j < parts; ++j) box.halo[j - 1] = amount[j] / sum;
   for (size_t a = 0; a < 2; ++a) {
     for (size_t k = 0; k < seen_[a].size(); ++k) {
-      double u = static_cast<double>(seen_[a][k].u);
+      double u = seen_[a][k].u;
       for (size_t j = 1; j < parts; ++j) u -= amount[j] * v[a][j][k];
       seen_[a][k].u = static_cast<float>(u / amount[0]);
       seen_[a][k].weight *= static_cast<float>(amount[0] * amount[0]);
@@ -619,7 +618,7 @@ BoxFit BoxFitter::fit_whole(const BoxFit& start) {
   // place. A box that was looked for everywhere has to explain more than one at a certain position, unless
   // neither explains the pixel.
   const bool same_place = near(box, *soft), refuted = !explains(*soft) && explains(box);
-  const auto count = static_cast<double>(box.sample_count);
+  const double count = box.sample_count;
   const double gain = count * std::log(box.chi_square) - count * std::log(soft->chi_square);
   const double price = same_place || !certain ? kSoftPrice * (1.0 + halo_count(*soft)) * std::log(count)
                        : explains(*soft)      ? 0.0
@@ -658,7 +657,7 @@ bool BoxFitter::may_be_covered(const BoxPixel& pixel, const BoxFit& fit) const {
 }
 
 void BoxFitter::try_partial_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best) {
-  const auto count = static_cast<double>(best.sample_count);
+  const double count = best.sample_count;
   double enough = best.chi_square * std::exp(-kCriterion * std::log(count) / count);
   for (const double straight : kStraightStarts) {
     const BoxFit partly = partly_covered(pixel, start, best, straight);
@@ -752,8 +751,8 @@ void BoxFitter::slopes(size_t m, const PixelBox& box, WaveSums::Slopes& slopes) 
     for (size_t k = 0; k < axis.wave_count(); ++k) {
       const size_t i = sums_.first_wave(m, a) + k;
       if (box.soft) {
-        const double by_t = 0.5 * box.core() * static_cast<double>(soft.by_t[k]),
-                     by_width = box.core() * static_cast<double>(soft.by_sigma[k]) / kSidePerSigma;
+        const double by_t = 0.5 * box.core() * soft.by_t[k],
+                     by_width = box.core() * soft.by_sigma[k] / kSidePerSigma;
         slopes[i] = {by_t - by_width, by_t + by_width};
       } else {
         const double v = v_[m][i], scale = 1.0 / side.length_px();

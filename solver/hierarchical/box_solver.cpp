@@ -35,7 +35,7 @@ bool shows_complements(const BoxMonitor& monitor) {
 }  // namespace
 
 int modes_needed(int monitors, bool partial_cover) {
-  const auto count = static_cast<size_t>(monitors);
+  const size_t count = monitors;
   const size_t others = partial_cover ? 2 * count : count;
   return static_cast<int>(std::min<size_t>(others + count * halo_count(count, partial_cover), kMaxModes));
 }
@@ -66,8 +66,7 @@ void BoxSolver::load(int y, const Shot& shot, std::vector<Sample>& row) const {
                  .saturated = merged.saturated};
     if (!stack_.brightness.empty()) {
       // What was corrected is not exact.
-      const float change =
-          1.0f - stack_.brightness[static_cast<size_t>(shot.front().frame)][lane % kChannels];
+      const float change = 1.0f - stack_.brightness[shot.front().frame][lane % kChannels];
       row[lane].variance += std::pow(kCorrection * change * row[lane].radiance, 2.0f);
     }
   }
@@ -83,7 +82,7 @@ void BoxSolver::load_row(int y) {
 
 std::vector<double> BoxSolver::estimate_noise() const {
   const double least = sample_noise(layout_.stage.camera, 0.0).read_sd;  // quantisation
-  std::vector<double> sd(static_cast<size_t>(width_), 0.0);
+  std::vector<double> sd(width_, 0.0);
   for (size_t x = 0; x < sd.size(); ++x) {
     double squares = 0.0, degrees = 0.0;
     for (size_t m = 0; m < samples_.size(); ++m) {
@@ -112,7 +111,7 @@ std::vector<double> BoxSolver::estimate_noise() const {
 }
 
 double BoxSolver::estimate_noise_by_fits(const std::vector<bool>& object) {
-  const auto count = static_cast<size_t>(std::ranges::count(object, true));
+  const size_t count = std::ranges::count(object, true);
   const size_t step = std::max<size_t>(count / kMostFits, 1);
   std::vector<double> leftovers;
   for (size_t x = 0, i = 0; x < object.size(); ++x) {
@@ -123,7 +122,7 @@ double BoxSolver::estimate_noise_by_fits(const std::vector<bool>& object) {
   const double usual = std::sqrt(surroundings_.noise().variance(0.0));
   if (leftovers.size() < kFewestFits) return usual;
   // Not the median: most of a row may look at several places, which noise does not explain.
-  const auto quarter = leftovers.begin() + static_cast<std::ptrdiff_t>(leftovers.size() / 4);
+  const auto quarter = leftovers.begin() + leftovers.size() / 4;
   std::ranges::nth_element(leftovers, quarter);
   return std::max(usual * std::sqrt(*quarter), sample_noise(layout_.stage.camera, 0.0).read_sd);
 }
@@ -135,7 +134,7 @@ bool BoxSolver::gather(int x, double noise_factor) {
   const auto fill = [&](const std::vector<Sample>& row, BoxSample& to) {
     for (size_t c = 0; c < kChannels; ++c) {
       const Sample& from = row[static_cast<size_t>(x) * kChannels + c];
-      const double variance = std::max(static_cast<double>(from.variance) * noise_factor, 1e-12);
+      const double variance = std::max(from.variance * noise_factor, 1e-12);
       saturated = saturated || from.saturated;
       to.radiance[c] = static_cast<double>(from.radiance);
       to.information[c] = from.saturated ? 0.0 : 1.0 / variance;
@@ -167,7 +166,7 @@ void BoxSolver::add_straight(std::span<const BackgroundPoint> background) {
   std::array<double, WaveAxis::kMaxWaves> v;
   for (size_t m = 0; m < layout_.monitors.size(); ++m) {
     const BoxMonitor& monitor = layout_.monitors[m];
-    const BackgroundPoint& point = background[static_cast<size_t>(monitor.texture)];
+    const BackgroundPoint& point = background[monitor.texture];
     if (!point.seen) continue;
     pixel_.has_straight = true;
     double share = 1.0;
@@ -199,8 +198,8 @@ void BoxSolver::solve_row(int y, Matte& matte) {
   if (!known && !has_complements_) std::ranges::fill(noise, estimate_noise_by_fits(object));
   const double usual_variance = surroundings_.noise().variance(0.0);
   for (int x = 0; x < width_; ++x) {
-    if (!object[static_cast<size_t>(x)]) continue;
-    const double noise_sd = known ? std::sqrt(usual_variance) : noise[static_cast<size_t>(x)];
+    if (!object[x]) continue;
+    const double noise_sd = known ? std::sqrt(usual_variance) : noise[x];
     if (gather(x, noise_sd * noise_sd / usual_variance)) matte.flags(x, y) |= kFlagSaturated;
     std::span<const BackgroundPoint> background;
     if (partial_cover_) {
@@ -228,8 +227,7 @@ void BoxSolver::choose_places(std::span<const BackgroundPoint> background, BoxFi
     PixelBox& box = fit.boxes[m];
     if (!box.seen) continue;
     const BoxMonitor& monitor = layout_.monitors[m];
-    const BackgroundPoint* const straight =
-        background.empty() ? nullptr : &background[static_cast<size_t>(monitor.texture)];
+    const BackgroundPoint* const straight = background.empty() ? nullptr : &background[monitor.texture];
     for (size_t a = 0; a < 2; ++a) {
       const std::optional<double> period_px = fitter_.axis(m, a).period_px();
       if (!period_px) continue;
@@ -290,7 +288,7 @@ void BoxSolver::write(int x, int y, std::span<const BackgroundPoint> background,
   }
   if (fit.straight > 0.0) {
     for (const BoxMonitor& monitor : layout_.monitors) {
-      const BackgroundPoint& point = background[static_cast<size_t>(monitor.texture)];
+      const BackgroundPoint& point = background[monitor.texture];
       if (!point.seen) continue;
       Found& own = found.emplace_back();
       for (size_t c = 0; c < kChannels; ++c) {
@@ -301,7 +299,7 @@ void BoxSolver::write(int x, int y, std::span<const BackgroundPoint> background,
     }
   }
   for (int c = 0; c < kChannels; ++c) {
-    const auto channel = static_cast<size_t>(c);
+    const size_t channel = c;
     matte.foreground(x, y)[channel] = static_cast<float>(fit.foreground[channel]);
     std::ranges::stable_sort(found, std::ranges::greater(),
                              [&](const Found& own) { return own.rank[channel]; });

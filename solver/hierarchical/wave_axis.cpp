@@ -178,7 +178,7 @@ std::vector<double> WaveAxis::misreadings(std::span<const Seen> seen, std::span<
     const Reading& other = readings_[signs ^ 1u << k];
     const auto from = static_cast<double>(other.from_px), to = static_cast<double>(other.to_px);
     if (to < from || (t_px > from - apart_px && t_px < to + apart_px)) continue;
-    const double own = 4.0 * static_cast<double>(seen[k].weight) * static_cast<double>(seen[k].u) * model[k];
+    const double own = 4.0 * seen[k].weight * seen[k].u * model[k];
     if (own < price) places_px.push_back(0.5 * (from + to));
   }
   return places_px;
@@ -204,9 +204,9 @@ void WaveAxis::means(const Interval& interval, std::span<double> v) const {
   const auto [high, high_part] = place(interval.high_px);
   const double scale = 1.0 / (interval.length_px() * per_px_);
   for (size_t k = 0; k < wave_count_; ++k) {
-    const auto whole = static_cast<double>(high[k] - low[k]);
-    const auto at_high = static_cast<double>(high[k + stride_] - high[k]);
-    const auto at_low = static_cast<double>(low[k + stride_] - low[k]);
+    const double whole = high[k] - low[k];
+    const double at_high = high[k + stride_] - high[k];
+    const double at_low = low[k + stride_] - low[k];
     v[k] = (whole + high_part * at_high - low_part * at_low) * scale;
   }
 }
@@ -229,12 +229,7 @@ WaveAxis::SoftSide WaveAxis::refine_soft(std::span<const Seen> seen, const SoftS
     const internal::SoftSums sums =
         internal::soft_sums_of({.bar_px = bars_px_.data(), .offset_px = offsets_px_.data()}, place_of(at),
                                lanes.u.data(), lanes.weight.data(), stride_);
-    return Sums{.cost = static_cast<double>(sums.cost),
-                .tt = static_cast<double>(sums.tt),
-                .ts = static_cast<double>(sums.ts),
-                .ss = static_cast<double>(sums.ss),
-                .t = static_cast<double>(sums.t),
-                .s = static_cast<double>(sums.s)};
+    return Sums{.cost = sums.cost, .tt = sums.tt, .ts = sums.ts, .ss = sums.ss, .t = sums.t, .s = sums.s};
   };
   SoftSide best = start;
   Sums at = sums_at(best);
@@ -284,7 +279,7 @@ double WaveAxis::cost(const Lanes& seen, const Interval& interval) const {
                                         .high_part = static_cast<float>(high - high_point),
                                         .distance = static_cast<float>(high - low)},
                                        seen.u.data(), seen.weight.data(), stride_);
-  return static_cast<double>(miss) + interval.length_px() / extent_px_;
+  return miss + interval.length_px() / extent_px_;
 }
 
 size_t WaveAxis::split(const Lanes& seen, const Node& node, float enough, std::array<Node, 4>& parts) const {
@@ -406,7 +401,7 @@ bool WaveAxis::shift(const Lanes& seen, double step_px, IntervalFit& best) const
   for (size_t i = 0; i < 9; ++i) {
     const Interval to{.low_px = low_px[i / 3], .high_px = high_px[i % 3]};
     if (i == 4 || to.low_px < 0.0 || to.high_px > extent_px_ || to.length_px() < kMinLength_px) continue;
-    const double own = static_cast<double>(costs[i]) + to.length_px() / extent_px_;
+    const double own = costs[i] + to.length_px() / extent_px_;
     if (own >= best.cost) continue;
     best = {.interval = to, .cost = own};
     shifted = true;

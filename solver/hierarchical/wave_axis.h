@@ -126,8 +126,7 @@ class WaveAxis {
   bool shift(const Lanes& seen, double step_px, IntervalFit& best) const;
   // The minimum of P over a cell, by wave; the maximum follows stride_ later.
   const float* least(int level, int cell) const {
-    return cells_.data() +
-           (first_cell_[static_cast<size_t>(level)] + static_cast<size_t>(cell)) * 2 * stride_;
+    return cells_.data() + (first_cell_[level] + static_cast<size_t>(cell)) * 2 * stride_;
   }
 
   // Where all waves have these signs, bit k set where s_k > 0: the first and the last such place.

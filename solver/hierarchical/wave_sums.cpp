@@ -22,7 +22,7 @@ WaveSums::WaveSums(std::span<const BoxMonitor> monitors) : monitors_(monitors) {
     std::vector<size_t>& own = entry_of_.emplace_back();
     for (const BoxPattern& pattern : monitor.patterns) {
       const bool solid = pattern.axis == BoxPattern::kSolid;
-      own.push_back(solid ? own.size() : first[static_cast<size_t>(pattern.axis)] + pattern.wave);
+      own.push_back(solid ? own.size() : first[pattern.axis] + pattern.wave);
     }
     for (Channel& channel : channels_) channel.entries.emplace_back(first[1] + monitor.waves[1].size());
   }
@@ -223,18 +223,18 @@ void WaveSums::estimate_errors(std::span<const WaveMeans> v, std::span<const Slo
         const Entry& entry = channels_[c].entries[m][i];
         const double r = fit.boxes[m].weight[c];
         for (Eigen::Index end = 0; end < 2; ++end) {
-          const double by = r * slopes[m][i][static_cast<size_t>(end)];
+          const double by = r * slopes[m][i][end];
           matrix(foreground, low + end) += by * entry.sw;
           matrix(weight, low + end) += by * (entry.wws + v[m][i] * entry.ww);
           if (fit.straight > 0.0) matrix(straight, low + end) += by * entry.sb;
           for (Eigen::Index other = 0; other <= end; ++other)
-            matrix(low + end, low + other) += by * r * slopes[m][i][static_cast<size_t>(other)] * entry.ww;
+            matrix(low + end, low + other) += by * r * slopes[m][i][other] * entry.ww;
         }
       }
     }
   }
   for (Eigen::Index end = 0; end < ends; ++end) {
-    const double bar_px = finest_bars_px[static_cast<size_t>(end / 4)][static_cast<size_t>(end / 2 % 2)];
+    const double bar_px = finest_bars_px[end / 4][end / 2 % 2];
     matrix(end, end) += 12.0 / (bar_px * bar_px);
   }
   // Undetermined unknowns keep no standard error.

@@ -45,7 +45,7 @@ void CameraStream::read() {
     if (response.has_frame()) {
       frame.taken = response.frame();
       samples = std::make_shared<std::vector<std::uint16_t>>(3 * static_cast<size_t>(frame.taken.width_px()) *
-                                                             static_cast<size_t>(frame.taken.height_px()));
+                                                             frame.taken.height_px());
       filled_bytes = 0;
     }
     if (samples == nullptr) continue;

@@ -103,7 +103,7 @@ class Measurement {
         whites, {}, [](const White& white) { return std::pair(white.exposure_ms, white.time_ns); });
     std::vector<int> frames;
     for (const White& white : whites) frames.insert(frames.end(), {white.white, white.black});
-    const auto reference_index = static_cast<size_t>(&reference - whites.data());
+    const size_t reference_index = &reference - whites.data();
     const int height = manifest_.camera().height_px();
     std::vector<std::vector<RowSums>> sums(whites.size());
     const int rows = std::min(kRows, height);

@@ -21,7 +21,7 @@ std::array<float, kSteps + 1> make_table() {
     // g(t) >= t, and grows by Phi(t).
     for (int step = 0; step < 20; ++step)
       t = std::max(0.0, t - (t * normal_integral(t) + normal_density(t) - g) / normal_integral(t));
-    table[static_cast<size_t>(i)] = static_cast<float>(-mean_noise_below(t) - t);
+    table[i] = static_cast<float>(-mean_noise_below(t) - t);
   }
   return table;
 }

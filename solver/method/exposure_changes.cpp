@@ -22,7 +22,7 @@ constexpr float kDark = 0.05f;     // samples below are mostly noise
 constexpr float kSame = 0.005f, kMaxChange = 0.3f;
 
 float median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  const auto middle = values.begin() + values.size() / 2;
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
@@ -37,7 +37,7 @@ bool exposure_is_known(const v1::CaptureManifest& manifest) {
 
 absl::StatusOr<std::vector<std::array<float, 3>>> measure_exposure_changes(
     const v1::CaptureManifest& manifest, const RowReader& read) {
-  const auto count = static_cast<size_t>(manifest.frames_size());
+  const size_t count = manifest.frames_size();
   if (count < 2 * kOdd || exposure_is_known(manifest)) return std::vector<std::array<float, 3>>();
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
   const std::optional<Mosaic> mosaic = mosaic_of(manifest.camera());
@@ -62,10 +62,10 @@ absl::StatusOr<std::vector<std::array<float, 3>>> measure_exposure_changes(
       sorted = values;
       const float usual = median(sorted);
       if (saturated || usual < kDark) continue;
-      const auto odd = static_cast<size_t>(std::ranges::count_if(
-          values, [&](float value) { return std::abs(value - usual) > kStill * usual; }));
+      const size_t odd = std::ranges::count_if(
+          values, [&](float value) { return std::abs(value - usual) > kStill * usual; });
       if (odd * kOdd > count) continue;
-      const auto channel = static_cast<size_t>(row_channel(mosaic, at, y));
+      const size_t channel = row_channel(mosaic, at, y);
       for (size_t f = 0; f < count; ++f) ratios[f][channel].push_back(values[f] / usual);
     }
   }

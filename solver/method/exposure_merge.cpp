@@ -51,9 +51,7 @@ ExposedFrame Exposures::exposed(const v1::CaptureManifest& manifest, int frame) 
 
 MergedSample merge(const FrameStack& stack, std::span<const ExposedFrame> shot, size_t index,
                    const SampleNoise& noise) {
-  const auto sample = [&](const ExposedFrame& exposed) {
-    return stack.rows[static_cast<size_t>(exposed.frame)][index];
-  };
+  const auto sample = [&](const ExposedFrame& exposed) { return stack.rows[exposed.frame][index]; };
   const ExposedFrame *longest = nullptr, *shortest = &shot.front();
   for (const ExposedFrame& exposed : shot) {
     if (exposed.scale > shortest->scale) shortest = &exposed;
@@ -61,7 +59,7 @@ MergedSample merge(const FrameStack& stack, std::span<const ExposedFrame> shot, 
     if (longest == nullptr || exposed.scale < longest->scale) longest = &exposed;
   }
   const auto radiance = [&](const ExposedFrame& exposed) {
-    return static_cast<double>(stack.light(sample(exposed))) * exposed.scale;
+    return stack.light(sample(exposed)) * exposed.scale;
   };
   const double expected = radiance(longest != nullptr ? *longest : *shortest);
   const auto variance = [&](const ExposedFrame& exposed) {

@@ -20,7 +20,7 @@ class Neighbours {
  public:
   Neighbours(const FrameStack& stack, const std::vector<int>& pixels)
       : width_(stack.width_px), height_(stack.row_count), step_(stack.mosaic ? 2 : 1) {
-    good_.assign(static_cast<size_t>(width_) * static_cast<size_t>(height_), true);
+    good_.assign(static_cast<size_t>(width_) * height_, true);
     for (const int pixel : pixels) {
       const int y = pixel / width_ - stack.first_row;
       if (y < 0 || y >= height_) continue;
@@ -49,9 +49,7 @@ class Neighbours {
   }
 
  private:
-  size_t index(int x, int y) const {
-    return static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x);
-  }
+  size_t index(int x, int y) const { return static_cast<size_t>(y) * width_ + x; }
 
   // The good pixel so many steps away.
   std::optional<size_t> good_at(size_t pixel, int dx, int dy) const {
@@ -138,7 +136,7 @@ FrameStack filled_rows(const FrameStack& stack, const std::vector<int>& pixels) 
   const auto owned = std::make_shared<Filled>();
   owned->source = stack.owner;
   owned->frames.resize(stack.rows.size());
-  const auto lanes = static_cast<size_t>(stack.samples_per_pixel());
+  const size_t lanes = stack.samples_per_pixel();
   for (size_t f = 0; f < stack.rows.size(); ++f) {
     if (stack.rows[f].empty()) continue;
     std::vector<std::uint16_t>& own = owned->frames[f];

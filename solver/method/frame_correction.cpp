@@ -14,13 +14,13 @@ std::vector<int> with_needed(const std::vector<int>& frames, const FrameCorrecti
     if (std::ranges::binary_search(known, frame)) all.insert(frame);
   };
   for (const int frame : frames) {
-    const GrayFrames& grays = corrections->of_frame[static_cast<size_t>(frame)].grays;
+    const GrayFrames& grays = corrections->of_frame[frame].grays;
     need(grays.gray);
     need(grays.black);
   }
   if (!ghosts) return {all.begin(), all.end()};
   for (const int frame : std::vector<int>(all.begin(), all.end())) {
-    for (const int before : corrections->of_frame[static_cast<size_t>(frame)].before) need(before);
+    for (const int before : corrections->of_frame[frame].before) need(before);
   }
   return {all.begin(), all.end()};
 }

@@ -56,7 +56,7 @@ std::vector<std::uint16_t> registered(const FrameStack& stack, std::span<const s
   const auto width = static_cast<size_t>(stack.width_px), row_samples = width * kChannels;
   std::vector<Kernel> along_y;  // of each column
   for (int x = 0; x < stack.width_px; ++x)
-    along_y.push_back(kernel_of(static_cast<double>(correction.dy_px) + turn * (x - dx_px)));
+    along_y.push_back(kernel_of(correction.dy_px + turn * (x - dx_px)));
   std::vector<std::uint16_t> moved(static_cast<size_t>(count) * row_samples);
   std::vector<float> column(row_samples);
   std::vector<float> saturated(row_samples);  // weight of what is barely so; infinite: more than that

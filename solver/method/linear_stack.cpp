@@ -121,13 +121,13 @@ std::vector<float> LinearStack::corrected(const FrameStack& stack, size_t frame)
   for (size_t k = 0; k < own.before.size(); ++k) {
     const float share = stack.corrections->ghost[k];
     if (share == 0.0f || own.before[k] < 0) continue;
-    const std::span<const std::uint16_t> last = stack.rows[static_cast<size_t>(own.before[k])];
+    const std::span<const std::uint16_t> last = stack.rows[own.before[k]];
     if (last.size() != samples.size()) continue;
     for (size_t at = 0; at < samples.size(); ++at)
       corrected[at] -= share * light_.light(last[at], stack.channel_at(at));
   }
   for (size_t at = 0; at < samples.size(); ++at) {
-    const auto channel = static_cast<size_t>(stack.channel_at(at));
+    const size_t channel = stack.channel_at(at);
     corrected[at] = (corrected[at] - own.offset[channel]) / own.gain[channel];
   }
   if (own.grays.gray >= 0 && std::ranges::any_of(corrected, [](float light) { return std::isnan(light); })) {
@@ -175,9 +175,9 @@ FrameStack LinearStack::of(FrameStack stack) const {
       float light = light_of_frame.empty() ? light_.light(samples[at], channel) : light_of_frame[at];
       if (drifted) {
         const float below = light_.light(stack.rows[dark->second][at], channel);
-        light = below + (light - below) / brightness[static_cast<size_t>(channel)];
+        light = below + (light - below) / brightness[channel];
       }
-      if (exposed) light /= brightness[static_cast<size_t>(channel)];
+      if (exposed) light /= brightness[channel];
       const bool saturated =
           light_of_frame.empty() ? light_.saturated(samples[at]) : !(light_of_frame[at] < kGraysAbove);
       to[at] = saturated ? std::uint16_t{65535} : code_of(light);

@@ -6,10 +6,10 @@ namespace glasswing {
 
 absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& manifest,
                         const std::vector<int>& needed) {
-  const auto pixels = static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.width_px);
+  const auto pixels = static_cast<size_t>(stack.row_count) * stack.width_px;
   const size_t samples = pixels * static_cast<size_t>(stack.samples_per_pixel());
   for (const int frame : needed) {
-    const auto at = static_cast<size_t>(frame);
+    const size_t at = frame;
     const size_t found = at < stack.rows.size() ? stack.rows[at].size() : 0;
     if (found != samples) {
       return absl::InvalidArgumentError(

@@ -78,13 +78,13 @@ struct FrameStack {
   }
   // Index into `rows` of a frame, of a channel that was measured.
   size_t sample_index(int x, int y, int channel) const {
-    const size_t pixel = static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x);
+    const size_t pixel = static_cast<size_t>(y) * width_px + x;
     return mosaic ? pixel : pixel * kChannels + static_cast<size_t>(channel);
   }
   // The channel of a sample, by index into `rows`.
   int channel_at(size_t index) const {
     if (!mosaic) return static_cast<int>(index % kChannels);
-    const auto width = static_cast<size_t>(width_px);
+    const size_t width = width_px;
     return channels(static_cast<int>(index % width), static_cast<int>(index / width)).first;
   }
   float radiance(std::uint16_t sample) const { return (static_cast<float>(sample) - zero) * unit; }
@@ -93,7 +93,7 @@ struct FrameStack {
   }
   // Radiance; x counts from the left, y from first_row.
   float at(int frame, int x, int y, int channel) const {
-    return light(rows[static_cast<size_t>(frame)][sample_index(x, y, channel)]);
+    return light(rows[frame][sample_index(x, y, channel)]);
   }
 };
 

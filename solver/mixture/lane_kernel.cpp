@@ -146,7 +146,7 @@ float Dot(const float* a, const float* b, size_t size) {
 void Centre(const float* root, double information, std::span<float* const> columns, size_t size) {
   const D d;
   for (float* const column : columns) {
-    const V part = hn::Set(d, static_cast<float>(static_cast<double>(Dot(root, column, size)) / information));
+    const V part = hn::Set(d, static_cast<float>(Dot(root, column, size) / information));
     for (size_t k = 0; k < size; k += hn::Lanes(d)) {
       hn::StoreU(hn::NegMulAdd(part, hn::LoadU(d, root + k), hn::LoadU(d, column + k)), d, column + k);
     }

@@ -32,8 +32,7 @@ struct Columns {
       samples.patterns->answer(modes[m], through_pixels, samples.peak.data(), own);
       for (size_t k = 0; k < size; ++k) residual[k] -= own[k];
     }
-    floor =
-        static_cast<double>(internal::dot(samples.root.data(), residual.data(), size)) / samples.information;
+    floor = internal::dot(samples.root.data(), residual.data(), size) / samples.information;
   }
   float* slope(int parameter) {
     return answers.get() + size * static_cast<size_t>(parameter + parameter / 6 + 1);
@@ -50,8 +49,8 @@ void evaluate(const MixtureLanes& samples, const Footprints& modes, bool through
   Columns columns(samples, modes, through_pixels);
   const int parameters = 6 * modes.size();
   std::array<float*, kMaxColumns> all;
-  for (int p = 0; p < parameters; ++p) all[static_cast<size_t>(p)] = columns.slope(p);
-  all[static_cast<size_t>(parameters)] = columns.residual.data();
+  for (int p = 0; p < parameters; ++p) all[p] = columns.slope(p);
+  all[parameters] = columns.residual.data();
   const std::span<float* const> used(all.data(), static_cast<size_t>(parameters) + 1);
   // The minimum over F.
   internal::centre(samples.root.data(), samples.information, used, columns.size);
@@ -96,7 +95,7 @@ MixtureLanes::MixtureLanes(const MixtureSamples& samples)
       root(patterns->size()),
       peak(patterns->size()) {
   for (Eigen::Index i = 0; i < samples.size(); ++i) {
-    const auto pattern = static_cast<size_t>(i);
+    const size_t pattern = i;
     const size_t k = pattern < patterns->pattern_count() ? patterns->lane(pattern) : patterns->black_lane();
     const double own = std::sqrt(samples.weight[i]);
     root[k] = static_cast<float>(own);
@@ -109,7 +108,7 @@ Residual residual_of(const MixtureLanes& samples, const Footprints& modes, bool 
   Columns columns(samples, modes, through_pixels);
   float* const residual = columns.residual.data();
   internal::centre(samples.root.data(), samples.information, {&residual, 1}, columns.size);
-  const double chi2 = static_cast<double>(internal::dot(residual, residual, columns.size));
+  const double chi2 = internal::dot(residual, residual, columns.size);
   return {.lanes = std::move(columns.residual), .floor = columns.floor, .chi2 = chi2};
 }
 
@@ -117,7 +116,7 @@ std::vector<double> model_of(const MixtureSamples& samples, const Footprints& mo
   const PatternLanes& patterns = *samples.patterns;
   std::vector<float> peak(patterns.size()), columns(PatternLanes::kColumns * patterns.size());
   for (size_t i = 0; i < patterns.pattern_count(); ++i)
-    peak[patterns.lane(i)] = static_cast<float>(samples.peak[static_cast<Eigen::Index>(i)]);
+    peak[patterns.lane(i)] = static_cast<float>(samples.peak[i]);
   std::vector<double> model(patterns.pattern_count() + 1);
   for (const Footprint& mode : modes) {
     patterns.answer(mode, through_pixels, peak.data(), columns.data());
@@ -169,7 +168,7 @@ void find_errors(const MixtureLanes& samples, MixtureFit& fit) {
   const FootprintMatrix covariance = unit.asDiagonal() * factor.inverse() * unit.asDiagonal();
   for (int m = 0; m < fit.modes.size(); ++m) {
     const Eigen::Index k = 6 * m;
-    const auto i = static_cast<size_t>(m);
+    const size_t i = m;
     fit.weight_sd[i] = std::sqrt(covariance(k, k));
     fit.centre_sd_px[i] = std::sqrt(0.5 * (covariance(k + 1, k + 1) + covariance(k + 2, k + 2)));
   }

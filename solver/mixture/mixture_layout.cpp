@@ -106,8 +106,7 @@ absl::StatusOr<MixtureLayout> lay_out_mixture(const v1::CaptureManifest& manifes
     if (!pattern) continue;
     const bool area = pattern->kind == ShownPattern::Kind::kArea;
     std::array<double, 3> peak;
-    for (int c = 0; c < 3; ++c)
-      peak[static_cast<size_t>(c)] = colour_of(stimulus, c) * (area ? 1.0 : stimulus.peak());
+    for (int c = 0; c < 3; ++c) peak[c] = colour_of(stimulus, c) * (area ? 1.0 : stimulus.peak());
     if (peak == std::array<double, 3>{}) continue;  // black
     const int texture = texture_of(manifest, stimulus.panel());
     if (texture < 0) {

@@ -153,7 +153,7 @@ MixtureFit MixtureSearch::best_of(const MixtureLanes& samples, int size,
   const auto go_on = [&](std::ptrdiff_t count, int steps) {
     count = std::min(count, std::ssize(fits));
     std::ranges::partial_sort(fits, fits.begin() + count, {}, &MixtureFit::chi2);
-    for (MixtureFit& fit : std::span(fits).first(static_cast<size_t>(count))) {
+    for (MixtureFit& fit : std::span(fits).first(count)) {
       if (!fit.converged) fit = fit_mixture(samples, fit.modes, false, steps);
     }
   };

@@ -65,12 +65,12 @@ void MixtureSolver::solve_row(int y, Matte& matte) {
     noise_ = {.read_sd = layout_.wave_noise.known() ? layout_.wave_noise.of_row(stack_, y)
                                                     : std::min(noise_of_pairs(y), noise_of_fits(y)),
               .gain = 0.0};
-    read_sd.assign(static_cast<size_t>(stack_.width_px), noise_.read_sd);
+    read_sd.assign(stack_.width_px, noise_.read_sd);
   }
   const SettledRow row = surroundings_.settle_row(y, read_sd, matte);
   for (auto& channels : last_) channels.fill({});
   for (int x = 0; x < stack_.width_px; ++x) {
-    const auto i = static_cast<size_t>(x);
+    const size_t i = x;
     if (!row.object[i] && !row.open[i]) {
       for (auto& channels : last_) channels.fill({});
       continue;
@@ -122,12 +122,12 @@ void MixtureSolver::load(size_t m, int x, int y, int channel) {
     all->resize(count + 1);
   saturated_ = clipped_ = false;
   for (Eigen::Index i = 0; i <= count; ++i) {
-    const auto at = static_cast<size_t>(i);
+    const size_t at = i;
     const MergedSample merged =
         merge(stack_, i < count ? monitor.shots[at] : layout_.stage.black, index, noise_);
     seen_[i] = merged.radiance;
     variance_[i] = merged.variance + kLeastNoise * kLeastNoise;
-    samples_.peak[i] = i < count ? monitor.peaks[at][static_cast<size_t>(channel)] : 0.0;
+    samples_.peak[i] = i < count ? monitor.peaks[at][channel] : 0.0;
     if (merged.saturated) {
       variance_[i] = INFINITY;
       // White tells no more than that the weight is 1.
@@ -143,13 +143,13 @@ void MixtureSolver::reweigh(size_t m, const Footprints& modes, double floor) {
   const MixtureMonitor& monitor = layout_.monitors[m];
   const std::vector<double> model = model_of(samples_, modes, true);
   for (Eigen::Index i = 0; i < samples_.size(); ++i) {
-    const double own = model[static_cast<size_t>(i)];
+    const double own = model[i];
     if (seen_[i] <= 0.0 && std::isfinite(variance_[i])) {
       const double sd = std::sqrt(variance_[i]), light = std::max(floor + own, 0.0);
       samples_.y[i] = light + sd * mean_noise_below(light / sd);
     }
     if (i + 1 == samples_.size()) continue;
-    const ShownPattern& pattern = monitor.patterns[static_cast<size_t>(i)];
+    const ShownPattern& pattern = monitor.patterns[i];
     if (pattern.kind != ShownPattern::Kind::kArea) continue;
     double off = (pattern.lit.bars ? kBarsError : kWhiteError) * own;
     for (const Footprint& mode : modes)
@@ -166,7 +166,7 @@ MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours
   const MixtureSearch& search = searches_[m];
   // Edges of bars would tell a footprint's shape too exactly.
   for (Eigen::Index i = 0; i + 1 < samples_.size(); ++i) {
-    const ShownPattern& pattern = layout_.monitors[m].patterns[static_cast<size_t>(i)];
+    const ShownPattern& pattern = layout_.monitors[m].patterns[i];
     if (pattern.kind == ShownPattern::Kind::kArea && pattern.lit.bars) {
       const double off = 0.05 * samples_.peak[i];
       samples_.weight[i] = 1.0 / (variance_[i] + off * off);
@@ -191,7 +191,7 @@ MixtureFit MixtureSolver::solve(size_t m, std::span<const Footprints> neighbours
 
 void MixtureSolver::solve_channel(int x, int y, int channel, Matte& matte) {
   std::uint8_t flags = matte.flags(x, y);
-  const auto c = static_cast<size_t>(channel);
+  const size_t c = channel;
   std::vector<Mode> found;
   double foreground = 0.0;
   bool usable = false;
@@ -200,13 +200,12 @@ void MixtureSolver::solve_channel(int x, int y, int channel, Matte& matte) {
     if (saturated_) flags |= kFlagSaturated;
     usable = usable || (samples_.weight.array() > 0.0).count() > kMinPatterns;
     std::vector<Footprints> neighbours;
-    for (int other = 0; other < kChannels; ++other)
-      neighbours.push_back(last_[m][static_cast<size_t>(other)]);
+    for (int other = 0; other < kChannels; ++other) neighbours.push_back(last_[m][other]);
     const MixtureFit fit = solve(m, neighbours);
     foreground += fit.floor / static_cast<double>(layout_.monitors.size());
     double strongest = 0.0;
     for (int k = 0; k < fit.modes.size(); ++k) {
-      const auto i = static_cast<size_t>(k);
+      const size_t i = k;
       if (!is_finite(fit.modes[k])) {
         flags |= kFlagNotConverged;
         continue;

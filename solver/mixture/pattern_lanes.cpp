@@ -114,7 +114,7 @@ void PatternLanes::answer_areas(const ShareOf& share_of, const Footprint& mode, 
   for (const size_t area : areas_) {
     const NormalShare own = share_of(answers_.patterns()[area].lit);
     const size_t k = lane_[area];
-    const double by = static_cast<double>(scale[k]), light = by * mode.weight;
+    const double by = scale[k], light = by * mode.weight;
     const std::array<double, kColumns> at{light * own.share, by * own.share,    light * own.by_x,
                                           light * own.by_y,  light * own.by_xx, light * own.by_xy,
                                           light * own.by_yy};

@@ -54,7 +54,7 @@ struct Direction {
 
 double part_by_edge(std::span<const EdgeSample> samples, int own, int wanted) {
   std::array<bool, kChannels> known{};
-  for (const EdgeSample& sample : samples) known[static_cast<size_t>(sample.channel)] = true;
+  for (const EdgeSample& sample : samples) known[sample.channel] = true;
   std::array<double, 2 * kEdgeReach * kEdgeReach + 1> near{};  // by squared distance
   for (size_t i = 0; i < near.size(); ++i) near[i] = std::exp(-kSampleNearness * static_cast<double>(i));
   double part = 0.0, least = INFINITY;
@@ -62,19 +62,19 @@ double part_by_edge(std::span<const EdgeSample> samples, int own, int wanted) {
     const Direction direction(turn);
     std::array<Costs, kChannels> costs{};
     for (const EdgeSample& sample : samples) {
-      const double weight = near[static_cast<size_t>(sample.dx * sample.dx + sample.dy * sample.dy)];
+      const double weight = near[sample.dx * sample.dx + sample.dy * sample.dy];
       for (size_t e = 0; e < kEdges; ++e) {
         const double miss = sample.part - direction.part(sample.dx, sample.dy, e);
-        costs[static_cast<size_t>(sample.channel)][e] += weight * miss * miss;
+        costs[sample.channel][e] += weight * miss * miss;
       }
     }
-    const Best of_own = best_of(costs[static_cast<size_t>(own)], nullptr);
-    const Best* leant_on = known[static_cast<size_t>(own)] ? &of_own : nullptr;
+    const Best of_own = best_of(costs[own], nullptr);
+    const Best* leant_on = known[own] ? &of_own : nullptr;
     Best of_wanted;
     double sum = leant_on != nullptr ? of_own.cost : 0.0;
     for (int c = 0; c < kChannels; ++c) {
-      if (c == own || !known[static_cast<size_t>(c)]) continue;
-      const Best best = best_of(costs[static_cast<size_t>(c)], leant_on);
+      if (c == own || !known[c]) continue;
+      const Best best = best_of(costs[c], leant_on);
       sum += best.cost;
       if (c == wanted) of_wanted = best;
     }

@@ -8,7 +8,7 @@
 namespace glasswing {
 
 FrameStack interpolated_rows(const FrameStack& stack, const std::vector<int>& needed, int first, int count) {
-  const auto width = static_cast<size_t>(stack.width_px);
+  const size_t width = stack.width_px;
   const int last = stack.row_count - 1;
   // The mosaic counts from an even row of the picture.
   const int above = kInterpolationReach + (stack.first_row + first - kInterpolationReach) % 2;
@@ -22,16 +22,15 @@ FrameStack interpolated_rows(const FrameStack& stack, const std::vector<int>& ne
   band.mosaic.reset();
   band.rows.assign(stack.rows.size(), {});
   for (const int frame : needed) {
-    const auto at = static_cast<size_t>(frame);
+    const size_t at = frame;
     for (int y = 0; y < sites.height_px; ++y) {
       const int mirrored = last - std::abs(last - std::abs(first - above + y));
-      const auto row = static_cast<size_t>(std::clamp(mirrored, 0, last));
+      const size_t row = std::clamp(mirrored, 0, last);
       std::ranges::copy(stack.rows[at].subspan(row * width, width),
-                        sites.samples.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(y) * width));
+                        sites.samples.begin() + static_cast<size_t>(y) * width);
     }
     const Image16 colours = interpolated(sites, stack.mosaic);
-    const auto begin =
-        colours.samples.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(above) * width * kChannels);
+    const auto begin = colours.samples.begin() + static_cast<size_t>(above) * width * kChannels;
     const size_t start = samples->size();
     samples->insert(samples->end(), begin, begin + static_cast<std::ptrdiff_t>(band_samples));
     band.rows[at] = std::span(*samples).subspan(start);  // stays valid: enough was reserved

@@ -39,7 +39,7 @@ double between(const Place& a, const Place& b) {
   return std::hypot(a.x_px - b.x_px, a.y_px - b.y_px);
 }
 Place place_of(const Mode& mode) {
-  return {static_cast<double>(mode.x_px), static_cast<double>(mode.y_px)};
+  return {mode.x_px, mode.y_px};
 }
 double width_px(const Mode& mode) {
   return std::sqrt(std::max(0.5 * static_cast<double>(mode.xx_px2 + mode.yy_px2), 0.0));
@@ -151,19 +151,16 @@ class Lights {
     }
   }
   // By mode.
-  const double* of(int x, int y) const {
-    return &light_[(static_cast<size_t>(y) * width_ + static_cast<size_t>(x)) * modes_];
-  }
+  const double* of(int x, int y) const { return &light_[(static_cast<size_t>(y) * width_ + x) * modes_]; }
 
  private:
   static double light_of(const Mode& mode, const v1::MatteMetadata& metadata) {
     const v1::Monitor& monitor = metadata.monitors(mode.texture);
     const auto inside = [](float middle, float variance, int side) {
-      const double scale = std::sqrt(0.5 / (static_cast<double>(variance) + 1.0 / 12.0)),
-                   at = static_cast<double>(middle);
+      const double scale = std::sqrt(0.5 / (variance + 1.0 / 12.0)), at = middle;
       return 0.5 * (std::erf((side - at) * scale) + std::erf(at * scale));
     };
-    return static_cast<double>(mode.weight) * inside(mode.x_px, mode.xx_px2, monitor.width_px()) *
+    return mode.weight * inside(mode.x_px, mode.xx_px2, monitor.width_px()) *
            inside(mode.y_px, mode.yy_px2, monitor.height_px());
   }
 
@@ -206,7 +203,7 @@ class Filler {
         const int c = channel(at_x, at_y);
         Site& site = sites_.emplace_back(
             Site{.dx = dx, .dy = dy, .channel = c, .modes = std::as_const(matte_).modes(at_x, at_y, c)});
-        site.nearness = nearness_[static_cast<size_t>(site.distance2())];
+        site.nearness = nearness_[site.distance2()];
         const double* const light = lights_.of(at_x, at_y);
         for (size_t m = 0; m < site.modes.size(); ++m) {
           site.light[m] = light[m];
@@ -220,7 +217,7 @@ class Filler {
     std::array<float, kChannels> sum{}, count{};
     for (const Site& site : sites_) {
       if (!site.is_beside(0, 0)) continue;
-      const auto c = static_cast<size_t>(site.channel);
+      const size_t c = site.channel;
       sum[c] += matte_.foreground(x + site.dx, y + site.dy)[c];
       count[c] += 1.0f;
     }
@@ -230,7 +227,7 @@ class Filler {
   }
 
   void find_paths(int c) {
-    std::vector<Path>& paths = paths_[static_cast<size_t>(c)];
+    std::vector<Path>& paths = paths_[c];
     paths.clear();
     order_.clear();
     for (size_t i = 0; i < sites_.size(); ++i) {
@@ -251,7 +248,7 @@ class Filler {
   std::array<double, 4> slope_guess(int c, const Mode& mode) const {
     std::array<double, 4> slope{};
     double least_px = kDispersionPx;
-    for (const Path& path : paths_[static_cast<size_t>(own_)]) {
+    for (const Path& path : paths_[own_]) {
       const double away_px = between(path.place, place_of(mode));
       if (c == own_ || path.texture != mode.texture || away_px >= least_px) continue;
       least_px = away_px;
@@ -262,7 +259,7 @@ class Filler {
 
   // Follows the path of a mode from site to site.
   void follow(int c, Site& from, size_t seed) {
-    std::vector<Path>& paths = paths_[static_cast<size_t>(c)];
+    std::vector<Path>& paths = paths_[c];
     const Mode& start = from.modes[seed];
     Path path{.texture = start.texture, .place = place_of(start)};
     std::array<const Mode*, kSites> nearest{};
@@ -325,7 +322,7 @@ class Filler {
   const Path* same_path(const Path& path, int c, int other_channel) const {
     const Path* same = nullptr;
     double best = kLeastAlike;
-    for (const Path& other : paths_[static_cast<size_t>(other_channel)]) {
+    for (const Path& other : paths_[other_channel]) {
       const double away_px = between(other.place, path.place);
       if (other.texture != path.texture || away_px > kDispersionPx) continue;
       double both = 0.0, either = 0.0;
@@ -355,12 +352,12 @@ class Filler {
   double part_of_pixel(const Path& path, int c) const {
     std::array<const Path*, kChannels> same{};
     for (int other = 0; other < kChannels; ++other)
-      same[static_cast<size_t>(other)] = other == c ? &path : same_path(path, c, other);
+      same[other] = other == c ? &path : same_path(path, c, other);
     std::array<EdgeSample, kSites> samples;
     size_t count = 0;
     for (size_t i = 0; i < sites_.size(); ++i) {
       const Site& site = sites_[i];
-      if (const Path* own = same[static_cast<size_t>(site.channel)]; own != nullptr)
+      if (const Path* own = same[site.channel]; own != nullptr)
         samples[count++] = {.dx = site.dx, .dy = site.dy, .channel = site.channel, .part = own->part(i)};
     }
     return part_by_edge({samples.data(), count}, own_, c);
@@ -374,7 +371,7 @@ class Filler {
       least = std::min(least, site.whole);
       most = std::max(most, site.whole);
     }
-    const std::vector<Path>& paths = paths_[static_cast<size_t>(c)];
+    const std::vector<Path>& paths = paths_[c];
     for (size_t p = 0; p < paths.size(); ++p) sum += carry_over(paths[p], static_cast<std::int8_t>(p), c);
     if (sum > 0.0) {
       const auto scale = static_cast<float>(std::clamp(sum, least, most) / sum);

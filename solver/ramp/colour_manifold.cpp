@@ -95,8 +95,7 @@ absl::StatusOr<ColourManifold> ColourManifold::fit(std::span<const ManifoldSampl
       legendre(2.0 * (sample.x_px - range[0]) / (range[1] - range[0]) - 1.0, p, unused);
       legendre(2.0 * (sample.y_px - range[2]) / (range[3] - range[2]) - 1.0, q, unused);
       Terms row;
-      for_terms<kDegree>(
-          [&](size_t term, size_t i, size_t j) { row[static_cast<Eigen::Index>(term)] = p[i] * q[j]; });
+      for_terms<kDegree>([&](size_t term, size_t i, size_t j) { row[term] = p[i] * q[j]; });
       return row;
     };
     const auto beyond_plane = [&](const ManifoldSample& sample) {
@@ -115,7 +114,7 @@ absl::StatusOr<ColourManifold> ColourManifold::fit(std::span<const ManifoldSampl
     for (size_t i = 0; i < samples.size(); ++i)
       misfit[i] = (beyond_plane(samples[i]) - row_of(samples[i]).transpose() * solution).norm();
     std::vector<double> sorted = misfit;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    const auto middle = sorted.begin() + sorted.size() / 2;
     std::nth_element(sorted.begin(), middle, sorted.end());
     manifold.residual_ = *middle / 1.538;  // the median length of three normal numbers
     for (size_t i = 0; i < samples.size(); ++i)
@@ -123,8 +122,7 @@ absl::StatusOr<ColourManifold> ColourManifold::fit(std::span<const ManifoldSampl
   }
   if (!solution.allFinite()) return absl::FailedPreconditionError("the ramp's colours do not form a surface");
   for (size_t c = 0; c < 3; ++c) {
-    for (size_t term = 0; term < kTerms; ++term)
-      manifold.terms_[c][term] = solution(static_cast<Eigen::Index>(term), static_cast<Eigen::Index>(c));
+    for (size_t term = 0; term < kTerms; ++term) manifold.terms_[c][term] = solution(term, c);
   }
   manifold.fill_table();
   return manifold;
@@ -230,8 +228,7 @@ void ColourManifold::frame_table() {
     for (int i = 0; i <= kSteps; ++i) {
       const Light here = light(width_px_ * i / kSteps, height_px_ * j / kSteps);
       const auto part = [&](const std::array<float, 3>& of) {
-        return static_cast<double>(of[0]) * here[0] + static_cast<double>(of[1]) * here[1] +
-               static_cast<double>(of[2]) * here[2];
+        return of[0] * here[0] + of[1] * here[1] + of[2] * here[2];
       };
       const std::array<double, 2> at{part(to_a_) / part(level_), part(to_b_) / part(level_)};
       for (size_t axis = 0; axis < 2; ++axis) {
@@ -255,8 +252,8 @@ void ColourManifold::fill_table() {
   slope_.resize(kSide * kSide);
   for (size_t row = 0; row < kSide; ++row) {
     for (size_t column = 0; column < kSide; ++column) {
-      const double a = static_cast<double>(from_[0]) + static_cast<double>(column) / scale_[0];
-      const double b = static_cast<double>(from_[1]) + static_cast<double>(row) / scale_[1];
+      const double a = from_[0] + static_cast<double>(column) / scale_[0];
+      const double b = from_[1] + static_cast<double>(row) / scale_[1];
       const double u = (a - 0.1) / 0.8, v = (b - 0.1) / 0.8;
       const Light direction = times(mix_, {a, b, 1.0 - 0.5 * (a + b)});
       const std::array<double, 2> guess{u * width_px_, v * height_px_};
@@ -276,10 +273,10 @@ void ColourManifold::fill_table() {
       const auto per = [&](const std::array<float, 3>& to, const Light& along) {
         double top = 0.0, top_along = 0.0, bottom = 0.0, bottom_along = 0.0;
         for (size_t c = 0; c < 3; ++c) {
-          top += static_cast<double>(to[c]) * here.light[c];
-          top_along += static_cast<double>(to[c]) * along[c];
-          bottom += static_cast<double>(level_[c]) * here.light[c];
-          bottom_along += static_cast<double>(level_[c]) * along[c];
+          top += to[c] * here.light[c];
+          top_along += to[c] * along[c];
+          bottom += level_[c] * here.light[c];
+          bottom_along += level_[c] * along[c];
         }
         return (top_along - top / bottom * bottom_along) / bottom;
       };

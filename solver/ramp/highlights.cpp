@@ -18,8 +18,7 @@ cv::Mat plane_of(const std::vector<float>& plane, const RampFrame& frame, const 
 cv::Rect box_round(std::span<const std::uint8_t> mask, const RampFrame& frame, int margin_px) {
   int left = frame.width_px, right = -1, top = frame.height_px, bottom = -1;
   for (int y = 0; y < frame.height_px; ++y) {
-    const std::uint8_t* const row =
-        mask.data() + static_cast<size_t>(y) * static_cast<size_t>(frame.width_px);
+    const std::uint8_t* const row = mask.data() + static_cast<size_t>(y) * frame.width_px;
     const std::uint8_t *const end = row + frame.width_px, *const first = next_set(row, end);
     if (first == end) continue;
     const std::uint8_t* last = end - 1;
@@ -96,8 +95,7 @@ std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<cons
   std::vector<std::uint8_t> found(frame.alpha.size());
   std::vector<cv::Point> open;
   const auto place = [&](int x, int y) {
-    return static_cast<size_t>(box.y + y) * static_cast<size_t>(frame.width_px) +
-           static_cast<size_t>(box.x + x);
+    return static_cast<size_t>(box.y + y) * frame.width_px + static_cast<size_t>(box.x + x);
   };
   const auto take = [&](int x, int y) {
     found[place(x, y)] = 255;
@@ -131,8 +129,7 @@ void bridge_highlights(std::span<const std::uint8_t> highlights, double blur_px,
       cv::Rect(core.x - margin, core.y - margin, core.width + 2 * margin, core.height + 2 * margin) &
       cv::Rect(0, 0, frame.width_px, frame.height_px);
   const auto place = [&](int x, int y) {
-    return static_cast<size_t>(box.y + y) * static_cast<size_t>(frame.width_px) +
-           static_cast<size_t>(box.x + x);
+    return static_cast<size_t>(box.y + y) * frame.width_px + static_cast<size_t>(box.x + x);
   };
   cv::Mat known = cv::Mat::zeros(box.size(), CV_32FC4);
   for (int y = 0; y < box.height; ++y) {

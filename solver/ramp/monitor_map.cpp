@@ -132,8 +132,7 @@ absl::StatusOr<MonitorMap> MonitorMap::fit(const RadianceImage& empty, int monit
   if (!h.allFinite() || map.residual_px_ > kMaxResidual * std::max(monitor_width_px, monitor_height_px))
     return no_ramp("its colours do not lie in the ramp's order");
   std::copy(plane.begin(), plane.end(), map.plane_.begin());
-  for (size_t i = 0; i < 8; ++i)
-    map.h_[i] = h[static_cast<Eigen::Index>(i)] / (i % 3 == 2 && i < 6 ? 1.0 : size_px);
+  for (size_t i = 0; i < 8; ++i) map.h_[i] = h[i] / (i % 3 == 2 && i < 6 ? 1.0 : size_px);
   return map;
 }
 

@@ -28,7 +28,7 @@ size_t step_of(const RampStage& stage, size_t most) {
 // The common motion of pixels off the object, none of which shows a change by itself.
 absl::Status check_surroundings(const RampStage& stage, const RampLight& light, const RampFrame& frame) {
   constexpr int kArm_px = 4;  // for the slope of the average
-  const auto row = static_cast<size_t>(stage.width_px);
+  const size_t row = stage.width_px;
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sums = Eigen::Vector3d::Zero();
   double rest = 0.0, count = 0.0;
@@ -45,7 +45,7 @@ absl::Status check_surroundings(const RampStage& stage, const RampLight& light, 
       const auto empty = [&](size_t arm) { return static_cast<double>(stage.average[3 * cross[arm] + c]); };
       const Eigen::Vector3d along((empty(1) - empty(2)) / (2 * kArm_px),
                                   (empty(3) - empty(4)) / (2 * kArm_px), empty(0));
-      const double difference = static_cast<double>(light[3 * i + c]) - empty(0);
+      const double difference = light[3 * i + c] - empty(0);
       squares += along * along.transpose();
       sums += along * difference;
       rest += difference * difference;

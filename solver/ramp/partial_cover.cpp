@@ -21,9 +21,7 @@ void partial_cover(const CoverPictures& pictures, int edge_px, double noise_vari
   const cv::Mat edge = object - inner;
   const int reach = edge_px + 1;
   const auto cover = [&](int x, int y) {
-    const auto place = [&](int column, int row) {
-      return (static_cast<size_t>(row) * static_cast<size_t>(width) + static_cast<size_t>(column)) * 3;
-    };
+    const auto place = [&](int column, int row) { return (static_cast<size_t>(row) * width + column) * 3; };
     std::array<float, 3> own{};
     float weights = 0.0f;
     for (int row = std::max(y - reach, 0); row <= std::min(y + reach, height - 1); ++row) {
@@ -48,7 +46,7 @@ void partial_cover(const CoverPictures& pictures, int edge_px, double noise_vari
   for_rows(height, thread_count, [&](int first, int last) {
     for (int y = first; y < last; ++y) {
       const std::uint8_t* const core = inner.ptr(y);
-      float* const row = alpha.data() + static_cast<size_t>(y) * static_cast<size_t>(width);
+      float* const row = alpha.data() + static_cast<size_t>(y) * width;
       for (int x = 0; x < width; ++x) row[x] = core[x] != 0 ? 1.0f : 0.0f;
       // Few pixels lie at an edge.
       const std::uint8_t *at = edge.ptr(y), *const end = at + width;

@@ -19,7 +19,7 @@ const std::array<std::uint8_t, kEntries>& srgb_codes() {
     for (int i = 0; i < kEntries; ++i) {
       const double light = static_cast<double>(i) / (kEntries - 1);
       const double code = light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1.0 / 2.4) - 0.055;
-      made[static_cast<size_t>(i)] = static_cast<std::uint8_t>(std::lround(255.0 * code));
+      made[i] = static_cast<std::uint8_t>(std::lround(255.0 * code));
     }
     return made;
   }();
@@ -74,8 +74,7 @@ std::vector<std::uint8_t> composite(const RampFrame& frame, const RampBackground
   for_rows(frame.height_px, thread_count, [&](int first, int last) {
     for (int y = first; y < last; ++y) {
       for (int x = 0; x < frame.width_px; ++x) {
-        const size_t pixel =
-            static_cast<size_t>(y) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(x);
+        const size_t pixel = static_cast<size_t>(y) * frame.width_px + x;
         const float alpha = frame.alpha[pixel], rho = frame.rho[pixel], f = frame.highlight[pixel];
         if (alpha == 0.0f) continue;
         FastSummedAreaTable::Light through{};

@@ -41,7 +41,7 @@ std::vector<std::uint8_t> object_of(const RampStage& stage, const RampLight& lig
   const float gain = static_cast<float>(noise.gain) * share, floor = static_cast<float>(least * least);
   std::vector<std::uint8_t> object(stage.behind.size());
   for_rows(stage.height_px, thread_count, [&](int first, int last) {
-    const auto width = static_cast<size_t>(stage.width_px);
+    const size_t width = stage.width_px;
     std::vector<float> squares(3 * width);
     for (int y = first; y < last; ++y) {
       const size_t from = static_cast<size_t>(y) * width;
@@ -208,12 +208,12 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
                 prepared_->options.edge_px, usual_variance, thread_count, frame.alpha);
   const HighlightRule rule{.delta = prepared_->options.delta,
                            .rise = prepared_->options.highlight_rise,
-                           .rho_sd = static_cast<double>(frame.rho_sd),
+                           .rho_sd = frame.rho_sd,
                            .reach_px = prepared_->highlight_reach_px};
   std::vector<std::uint8_t> sure(stage.behind.size());
   for_rows(stage.height_px, thread_count, [&](int first, int last) {
     ObjectPixels pixels(stage, noise, view, light);
-    const auto row = static_cast<size_t>(stage.width_px);
+    const size_t row = stage.width_px;
     for (int y = first; y < last; ++y) {
       const size_t begin = static_cast<size_t>(y) * row;
       put_empty_stage(stage, begin, begin + row, frame);
@@ -245,8 +245,8 @@ void RampExtractor::finish(const FrameView& view, RampFrame& frame, int thread_c
   const RampStage& stage = prepared_->stage;
   const RampOptions& options = prepared_->options;
   for_rows(stage.height_px, thread_count, [&](int first, int last) {
-    const size_t end = static_cast<size_t>(last) * static_cast<size_t>(stage.width_px);
-    for (size_t at = static_cast<size_t>(first) * static_cast<size_t>(stage.width_px); at < end; ++at) {
+    const size_t end = static_cast<size_t>(last) * stage.width_px;
+    for (size_t at = static_cast<size_t>(first) * stage.width_px; at < end; ++at) {
       frame.rho[at] = std::clamp(frame.rho[at], 0.0f, 1.0f);
       if (frame.highlight[at] == 0.0f) continue;
       const ColourManifold::Light ramp =

@@ -17,8 +17,8 @@ struct RampFootprint {
 // For a pixel on the object.
 inline RampFootprint ramp_footprint(const RampFrame& frame, int x, int y) {
   constexpr float kSurely = 0.3f;  // with this coverage, a pixel's c is the object's
-  const auto row = static_cast<size_t>(frame.width_px);
-  const size_t at = static_cast<size_t>(y) * row + static_cast<size_t>(x);
+  const size_t row = frame.width_px;
+  const size_t at = static_cast<size_t>(y) * row + x;
   const auto is_known = [&](size_t i) {
     return frame.alpha[i] > kSurely && (frame.info_xx[i] > 0.0f || frame.highlight[i] > 0.0f);
   };

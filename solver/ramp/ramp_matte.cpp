@@ -18,7 +18,7 @@ Matte matte_of(const RampStage& stage, const v1::MatteMetadata& metadata, const 
   const int width = frame.width_px, height = frame.height_px;
   Matte matte(0, 0, width, height, 2, true);
   matte.metadata = metadata;
-  const auto row = static_cast<size_t>(width);
+  const size_t row = width;
   // The variance of a box is side^2 / 12.
   const auto box = [&](float weight, float x_px, float y_px, float side_x_px, float side_y_px) {
     Mode mode;

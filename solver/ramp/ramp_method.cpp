@@ -70,7 +70,7 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
   const auto extract = [&](int number) {
     Extracted& extracted = near.emplace_back();
     extracted.number = number;
-    absl::StatusOr<VideoFrame> read = source.read(layout.frames[static_cast<size_t>(number)]);
+    absl::StatusOr<VideoFrame> read = source.read(layout.frames[number]);
     extracted.status = read.status();
     if (!read.ok()) return;
     extracted.read = *std::move(read);
@@ -84,11 +84,11 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
     smoother.prepare(extracted.input, thread_count);
   };
   for (int number = first; number < first + count; ++number) {
-    const int place = layout.frames[static_cast<size_t>(number)];
+    const int place = layout.frames[number];
     if (place < 0) continue;
     for (; next < size && next <= number + smoother.frames_after(); ++next) {
       if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
-      if (layout.frames[static_cast<size_t>(next)] >= 0) extract(next);
+      if (layout.frames[next] >= 0) extract(next);
     }
     for (; near.front().number < number - smoother.frames_before(); near.pop_front())
       spent = std::move(near.front().frame);

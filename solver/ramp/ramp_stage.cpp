@@ -68,7 +68,7 @@ RadianceImage primaries_of(const std::vector<float>& light, int width_px, int he
   if (mix.is_unit()) return image;
   for (size_t i = 0; i < image.samples.size(); i += 3) {
     const PrimaryMix::Light primaries = mix.primaries({light[i], light[i + 1], light[i + 2]});
-    std::copy(primaries.begin(), primaries.end(), image.samples.begin() + static_cast<std::ptrdiff_t>(i));
+    std::copy(primaries.begin(), primaries.end(), image.samples.begin() + i);
   }
   return image;
 }
@@ -81,8 +81,7 @@ std::array<double, 9> channel_mix(const PrimaryMix& mix, int texture, const std:
     light[primary] = 1.0f;
     const PrimaryMix::Light seen = mix.is_unit() ? light : mix.seen(texture, light);
     const double full = (primary == 2 ? 2.0 : 1.0) / plane[primary];
-    for (size_t channel = 0; channel < 3; ++channel)
-      out[3 * channel + primary] = static_cast<double>(seen[channel]) * full;
+    for (size_t channel = 0; channel < 3; ++channel) out[3 * channel + primary] = seen[channel] * full;
   }
   return out;
 }
@@ -143,7 +142,7 @@ double roughness(const FrameView& view) {
   for (int y = step / 2; y < view.height_px; y += step) {
     const std::uint16_t* const row = view.samples.data() + static_cast<size_t>(y) * row_samples;
     for (size_t i = 3; i + 3 < row_samples; ++i, ++count)
-      ++counts[static_cast<size_t>(std::abs(row[i - 3] - 2 * row[i] + row[i + 3]))];
+      ++counts[std::abs(row[i - 3] - 2 * row[i] + row[i + 3])];
   }
   size_t below = 0, code = 0;
   while (code + 1 < counts.size() && 2 * (below + counts[code]) < count) below += counts[code++];

@@ -25,10 +25,10 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
   FrameStack band = stack;
   band.first_row = stack.first_row + first;
   band.row_count = count;
-  const size_t row = static_cast<size_t>(stack.width_px) * static_cast<size_t>(stack.samples_per_pixel());
+  const size_t row = static_cast<size_t>(stack.width_px) * stack.samples_per_pixel();
   band.rows.assign(stack.rows.size(), {});
   for (const int frame : needed) {
-    const auto at = static_cast<size_t>(frame);
+    const size_t at = frame;
     band.rows[at] =
         stack.rows[at].subspan(static_cast<size_t>(first) * row, static_cast<size_t>(count) * row);
   }
@@ -98,21 +98,19 @@ absl::StatusOr<FrameStack> PreparedSolve::light_row(
                    .brightness = brightness,
                    .corrections = corrections,
                    .mosaic = interpolated_ ? interpolated_ : mosaic_of(manifest_.camera())};
-  stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
-  const auto count = static_cast<size_t>(stack.width_px) * static_cast<size_t>(stack.samples_per_pixel());
+  stack.rows.resize(manifest_.frames_size());
+  const auto count = static_cast<size_t>(stack.width_px) * stack.samples_per_pixel();
   const size_t frame_samples = count * static_cast<size_t>(stack.row_count);
   const auto owner = std::make_shared<std::vector<std::uint16_t>>(frames.size() * frame_samples);
   for (int y = 0; y < stack.row_count; ++y) {
     GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples, read(first + y, frames));
     for (size_t i = 0; i < frames.size(); ++i) {
-      std::copy_n(
-          samples.begin() + static_cast<std::ptrdiff_t>(i * count), count,
-          owner->begin() + static_cast<std::ptrdiff_t>(i * frame_samples + static_cast<size_t>(y) * count));
+      std::copy_n(samples.begin() + i * count, count,
+                  owner->begin() + i * frame_samples + static_cast<size_t>(y) * count);
     }
   }
   for (size_t i = 0; i < frames.size(); ++i) {
-    stack.rows[static_cast<size_t>(frames[i])] =
-        std::span<const std::uint16_t>(*owner).subspan(i * frame_samples, frame_samples);
+    stack.rows[frames[i]] = std::span<const std::uint16_t>(*owner).subspan(i * frame_samples, frame_samples);
   }
   stack.owner = owner;
   if (interpolated_) stack = interpolated_rows(stack, frames, row - first, 1);
@@ -210,13 +208,13 @@ absl::StatusOr<Matte> PreparedSolve::solve_bands(int row_count, int column_step,
   const int moved =
       column_step == 1 ? registration_reach(faults_.corrections.get(), manifest_.camera().width_px()) : 0;
   const int reach = moved + (fills ? filled_reach(!manifest_.camera().mosaic().empty()) : 0);
-  std::vector<std::optional<absl::StatusOr<Matte>>> bands(static_cast<size_t>(band_count));
+  std::vector<std::optional<absl::StatusOr<Matte>>> bands(band_count);
   std::atomic<int> next = 0, done = 0;
   std::atomic<bool> failed = false;
   const auto work = [&] {
     for (int band = next++; band < band_count && !failed && !stop.stop_requested(); band = next++) {
       const int first = band * band_rows;
-      auto& solved = bands[static_cast<size_t>(band)];
+      auto& solved = bands[band];
       solved = [&]() -> absl::StatusOr<Matte> {
         const int count = std::min(band_rows, row_count - first);
         const int begin = std::max(first - reach, 0), end = std::min(first + count + reach, row_count);
@@ -277,8 +275,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureMani
       const size_t count = shape_of(manifest.camera()).row_samples();
       std::vector<std::uint16_t> samples;
       for (const int frame : frames) {
-        const auto own =
-            stack.rows[static_cast<size_t>(frame)].subspan(static_cast<size_t>(row) * count, count);
+        const auto own = stack.rows[frame].subspan(static_cast<size_t>(row) * count, count);
         samples.insert(samples.end(), own.begin(), own.end());
       }
       return absl::StatusOr<std::vector<std::uint16_t>>(std::move(samples));
@@ -304,11 +301,11 @@ absl::StatusOr<Matte> solve_archive(const Method& method, const MappedArchive& a
                      .owner = nullptr,
                      .brightness = brightness,
                      .mosaic = mosaic_of(manifest.camera())};
-    stack.rows.resize(static_cast<size_t>(manifest.frames_size()));
+    stack.rows.resize(manifest.frames_size());
     const auto owner = std::make_shared<std::vector<FrameSamples>>();
     for (const int frame : prepared.frames_needed()) {
       GW_ASSIGN_OR_RETURN(FrameSamples own, archive.read(frame, first_row, row_count));
-      stack.rows[static_cast<size_t>(frame)] = own.samples;
+      stack.rows[frame] = own.samples;
       owner->push_back(std::move(own));
     }
     stack.owner = owner;

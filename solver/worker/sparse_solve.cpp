@@ -71,10 +71,9 @@ FrameStack every_column(const FrameStack& stack, int step) {
   const int count = (stack.width_px + step - 1) / step;
   some.width_px = count;
   some.column_step = stack.column_step * step;
-  const auto pixel_samples = static_cast<size_t>(stack.samples_per_pixel());
+  const size_t pixel_samples = stack.samples_per_pixel();
   const auto samples = std::make_shared<std::vector<std::uint16_t>>();
-  const size_t frame_samples =
-      static_cast<size_t>(stack.row_count) * static_cast<size_t>(count) * pixel_samples;
+  const size_t frame_samples = static_cast<size_t>(stack.row_count) * count * pixel_samples;
   samples->reserve(stack.rows.size() * frame_samples);
   for (std::span<const std::uint16_t>& frame : some.rows) {
     if (frame.empty()) continue;
@@ -82,8 +81,7 @@ FrameStack every_column(const FrameStack& stack, int step) {
     for (int y = 0; y < stack.row_count; ++y) {
       for (int x = 0; x < count; ++x) {
         const auto pixel = frame.subspan(
-            (static_cast<size_t>(y) * static_cast<size_t>(stack.width_px) + static_cast<size_t>(x * step)) *
-                pixel_samples,
+            (static_cast<size_t>(y) * stack.width_px + static_cast<size_t>(x * step)) * pixel_samples,
             pixel_samples);
         samples->insert(samples->end(), pixel.begin(), pixel.end());
       }
@@ -100,7 +98,7 @@ Matte spread(const Matte& solved, int width_px, int row_count, int step) {
   const std::vector<int> rows = sparse_rows(row_count, step);
   for (int y = 0; y < row_count; ++y) {
     const int v = y / step;
-    const float below = static_cast<float>(y - rows[static_cast<size_t>(v)]) / static_cast<float>(step);
+    const float below = static_cast<float>(y - rows[v]) / static_cast<float>(step);
     for (int x = 0; x < width_px; ++x) {
       const int u = std::min((x + step / 2) / step, solved.width_px() - 1);
       std::vector<Beside> beside;
@@ -121,8 +119,7 @@ Matte spread(const Matte& solved, int width_px, int row_count, int step) {
 absl::StatusOr<Matte> solve_sparsely(const PreparedSolve& prepared, const FrameStack& stack, int step,
                                      int thread_count, std::stop_token stop) {
   const std::vector<int> rows = sparse_rows(stack.row_count, step);
-  const auto row_samples =
-      static_cast<size_t>(stack.width_px) * static_cast<size_t>(stack.samples_per_pixel());
+  const auto row_samples = static_cast<size_t>(stack.width_px) * stack.samples_per_pixel();
   std::vector<absl::StatusOr<Matte>> solved(rows.size(), absl::CancelledError("solving was stopped"));
   std::atomic<size_t> next = 0;
   const auto work = [&] {

@@ -130,8 +130,8 @@ absl::StatusOr<ReadStack> SolveSource::stack(int first_row, int row_count) const
   const std::vector<int>& needed = prepared_->frames_needed();
   GW_ASSIGN_OR_RETURN(read.rows, archive_.rows(manifest_, needed, first_row, row_count));
   stack.owner = read.rows.owner;
-  stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
-  for (size_t i = 0; i < needed.size(); ++i) stack.rows[static_cast<size_t>(needed[i])] = read.rows.rows[i];
+  stack.rows.resize(manifest_.frames_size());
+  for (size_t i = 0; i < needed.size(); ++i) stack.rows[needed[i]] = read.rows.rows[i];
   return read;
 }
 
@@ -178,7 +178,7 @@ absl::StatusOr<std::vector<double>> survey(const v1::ClaimTileResponse& tile, co
   const BusyTime busy;
   const PreparedSolve* prepared = source.prepared();
   if (prepared == nullptr) return absl::InvalidArgumentError("a survey needs rows; this tile has frames");
-  std::vector<double> seconds(static_cast<size_t>(tile.survey_rows_size()));
+  std::vector<double> seconds(tile.survey_rows_size());
   std::vector<absl::Status> failed(seconds.size());
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   std::atomic<size_t> next = 0;

@@ -28,7 +28,7 @@ class ReadAhead final : public VideoSource {
     order_.insert(order_.end(), layout.black.begin(), layout.black.end());
     const int size = static_cast<int>(layout.frames.size());
     for (int i = 0; i < size; ++i) {
-      const int place = layout.frames[static_cast<size_t>(i)];
+      const int place = layout.frames[i];
       if (place < 0) continue;
       number_[place] = i;
       if (i >= first && i < first + count) order_.push_back(place);

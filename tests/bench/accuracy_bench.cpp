@@ -55,16 +55,16 @@ std::vector<LitPixel> lit_pixels(const Footprint& mode) {
 
 // The camera's answer to the stripe of every sample, as PixelSamples.y.
 std::vector<double> answers(const Footprints& modes, const SampleLayout& layout) {
-  std::vector<double> y(static_cast<size_t>(layout.padded_count()), 0.0);
+  std::vector<double> y(layout.padded_count(), 0.0);
   for (const Footprint& mode : modes) {
     const std::vector<LitPixel> pixels = lit_pixels(mode);
     for (const SampleLayout::Sweep& sweep : layout.sweeps) {
       for (int i = sweep.first; i < sweep.first + sweep.count; ++i) {
-        const double r = sweep.first_r_px + static_cast<double>(layout.offset_px[static_cast<size_t>(i)]);
+        const double r = sweep.first_r_px + static_cast<double>(layout.offset_px[i]);
         for (const LitPixel& pixel : pixels) {
           const double z =
               (pixel.x_px * sweep.axis.cos_phi + pixel.y_px * sweep.axis.sin_phi - r) / sweep.axis.sigma_px;
-          if (std::abs(z) < 6.0) y[static_cast<size_t>(i)] += pixel.share * std::exp(-0.5 * z * z);
+          if (std::abs(z) < 6.0) y[i] += pixel.share * std::exp(-0.5 * z * z);
         }
       }
     }
@@ -78,7 +78,7 @@ PixelSamples with_noise(const std::vector<double>& y, const SampleLayout& layout
       .layout = &layout, .y = std::vector(y.size(), 0.0f), .weight = std::vector(y.size(), 0.0f)};
   std::normal_distribution<double> noise(0.0, noise_sd);
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
-    for (auto i = static_cast<size_t>(sweep.first); i < static_cast<size_t>(sweep.first + sweep.count); ++i)
+    for (size_t i = sweep.first; i < static_cast<size_t>(sweep.first + sweep.count); ++i)
       samples.y[i] = static_cast<float>(y[i] + noise(random)), samples.weight[i] = 1.0f;
   }
   return samples;
@@ -94,8 +94,7 @@ Eigen::VectorXd bounds(const Footprints& truth, const SampleLayout& layout) {
     parameter(up[p / 6], p % 6) += kStep;
     parameter(down[p / 6], p % 6) -= kStep;
     const std::vector<double> high = answers(up, layout), low = answers(down, layout);
-    for (int i = 0; i < derivatives.rows(); ++i)
-      derivatives(i, p) = (high[static_cast<size_t>(i)] - low[static_cast<size_t>(i)]) / (2.0 * kStep);
+    for (int i = 0; i < derivatives.rows(); ++i) derivatives(i, p) = (high[i] - low[i]) / (2.0 * kStep);
   }
   return (derivatives.transpose() * derivatives).inverse().diagonal().cwiseSqrt();
 }
@@ -172,8 +171,8 @@ Accuracy measure(const Configuration& configuration, double noise_sd) {
           squares[v][p] +=
               std::pow(parameter(fits[v].modes[p / 6], p % 6) - parameter(truth[p / 6], p % 6), 2);
         for (int m = 0; m < truth.size(); ++m) {
-          stored[v](0, m) += std::pow(fits[v].weight_sd[static_cast<size_t>(m)], 2);
-          stored[v](1, m) += std::pow(fits[v].centre_sd_px[static_cast<size_t>(m)], 2);
+          stored[v](0, m) += std::pow(fits[v].weight_sd[m], 2);
+          stored[v](1, m) += std::pow(fits[v].centre_sd_px[m], 2);
         }
       }
     }

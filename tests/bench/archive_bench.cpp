@@ -55,7 +55,7 @@ void send_all(int to, std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t sent = ::write(to, bytes.data(), bytes.size());
     if (sent <= 0) std::abort();
-    bytes.remove_prefix(static_cast<size_t>(sent));
+    bytes.remove_prefix(sent);
   }
 }
 

@@ -76,7 +76,7 @@ Image16 picture(std::uint16_t id, std::uint32_t seed) {
       for (int i = 0; i < 12; ++i) noise += static_cast<double>(random()) / decltype(random)::max();
       const double electrons = light * 4.0 * ((1 << kBits) - 1);
       const double code = std::clamp((electrons + std::sqrt(electrons) * noise) / 4.0, 0.0, 4095.0);
-      image.samples[static_cast<size_t>(y) * kWidth_px + static_cast<size_t>(x)] =
+      image.samples[static_cast<size_t>(y) * kWidth_px + x] =
           static_cast<std::uint16_t>(std::lround(code) << (16 - kBits));
     }
   }
@@ -225,7 +225,7 @@ void learn_patches(Node& node) {
   const auto ids = patch_learning_ids();
   while (static_cast<size_t>(request.frames_size()) < ids.size()) {
     for (const v1::FrameTaken& taken : capture.take()) {
-      const auto at = static_cast<size_t>(request.frames_size());
+      const size_t at = request.frames_size();
       if (at == ids.size()) break;
       v1::Frame& frame = *request.add_frames() = record_of(taken, static_cast<int>(at));
       frame.mutable_stimulus()->set_kind("patch");

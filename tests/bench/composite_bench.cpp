@@ -159,7 +159,7 @@ void remap(benchmark::State& state, size_t kind) {
               cv::Mat(kHeight, kWidth, CV_32F)};
       for (int y = 0; y < kHeight; ++y) {
         for (int x = 0; x < kWidth; ++x) {
-          const Mode& mode = of.matte.modes(x, y, c)[static_cast<size_t>(m)];
+          const Mode& mode = of.matte.modes(x, y, c)[m];
           map.x.at<float>(y, x) = mode.x_px - 0.5f;
           map.y.at<float>(y, x) = mode.y_px - 0.5f;
           map.weight.at<float>(y, x) = mode.weight;
@@ -177,7 +177,7 @@ void remap(benchmark::State& state, size_t kind) {
     cv::split(whole, planes.data());
     for (cv::Mat& sum : sums) sum = cv::Mat::zeros(kHeight, kWidth, CV_32F);
     for (const Map& map : maps) {
-      const auto c = static_cast<size_t>(map.channel);
+      const size_t c = map.channel;
       cv::Mat seen;
       cv::remap(planes[c], seen, map.x, map.y, cv::INTER_LINEAR, cv::BORDER_CONSTANT);
       cv::accumulateProduct(seen, map.weight, sums[c]);

@@ -65,7 +65,7 @@ double median_ms(double sigma_px) {
     before = now;
   }
   times.erase(times.begin(), times.begin() + 5);  // drawn when the program was loaded
-  std::ranges::nth_element(times, times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2));
+  std::ranges::nth_element(times, times.begin() + times.size() / 2);
   return times[times.size() / 2];
 }
 

@@ -69,21 +69,20 @@ std::vector<int> void_and_cluster() {
   std::vector<char> set(kCells, 0);
   std::vector<double> crowding(kCells, 0.0);
   const auto change = [&](int cell, bool put) {
-    set[static_cast<size_t>(cell)] = put;
+    set[cell] = put;
     for (int dy = -9; dy <= 9; ++dy) {
       for (int dx = -9; dx <= 9; ++dx) {
         const int there =
             ((cell / kTile + dy) % kTile + kTile) % kTile * kTile + ((cell + dx) % kTile + kTile) % kTile;
-        crowding[static_cast<size_t>(there)] += (put ? 1.0 : -1.0) * std::exp(-(dx * dx + dy * dy) / 4.5);
+        crowding[there] += (put ? 1.0 : -1.0) * std::exp(-(dx * dx + dy * dy) / 4.5);
       }
     }
   };
   const auto extreme = [&](bool point) {
     int best = -1;
     for (int i = 0; i < kCells; ++i) {
-      if ((set[static_cast<size_t>(i)] != 0) != point) continue;
-      const double more =
-          best < 0 ? 0.0 : crowding[static_cast<size_t>(i)] - crowding[static_cast<size_t>(best)];
+      if ((set[i] != 0) != point) continue;
+      const double more = best < 0 ? 0.0 : crowding[i] - crowding[best];
       if (best < 0 || (point ? more > 0.0 : more < 0.0)) best = i;
     }
     return best;
@@ -92,7 +91,7 @@ std::vector<int> void_and_cluster() {
   int points = 0;
   while (points < kCells / 10) {
     const auto cell = static_cast<int>(random() % kCells);
-    if (set[static_cast<size_t>(cell)] != 0) continue;
+    if (set[cell] != 0) continue;
     change(cell, true);
     ++points;
   }
@@ -109,14 +108,14 @@ std::vector<int> void_and_cluster() {
   for (int r = points - 1; r >= 0; --r) {
     const int tightest = extreme(true);
     change(tightest, false);
-    rank[static_cast<size_t>(tightest)] = r;
+    rank[tightest] = r;
   }
   set = set_then;
   crowding = crowding_then;
   for (int r = points; r < kCells; ++r) {
     const int emptiest = extreme(false);
     change(emptiest, true);
-    rank[static_cast<size_t>(emptiest)] = r;
+    rank[emptiest] = r;
   }
   return rank;
 }
@@ -157,13 +156,13 @@ std::pair<double, double> seen(const Field& difference, const std::vector<double
   double worst = 0.0, square = 0.0, count = 0.0;
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x + n <= kSide; ++x) {
-      for (int i = 0; i < n; ++i) rows[at(x, y)] += kernel[static_cast<size_t>(i)] * difference[at(x + i, y)];
+      for (int i = 0; i < n; ++i) rows[at(x, y)] += kernel[i] * difference[at(x + i, y)];
     }
   }
   for (int y = 0; y + n <= kSide; ++y) {
     for (int x = 0; x + n <= kSide; ++x) {
       double sum = 0.0;
-      for (int i = 0; i < n; ++i) sum += kernel[static_cast<size_t>(i)] * rows[at(x, y + i)];
+      for (int i = 0; i < n; ++i) sum += kernel[i] * rows[at(x, y + i)];
       worst = std::max(worst, std::abs(sum));
       square += sum * sum;
       count += 1.0;
@@ -181,9 +180,8 @@ void compare() {
   const std::vector<std::pair<const char*, Way>> ways{
       {"none", by_threshold([](int, int) { return 0.5; })},
       {"white noise", by_threshold([&](int x, int y) { return white[at(x, y)]; })},
-      {"void and cluster 64", by_threshold([&](int x, int y) {
-         return (rank[static_cast<size_t>(y % 64 * 64 + x % 64)] + 0.5) / 4096.0;
-       })},
+      {"void and cluster 64",
+       by_threshold([&](int x, int y) { return (rank[y % 64 * 64 + x % 64] + 0.5) / 4096.0; })},
       {"Floyd-Steinberg", diffused},
       {"ours", ours},
       {"Bayer 4", by_threshold([](int x, int y) { return bayer(x, y, 2); })},

@@ -59,7 +59,7 @@ void general_ours(benchmark::State& state, int modes) {
   JointWorkspace workspace;
   std::int64_t fits = 0;
   for (auto _ : state) {
-    const auto i = static_cast<size_t>(fits++ % kPixels);
+    const size_t i = fits++ % kPixels;
     benchmark::DoNotOptimize(
         fit_jointly(pixels.samples[i], pixels.starts[i], kSimulatedExtent, {.max_steps = 50}, workspace));
   }
@@ -76,7 +76,7 @@ class JointModel {
   JointModel(const PixelSamples& samples, const Footprints& start) {
     for (const SampleLayout::Sweep& sweep : samples.layout->sweeps) {
       for (int i = 0; i < sweep.count; ++i) {
-        const auto place = static_cast<size_t>(sweep.first + i);
+        const size_t place = sweep.first + i;
         const double r = sweep.first_r_px + static_cast<double>(samples.layout->offset_px[place]);
         const bool near = std::any_of(start.begin(), start.end(), [&](const Footprint& mode) {
           const double centre = mode.x_px * sweep.axis.cos_phi + mode.y_px * sweep.axis.sin_phi;

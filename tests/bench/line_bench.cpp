@@ -108,8 +108,8 @@ class LineModel {
     for (int k = -window_.half; k <= window_.half; ++k)
       residuals[k + window_.half] = -static_cast<double>(window_.middle[k * window_.stride]);
     for (int m = 0; m < kModes; ++m) {
-      const auto unit = static_cast<double>(start_.peaks[m].amplitude);
-      const auto width = static_cast<double>(start_.peaks[m].sigma);
+      const double unit = start_.peaks[m].amplitude;
+      const double width = start_.peaks[m].sigma;
       const double amplitude = p[3 * m] * unit, inverse_sigma = 1.0 / (p[3 * m + 2] * width);
       const double centre = static_cast<double>(start_.peaks[m].centre) + p[3 * m + 1] * width;
       for (int k = -window_.half, i = 0; k <= window_.half; ++k, ++i) {
@@ -237,7 +237,7 @@ struct Frames {
     SweepLayout& sweep = layout.sweeps.emplace_back();
     sweep.sigma_px = 4.0;
     for (int k = 0; k < kSamples; ++k) {
-      auto& frame = frames[static_cast<size_t>(k)];
+      auto& frame = frames[k];
       frame.reserve(kLanes);
       for (const auto& m : modes) {
         double y = 0.01 + noise(random);

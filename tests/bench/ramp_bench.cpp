@@ -83,7 +83,7 @@ void whole(benchmark::State& state, int height_px) {
   const Video& of = video(height_px);
   const RampSmoother smoother(SmoothingOptions{});
   std::deque<Extracted> near;
-  const auto length = static_cast<size_t>(smoother.frames_before() + 1 + smoother.frames_after());
+  const size_t length = smoother.frames_before() + 1 + smoother.frames_after();
   size_t i = 0;
   RampFrame spent;
   const auto add = [&] {
@@ -97,7 +97,7 @@ void whole(benchmark::State& state, int height_px) {
     add();
     std::vector<SmoothInput> window;
     for (const Extracted& each : near) window.push_back(each.input);
-    const auto at = static_cast<size_t>(smoother.frames_before());
+    const size_t at = smoother.frames_before();
     RampFrame frame = smoother.smooth(window, at, kThreads);
     of.extractor.finish(of.view(i - length + at), frame, kThreads);
     benchmark::DoNotOptimize(frame);

@@ -51,7 +51,7 @@ class BigArchive {
         const double u = (x - kWidth / 2) / 420.0, v = (y - kHeight / 2) / 235.0;
         const bool object = u * u + v * v < 1.0;
         for (int c = 0; c < 3; ++c) {
-          Footprint* mode = &modes_[(static_cast<size_t>(y * kWidth + x) * 3 + static_cast<size_t>(c)) * 2];
+          Footprint* mode = &modes_[(static_cast<size_t>(y * kWidth + x) * 3 + c) * 2];
           mode[0] = {
               .weight = 0.9, .x_px = x + 0.5, .y_px = y + 0.5, .xx_px2 = 0.0, .xy_px2 = 0.0, .yy_px2 = 0.0};
           if (!object) continue;

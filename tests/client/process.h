@@ -62,7 +62,7 @@ class Process {
     for (char buffer[4096];;) {
       const ssize_t count = ::read(errors_, buffer, sizeof buffer);
       if (count <= 0) break;
-      errors.append(buffer, static_cast<size_t>(count));
+      errors.append(buffer, count);
     }
     int status = 0;
     ::waitpid(pid_, &status, 0);

@@ -36,7 +36,7 @@ inline Matte mixed_matte(int width_px, int height_px) {
       matte.coverage(x, y) =
           from_middle_x * from_middle_x + from_middle_y * from_middle_y < height_px * height_px;
       for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = 0.1f * part();
+        matte.foreground(x, y)[c] = 0.1f * part();
         int texture = 0;
         for (Mode& mode : matte.modes(x, y, c)) {
           const float wide = 30.0f * part(), narrow = 4.0f * part();

@@ -38,7 +38,7 @@ class FewFrames final : public Camera {
   std::optional<CapturedFrame> next(std::chrono::milliseconds) override {
     if (sequence_ == kFrames) return std::nullopt;
     const auto learning_ids = patch_learning_ids();
-    const auto number = static_cast<size_t>(sequence_);
+    const size_t number = sequence_;
     const auto id =
         number < learning_ids.size() ? learning_ids[number] : static_cast<std::uint16_t>(sequence_);
     CapturedFrame frame;

@@ -33,7 +33,7 @@ void try_input(std::string_view input) {
   FUZZ_CHECK(list->manifest.frames_size() == static_cast<int>(list->lines.size()));
   FUZZ_CHECK(list->black >= 0.0 && list->black <= 65535.0);
   for (int i = 0; i < list->manifest.frames_size(); ++i) {
-    const size_t at = static_cast<size_t>(i);
+    const size_t at = i;
     FUZZ_CHECK(list->lines[at] >= 1 && (i == 0 || list->lines[at] > list->lines[at - 1]));
     FUZZ_CHECK(check_frame(list->manifest.frames(i)).ok());
   }

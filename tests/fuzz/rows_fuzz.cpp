@@ -32,8 +32,8 @@ ArchiveStore& store() {
     header.mutable_camera()->set_height_px(kHeight_px);
     std::vector<Archive::NewFrame> frames(kFrames);
     for (int i = 0; i < kFrames; ++i) {
-      frames[static_cast<size_t>(i)].record.set_step(i);
-      frames[static_cast<size_t>(i)].image = picture(i);
+      frames[i].record.set_step(i);
+      frames[i].image = picture(i);
     }
     return store.create(header).value()->add(frames).ok();
   }();
@@ -75,7 +75,7 @@ void answer(const v1::ReadRowsRequest& request) {
     if (!message->has_value()) break;
     FUZZ_CHECK(take_row_chunk(**message, got, offset).ok());
   }
-  const auto begin = static_cast<size_t>(request.offset_bytes());
+  const size_t begin = request.offset_bytes();
   FUZZ_CHECK(static_cast<size_t>(offset) == expected.size());
   FUZZ_CHECK(got.substr(begin) == expected.substr(begin));
 }

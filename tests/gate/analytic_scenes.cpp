@@ -22,7 +22,7 @@ void put_object(Scene& scene, const std::function<View(double x, double y)>& vie
     for (int column = 0; column < scene.camera.width_px; ++column) {
       const double x = (2.0 * column + 1.0) / scene.camera.width_px - 1.0,
                    y = (2.0 * row + 1.0) / scene.camera.height_px - 1.0;
-      const auto pixel = static_cast<size_t>(row * scene.camera.width_px + column);
+      const size_t pixel = row * scene.camera.width_px + column;
       scene.inside[pixel] = std::hypot(x, y) < 0.8;
       if (scene.inside[pixel]) scene.object[pixel] = view(x / 0.8, y / 0.8);
     }
@@ -115,7 +115,7 @@ Scene panels() {
       const Gaussian one = gaussian({at_x, at_y, random.in(1.0, 2.5), 0.9, random.in(-90.0, 90.0)});
       view.paths.push_back({.monitor = monitor,
                             .tint = {weight, 0.9 * weight, 0.8 * weight},
-                            .shares = shares_of(one, scene.monitors[static_cast<size_t>(monitor)])});
+                            .shares = shares_of(one, scene.monitors[monitor])});
     };
     add(0, 0.5, 20.0 + 12.0 * x, 24.0 + 14.0 * y);
     if (y < 0.0) add(0, 0.2, 48.0 - 10.0 * x, 24.0 - 14.0 * y);

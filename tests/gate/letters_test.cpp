@@ -48,7 +48,7 @@ RadianceImage letters() {
       const Glyph& glyph = kGlasswing[static_cast<size_t>(letter) % kGlasswing.size()];
       for (int y = 0; y < 7 * stroke; ++y) {
         for (int x = 0; x < 5 * stroke; ++x) {
-          if ((glyph[static_cast<size_t>(y / stroke)] >> (4 - x / stroke) & 1) == 0) continue;
+          if ((glyph[y / stroke] >> (4 - x / stroke) & 1) == 0) continue;
           for (int c = 0; c < 3; ++c)
             picture.at(4 + 6 * stroke * letter + x, top + y, c) = 0.1f * static_cast<float>(c);
         }
@@ -93,13 +93,13 @@ class Session {
       frame.set_exposure_ms(step.exposure_ms);
       *frame.mutable_stimulus() = step.stimulus;
     }
-    frames_.resize(static_cast<size_t>(manifest_.frames_size()));
+    frames_.resize(manifest_.frames_size());
     std::atomic<int> next = 0;
     const auto work = [&] {
       for (int i = next++; i < manifest_.frames_size(); i = next++) {
         const v1::Frame& frame = manifest_.frames(i);
         const RadianceImage light = seen(frame.object(), drawn(frame.stimulus(), kPattern));
-        frames_[static_cast<size_t>(i)] = expose(light, kExposure_ms, model_, i);
+        frames_[i] = expose(light, kExposure_ms, model_, i);
       }
     };
     std::vector<std::jthread> threads;

@@ -53,7 +53,7 @@ RadianceImage drawn(const v1::Stimulus& stimulus, Size size) {
       const double gray = ramp ? 0.0 : shade(stimulus, x + 0.5, y + 0.5);
       for (int c = 0; c < 3; ++c) {
         const double colour = stimulus.colour_size() == 3 ? stimulus.colour(c) : 1.0;
-        shown.at(x, y, c) = static_cast<float>(ramp ? on_ramp[static_cast<size_t>(c)] : colour * gray);
+        shown.at(x, y, c) = static_cast<float>(ramp ? on_ramp[c] : colour * gray);
       }
     }
   }

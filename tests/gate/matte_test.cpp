@@ -58,7 +58,7 @@ struct Object {
   Truth modes() const {
     return [this](int x, int y, int) {
       std::vector<TrueMode> own;
-      for (const Lit& lit : truth[static_cast<size_t>(y * 32 + x)])
+      for (const Lit& lit : truth[y * 32 + x])
         own.push_back({.weight = lit.weight, .x_px = lit.density.x_px, .y_px = lit.density.y_px});
       std::ranges::sort(own, [](const TrueMode& a, const TrueMode& b) { return a.weight > b.weight; });
       return own;
@@ -81,7 +81,7 @@ Matte solved(const Scene& scene, const Camera& camera) {
   Recording recording = recorded(scene, plan_of(camera));
   v1::CaptureManifest& manifest = recording.manifest;
   for (int i = 0; i < manifest.frames_size(); ++i) {
-    for (float& light : recording.frames[static_cast<size_t>(i)].samples) {
+    for (float& light : recording.frames[i].samples) {
       light *= static_cast<float>(manifest.frames(i).exposure_ms() / camera.exposures_ms.front());
       light =
           static_cast<float>(camera.black_level + (1.0 - camera.black_level) * static_cast<double>(light));

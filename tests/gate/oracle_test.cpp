@@ -122,13 +122,13 @@ struct Stripes {
   }
   PixelSamples samples_of(const Shares& shares) const {
     PixelSamples samples{.layout = &layout, .y = {}, .weight = {}};
-    samples.y.resize(static_cast<size_t>(layout.padded_count()));
+    samples.y.resize(layout.padded_count());
     samples.weight.resize(samples.y.size());
     auto picture = shown.begin();
     for (const SampleLayout::Sweep& sweep : layout.sweeps) {
       for (int i = 0; i < sweep.count; ++i) {
-        samples.y[static_cast<size_t>(sweep.first + i)] = static_cast<float>(seen(shares, *picture++, 0));
-        samples.weight[static_cast<size_t>(sweep.first + i)] = 1.0f;
+        samples.y[sweep.first + i] = static_cast<float>(seen(shares, *picture++, 0));
+        samples.weight[sweep.first + i] = 1.0f;
       }
     }
     return samples;
@@ -150,8 +150,8 @@ TEST(Oracle, Stripe) {
     double peak = 0.0, error = 0.0;
     for (const SampleLayout::Sweep& sweep : stripes.layout.sweeps) {
       for (int i = 0; i < sweep.count; ++i) {
-        const auto at = static_cast<size_t>(sweep.first + i);
-        const double y = static_cast<double>(samples.y[at]);
+        const size_t at = sweep.first + i;
+        const double y = samples.y[at];
         const double r = sweep.first_r_px + static_cast<double>(stripes.layout.offset_px[at]);
         peak = std::max(peak, y);
         error = std::max({error, std::abs(response(truth, sweep.axis, r, kExtent) - y),

@@ -34,7 +34,7 @@ RadianceImage photograph(const Scene& scene, bool object, const std::vector<Radi
     for (size_t c = 0; c < 3; ++c) {
       double light = views[pixel].foreground[c];
       for (const Path& path : views[pixel].paths) {
-        const RadianceImage& on = shown[static_cast<size_t>(path.monitor)];
+        const RadianceImage& on = shown[path.monitor];
         if (path.tint[c] > 0.0 && !on.empty())
           light += path.tint[c] * seen(path.shares, on, static_cast<int>(c));
       }
@@ -100,9 +100,9 @@ Recording recorded(const Scene& scene, const std::string& plan) {
     frame.set_exposure_ms(step.exposure_ms);
     *frame.mutable_stimulus() = step.stimulus;
     std::vector<RadianceImage> shown(scene.monitors.size());
-    const auto lit = static_cast<size_t>(std::distance(
+    const size_t lit = std::distance(
         rig.begin(),
-        std::ranges::find(rig, step.stimulus.panel(), [](const auto& one) { return one.name(); })));
+        std::ranges::find(rig, step.stimulus.panel(), [](const auto& one) { return one.name(); }));
     shown.at(lit) = drawn(step.stimulus, scene.monitors.at(lit));
     recording.frames.push_back(photograph(scene, step.object, shown));
   }

@@ -49,7 +49,7 @@ void put_object(Scene& scene, int rays, const std::array<double, 3>& foreground,
       const double each = 1.0 / (rays * rays);
       double covered = 0.0;
       const auto add = [&](int monitor, size_t channel, double x, double y, double part) {
-        const Size size = scene.monitors[static_cast<size_t>(monitor)];
+        const Size size = scene.monitors[monitor];
         if (x < 0.0 || y < 0.0 || x >= size.width_px || y >= size.height_px) return;
         light[{monitor, channel, static_cast<int>(y), static_cast<int>(x)}] += part * each;
       };
@@ -72,7 +72,7 @@ void put_object(Scene& scene, int rays, const std::array<double, 3>& foreground,
         const double x = 2.0 * (column + (i % rays + 0.5) / rays), y = 2.0 * (row + (i / rays + 0.5) / rays);
         for (size_t channel = 0; channel < 3; ++channel) trace(x, y, channel);
       }
-      const auto pixel = static_cast<size_t>(row * scene.camera.width_px + column);
+      const size_t pixel = row * scene.camera.width_px + column;
       scene.inside[pixel] = covered > 0.5;
       View& view = scene.object[pixel] = {};
       for (size_t c = 0; c < 3; ++c) view.foreground[c] = covered * foreground[c];

@@ -70,7 +70,7 @@ class Decoder {
 
   // The middle of each pixel's view, px; none if a stripe down to 8 px has too little contrast.
   std::vector<std::optional<double>> row(int y) const {
-    const auto width = static_cast<size_t>(archive_.manifest().camera().width_px());
+    const size_t width = archive_.manifest().camera().width_px();
     std::vector<int> place(width, 0), above(width, 0);  // code so far, in units of the last bit; that bit
     std::vector<int> last(width, bits_.begin()->first + 1);
     std::vector<bool> clear(width, true), done(width, false);
@@ -134,7 +134,7 @@ absl::Status draw(const Matte& matte, const std::string& folder) {
       const std::array<float, 3> y_hue = hue(static_cast<double>(mode.y_px) / monitor.height_px());
       const double side_px = std::sqrt(12.0 * static_cast<double>(std::max(mode.xx_px2, mode.yy_px2)));
       for (int c = 0; c < kChannels; ++c) {
-        const auto channel = static_cast<size_t>(c);
+        const size_t channel = c;
         across.at(x, y, c) = bright * x_hue[channel];
         down.at(x, y, c) = bright * y_hue[channel];
         width.at(x, y, c) = static_cast<float>(std::min(side_px / 32.0, 1.0));
@@ -161,7 +161,7 @@ absl::StatusOr<bool> check(const std::string& archive_path, const std::string& m
       const Mode& mode = strongest(matte, x, y);
       lit += mode.weight >= kLit ? 1.0 : 0.0;
       flagged += mode.weight >= kLit && matte.flags(x, y) != kFlagNone ? 1.0 : 0.0;
-      const auto place = static_cast<size_t>(x);
+      const size_t place = x;
       if (!xs[place] || !ys[place]) continue;
       count += 1.0;
       if (mode.weight <= 0.0f) {

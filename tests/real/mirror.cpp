@@ -40,7 +40,7 @@ std::array<std::map<double, Quarters, std::greater<>>, 2> fringes_of(const v1::C
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Stimulus& stimulus = manifest.frames(i).stimulus();
     if (stimulus.kind() != "sinusoid") continue;
-    const auto quarter = static_cast<size_t>(std::lround(stimulus.phase_deg() / 90.0));
+    const size_t quarter = std::lround(stimulus.phase_deg() / 90.0);
     fringes[stimulus.phi_deg() == 0.0 ? 0 : 1][stimulus.period_px()][quarter] = i;
   }
   return fringes;
@@ -73,7 +73,7 @@ bool is_lit(const v1::CaptureManifest& manifest, const FrameStack& stack, int x,
 
 double median(std::vector<double> values) {
   if (values.empty()) return NAN;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  const auto middle = values.begin() + values.size() / 2;
   std::ranges::nth_element(values, middle);
   return *middle;
 }
@@ -92,8 +92,7 @@ std::array<double, kWindow> residual_filter() {
       terms * (terms.transpose() * terms).inverse() * terms.transpose();
   std::array<double, kWindow> filter{};
   for (int i = 0; i < kWindow; ++i)
-    filter[static_cast<size_t>(i)] =
-        ((i == kReach ? 1.0 : 0.0) - fitted(kReach, i)) / std::sqrt(1.0 - fitted(kReach, kReach));
+    filter[i] = ((i == kReach ? 1.0 : 0.0) - fitted(kReach, i)) / std::sqrt(1.0 - fitted(kReach, kReach));
   return filter;
 }
 
@@ -123,8 +122,8 @@ std::optional<std::array<double, 2>> residual_of(const Solved& solved, int x, in
     const int u = x + i - kReach;
     if (u < 0 || u >= solved.matte.width_px() || !solved.good(u, y)) return std::nullopt;
     const Mode& there = solved.matte.modes(u, y, kChannel)[0];
-    left_x += filter[static_cast<size_t>(i)] * static_cast<double>(there.x_px);
-    left_y += filter[static_cast<size_t>(i)] * static_cast<double>(there.y_px);
+    left_x += filter[i] * static_cast<double>(there.x_px);
+    left_y += filter[i] * static_cast<double>(there.y_px);
   }
   return std::array{left_x, left_y};
 }

@@ -60,7 +60,7 @@ Axis axis_of(const v1::CaptureManifest& manifest, const std::string& orient) {
   std::map<std::vector<bool>, std::pair<double, double>> sums;
   for (int t = 0; t < side_px; ++t) {
     std::vector<bool> word;
-    for (const Bars& each : axis.bars) word.push_back(each.shown[static_cast<size_t>(t)]);
+    for (const Bars& each : axis.bars) word.push_back(each.shown[t]);
     auto& [sum, count] = sums[word];
     sum += t + 0.5;
     count += 1.0;
@@ -86,9 +86,7 @@ std::vector<Pixel> decode(const MappedArchive& archive, const std::array<int, 4>
       if (x >= left_out[0] && x < left_out[0] + left_out[2] && y >= left_out[1] &&
           y < left_out[1] + left_out[3])
         continue;
-      const auto light = [&](int frame) {
-        return rows[static_cast<size_t>(frame)][static_cast<size_t>(3 * x + kGreen)] / 65535.0;
-      };
+      const auto light = [&](int frame) { return rows[frame][3 * x + kGreen] / 65535.0; };
       double low = 1.0, high = 0.0;
       for (int i = 0; i < manifest.frames_size(); ++i) {
         low = std::min(low, light(i));
@@ -104,7 +102,7 @@ std::vector<Pixel> decode(const MappedArchive& archive, const std::array<int, 4>
                          (bars.complement >= 0 ? light(bars.complement) : 0.5 * (low + high)));
         const auto found = axes[axis].middle_px.find(word);
         known = found != axes[axis].middle_px.end();
-        if (known) pixel.decoded[static_cast<Eigen::Index>(axis)] = found->second;
+        if (known) pixel.decoded[axis] = found->second;
       }
       if (known) pixels.push_back(pixel);
     }
@@ -178,7 +176,7 @@ class Plane {
 
 double median(std::vector<double> values) {
   if (values.empty()) return NAN;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  const auto middle = values.begin() + values.size() / 2;
   std::ranges::nth_element(values, middle);
   return *middle;
 }

@@ -38,7 +38,7 @@ cv::Mat side_by_side(const std::vector<std::pair<std::string, cv::Mat>>& panels,
   cv::Mat sheet(lines * (h + kCaption + kGap) - kGap, columns * (w + kGap) - kGap, CV_8UC3,
                 cv::Scalar(255, 255, 255));
   for (int i = 0; i < count; ++i) {
-    const auto& [caption, panel] = panels[static_cast<size_t>(i)];
+    const auto& [caption, panel] = panels[i];
     const int x = i % columns * (w + kGap), y = i / columns * (h + kCaption + kGap) + kCaption;
     cv::Mat large;
     cv::resize(panel, large, {w, h}, 0.0, 0.0, cv::INTER_NEAREST);

@@ -27,7 +27,7 @@ Image16 degraded(const RadianceImage& light, const Degradation& degradation, uns
   const double levels = std::exp2(degradation.bits) - 1.0;
   Image16 image(light.width_px, light.height_px, light.channels);
   for (size_t i = 0; i < light.samples.size(); ++i) {
-    const auto seen = static_cast<double>(light.samples[i]);
+    const double seen = light.samples[i];
     const double photons = degradation.full_well > 0.0 ? std::max(seen, 0.0) / degradation.full_well : 0.0;
     const double sd = std::sqrt(degradation.noise_sd * degradation.noise_sd + photons);
     const double value = std::clamp(seen + (sd > 0.0 ? sd * normal(random) : 0.0), 0.0, 1.0);
@@ -68,11 +68,10 @@ std::vector<std::string> RenderedScene::photograph_names() const {
 
 // Names are the renderer's: left_X shows X on the monitor "left" alone; some show a picture on each.
 Photograph RenderedScene::photograph(const std::string& name) const {
-  Photograph photograph{
-      .name = name,
-      .backgrounds = std::vector<RadianceImage>(static_cast<size_t>(manifest_.monitors_size())),
-      .seen = picture(directory_ / "ref" / (name + "_obj.png")),
-      .bare = {}};
+  Photograph photograph{.name = name,
+                        .backgrounds = std::vector<RadianceImage>(manifest_.monitors_size()),
+                        .seen = picture(directory_ / "ref" / (name + "_obj.png")),
+                        .bare = {}};
   // Without the object the camera does not see a monitor at the side.
   const fs::path bare = directory_ / "ref" / (name + "_bg.png");
   photograph.bare =
@@ -153,18 +152,16 @@ absl::StatusOr<FrameStack> RenderedScene::stack(const Method& method, const Synt
                    .rows = {},
                    .owner = nullptr,
                    .mosaic = mosaic_of(manifest_.camera())};
-  stack.rows.resize(static_cast<size_t>(capture.manifest.frames_size()));
+  stack.rows.resize(capture.manifest.frames_size());
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<PreparedMethod> prepared, method.prepare(capture.manifest));
   const std::vector<int>& needed = prepared->frames_needed();
   const auto frames = std::make_shared<std::vector<Image16>>();
   stack.owner = frames;
   for (const int frame : needed) {
-    const RadianceImage light =
-        made(capture.manifest.frames(frame), capture.parts[static_cast<size_t>(frame)]);
+    const RadianceImage light = made(capture.manifest.frames(frame), capture.parts[frame]);
     frames->push_back(degraded(light, degradation, static_cast<unsigned>(frame)));
   }
-  for (size_t i = 0; i < needed.size(); ++i)
-    stack.rows[static_cast<size_t>(needed[i])] = (*frames)[i].samples;
+  for (size_t i = 0; i < needed.size(); ++i) stack.rows[needed[i]] = (*frames)[i].samples;
   return stack;
 }
 

@@ -47,14 +47,14 @@ FrameStack read_stack(const fs::path& directory, const v1::CaptureManifest& mani
                    .row_count = manifest.camera().height_px(),
                    .rows = {},
                    .owner = nullptr};
-  stack.rows.resize(static_cast<size_t>(manifest.frames_size()));
+  stack.rows.resize(manifest.frames_size());
   const auto frames = std::make_shared<std::vector<Image16>>();
   stack.owner = frames;
   for (const int frame : needed) {
     frames->push_back(read_frame_file(directory / manifest.frames(frame).file()).value());
   }
   for (size_t i = 0; i < needed.size(); ++i) {
-    stack.rows[static_cast<size_t>(needed[i])] = (*frames)[i].samples;
+    stack.rows[needed[i]] = (*frames)[i].samples;
   }
   return stack;
 }
@@ -67,7 +67,7 @@ std::vector<double> psnrs(const fs::path& directory, const Scene& scene, const M
   const Image16 mask = read_frame_file(directory / "mask_true.png").value();
   std::vector<double> found;
   for (const std::string name : scene.photographs) {
-    std::vector<RadianceImage> backgrounds(static_cast<size_t>(matte.metadata.monitors_size()));
+    std::vector<RadianceImage> backgrounds(matte.metadata.monitors_size());
     backgrounds[0] = read_radiance(directory / ("stim/photo_" + name + ".png"), Encoding::kLinear).value();
     const RadianceImage reference =
         read_radiance(directory / ("ref/" + name + "_obj.png"), Encoding::kLinear).value();

@@ -31,6 +31,16 @@ for package in "${packages[@]}"; do
   [[ -z $needs ]] || depends+=("$needs")
 done
 
+echo "== their bill of materials and checksums"
+"$root/deploy/sbom" "$work/packages"
+(cd "$work/packages" && sha256sum --quiet -c SHA256SUMS) || fail "checksums"
+python3 - "$work/packages/glasswing.cdx.json" "${names[@]}" <<'PYTHON' || fail "the bill of materials"
+import json, sys
+components = {part["name"]: part for part in json.load(open(sys.argv[1]))["components"]}
+missing = {*sys.argv[2:], "libgrpc++1.51", "libopenexr-3-1-30", "preact"} - components.keys()
+sys.exit(f"{missing} are missing" if missing else 0)
+PYTHON
+
 echo "== a fresh Debian with their dependencies"
 eval "$(apt-config shell http_proxy Acquire::http::Proxy https_proxy Acquire::https::Proxy)"
 export http_proxy=${http_proxy-} https_proxy=${https_proxy-}

@@ -218,7 +218,7 @@ absl::Status AravisCamera::learn_rate() {
                     "(--packet-size)?",
                     device_->id(), options_.packet_bytes));
   }
-  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
+  const auto middle = intervals.begin() + intervals.size() / 2;
   std::nth_element(intervals.begin(), middle, intervals.end());
   if (middle->count() <= 0) {
     return absl::UnavailableError(

@@ -64,7 +64,7 @@ class MonitorViews {
         for (const Mode& mode : rows.modes(x, y, kGreen)) {
           if (mode.weight <= 0.0f) continue;
           const Eigen::Vector3d camera(x + 0.5, top + y + 0.5, 1.0);
-          Sums& of = sums[static_cast<size_t>(mode.texture)];
+          Sums& of = sums[mode.texture];
           of.squares += mode.weight * camera * camera.transpose();
           of.products += mode.weight * camera * Eigen::RowVector2d(mode.x_px, mode.y_px);
           ++of.count;
@@ -152,7 +152,7 @@ cv::Mat layer_of(const RadianceImage& picture, const RadianceImage* coverage, cv
   cv::Mat layer = cv::Mat::zeros(size.height + 2, size.width + 2, CV_32FC4);
   cv::Mat inside = layer(cv::Rect({1, 1}, size));
   cv::Mat from = whole == size ? inside : cv::Mat(whole, CV_32FC4);
-  const auto width = static_cast<size_t>(whole.width);
+  const size_t width = whole.width;
   for_rows(whole.height, 0, [&](int first, int last) {
     for (int y = first; y < last; ++y) {
       const std::span<const float> covered =
@@ -187,8 +187,7 @@ void lay_over(const cv::Mat& layer, const Eigen::Vector2d& corner, int width_px,
                                down * ((1.0f - across) * above[i] + across * above[i - 1]);
         const float covered = over[kChannels];
         if (covered == 0.0f) continue;
-        const size_t pixel =
-            (static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x)) * kSamples;
+        const size_t pixel = (static_cast<size_t>(y) * width_px + x) * kSamples;
         for (size_t c = 0; c < kChannels; ++c) {
           const float light = over[static_cast<int>(c)] + (1.0f - covered) * lights[frame[pixel + c]];
           out[pixel + c] = codes[code16_of(light)];
@@ -261,7 +260,7 @@ absl::Status ObjectInFrame::composite(const Placement& placement, int width_px, 
 
   const RadianceImage light = light_of_frame(width_px, height_px, frame);
   const v1::Monitor& monitor = metadata_.monitors(static_cast<int>(texture));
-  std::vector<RadianceImage> behind(static_cast<size_t>(metadata_.monitors_size()));
+  std::vector<RadianceImage> behind(metadata_.monitors_size());
   behind[texture] = placement.whole_picture || !views_[texture]
                         ? resized(light, monitor.width_px(), monitor.height_px())
                         : frame_on_monitor(light, chained(frame_from_camera, inverse(*views_[texture])),

@@ -57,7 +57,7 @@ class Filter {
   }
 
   void update(const std::uint8_t* frame, std::uint8_t* out) {
-    const size_t size = static_cast<size_t>(width_px_) * static_cast<size_t>(height_px_) * 4;
+    const size_t size = static_cast<size_t>(width_px_) * height_px_ * 4;
     absl::Status status;
     try {
       status = composite({frame, size}, {out, size});

@@ -98,8 +98,7 @@ struct Needs {
         monitors(static_cast<size_t>(outline.metadata.monitors_size())),
         all(static_cast<size_t>(outline.modes_per_channel) * channels * monitors) {}
   Need& at(int mode, int channel, int monitor) {
-    return all[(static_cast<size_t>(mode) * channels + static_cast<size_t>(channel)) * monitors +
-               static_cast<size_t>(monitor)];
+    return all[(static_cast<size_t>(mode) * channels + channel) * monitors + static_cast<size_t>(monitor)];
   }
   const size_t channels, monitors;
   std::vector<Need> all;
@@ -350,7 +349,7 @@ class Graph {
   std::vector<ChannelOfMode> channels_of(int mode) const {
     if (outline_.colourless) return {{mode, "Y", {0, 1, 2}}};
     std::vector<ChannelOfMode> channels;
-    for (int c = 0; c < kChannels; ++c) channels.push_back({mode, kColours[static_cast<size_t>(c)], {c}});
+    for (int c = 0; c < kChannels; ++c) channels.push_back({mode, kColours[c], {c}});
     return channels;
   }
 
@@ -435,7 +434,7 @@ class Graph {
         std::array<std::string, 4> values{"0", "0", "0", "0"};
         const Band* const next = b + 1 < blurs.bands.size() && taps[b + 1] > 0 ? &ladder_[b + 1] : nullptr;
         for (const int c : which.colours) {
-          const auto colour = static_cast<size_t>(c);
+          const size_t colour = c;
           values[colour] =
               fmt::format("{:.9g}*Ba*({})", weight, level_mix(ladder_[b], b, next, kColours[colour]));
         }

@@ -19,7 +19,7 @@ struct RampFrame {
   void resize(int width, int height) {
     width_px = width;
     height_px = height;
-    const size_t count = static_cast<size_t>(width) * static_cast<size_t>(height);
+    const size_t count = static_cast<size_t>(width) * height;
     for (std::vector<float>* plane : {&alpha, &rho, &x_px, &y_px, &highlight, &info_xx, &info_xy, &info_yy})
       plane->resize(count);
     flags.resize(count);

@@ -28,8 +28,7 @@ RampFrame copy_of(const RampFrame& frame, int thread_count) {
   copy.rho_sd = frame.rho_sd;
   copy.flags = frame.flags;
   for_rows(static_cast<int>(kPlanes.size()), thread_count, [&](int first, int last) {
-    for (auto i = static_cast<size_t>(first); i < static_cast<size_t>(last); ++i)
-      copy.*kPlanes[i] = frame.*kPlanes[i];
+    for (size_t i = first; i < static_cast<size_t>(last); ++i) copy.*kPlanes[i] = frame.*kPlanes[i];
   });
   return copy;
 }

@@ -89,7 +89,7 @@ Sums Gather(const SmoothStep& step, const Before& before, size_t centre) {
   const int r = step.radius;
   const float reach = (static_cast<float>(r) + 0.5f) * (static_cast<float>(r) + 0.5f);
   const float fall = 1.0f / static_cast<float>((r + 1) * (r + 1));
-  const auto stride = static_cast<std::ptrdiff_t>(step.area.stride());
+  const std::ptrdiff_t stride = step.area.stride();
   for (int v = -r; v <= r; ++v) {
     const V below = hn::Set(d, static_cast<float>(v));
     V expected[3];  // for this row, in the pixel's own column
@@ -98,7 +98,7 @@ Sums Gather(const SmoothStep& step, const Before& before, size_t centre) {
     for (int u = -r; u <= r; ++u) {
       const auto distance2 = static_cast<float>(u * u + v * v);
       if (distance2 > reach) continue;
-      const auto at = static_cast<size_t>(static_cast<std::ptrdiff_t>(centre) + v * stride + u);
+      const size_t at = static_cast<std::ptrdiff_t>(centre) + v * stride + u;
       const V right = hn::Set(d, static_cast<float>(u));
       V off2[3];
       for (int k = 0; k < 3; ++k) {
@@ -246,8 +246,8 @@ void TakeCoarse(const RefineStep& step, size_t centre, int right, int below, Nar
   V weights = zero, most = zero, infos = zero, sums[3] = {zero, zero, zero};
   for (const int v : {0, below}) {
     for (const int u : {0, right}) {
-      const auto at = static_cast<size_t>(static_cast<std::ptrdiff_t>(centre) +
-                                          v * static_cast<std::ptrdiff_t>(step.coarse_area.stride()) + u);
+      const size_t at = static_cast<std::ptrdiff_t>(centre) +
+                        v * static_cast<std::ptrdiff_t>(step.coarse_area.stride()) + u;
       const float x = 0.25f * static_cast<float>(right) - static_cast<float>(u),
                   y = 0.25f * static_cast<float>(below) - static_cast<float>(v);
       V value[3], off2[3];

@@ -53,11 +53,10 @@ class Joiner {
         block_px_(std::min(pilot.area.width, pilot.area.height) < 256 ? 16 : 32),
         across_((pilot.area.width + block_px_ - 1) / block_px_) {
     const int down = (pilot.area.height + block_px_ - 1) / block_px_;
-    steps_.resize(static_cast<size_t>(across_) * static_cast<size_t>(down));
+    steps_.resize(static_cast<size_t>(across_) * down);
     for_rows(down, thread_count, [&](int first, int last) {
       for (int j = first; j < last; ++j) {
-        for (int i = 0; i < across_; ++i)
-          steps_[static_cast<size_t>(j * across_ + i)] = search(i * block_px_, j * block_px_);
+        for (int i = 0; i < across_; ++i) steps_[j * across_ + i] = search(i * block_px_, j * block_px_);
       }
     });
   }
@@ -172,7 +171,7 @@ class Joiner {
   template <typename Use>
   void each_run(int y, const Use& use) const {
     for (int i = 0; i < across_; ++i) {
-      const Step& step = steps_[static_cast<size_t>((y / block_px_) * across_ + i)];
+      const Step& step = steps_[(y / block_px_) * across_ + i];
       const int row = y + offset_.y + step.y, moved = offset_.x + step.x;
       if (row < 0 || row >= other_.area.height) continue;
       const int first = std::max(i * block_px_, -moved);

@@ -42,7 +42,7 @@ std::array<float, 6> straight_of(const RampFrame& frame) {
   const int step = std::max(1, frame.width_px / 64);
   for (int y = 0; y < frame.height_px; y += step) {
     for (int x = 0; x < frame.width_px; x += step) {
-      const size_t i = static_cast<size_t>(y) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(x);
+      const size_t i = static_cast<size_t>(y) * frame.width_px + x;
       if (frame.alpha[i] > 0.0f) continue;
       const Eigen::Vector3d place(1.0, x, y);
       normal += place * place.transpose();
@@ -62,8 +62,7 @@ void take_row(const RampFrame& frame, const std::array<float, 6>& s, const Smoot
   const int width = std::min(area.width, frame.width_px - area.x0);
   for (int x = 0; x < width; ++x) {
     const int column = area.x0 + x, row = area.y0 + y;
-    const size_t from =
-        static_cast<size_t>(row) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(column);
+    const size_t from = static_cast<size_t>(row) * frame.width_px + column;
     const size_t to = area.at(x, y);
     if (frame.alpha[from] <= 0.0f) continue;
     const auto fx = static_cast<float>(column), fy = static_cast<float>(row);
@@ -146,8 +145,7 @@ void put_row(const std::array<float, 6>& s, const SmoothArea& area, const Smooth
     const size_t from = area.at(x, y);
     if (samples.object[from] == 0.0f || state.info[from] <= 0.0f) continue;
     const int column = area.x0 + x, row = area.y0 + y;
-    const size_t to =
-        static_cast<size_t>(row) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(column);
+    const size_t to = static_cast<size_t>(row) * frame.width_px + column;
     if (frame.highlight[to] > 0.0f) continue;
     const auto fx = static_cast<float>(column), fy = static_cast<float>(row);
     frame.x_px[to] = state.value[0][from] + (s[0] + s[1] * fx + s[2] * fy);

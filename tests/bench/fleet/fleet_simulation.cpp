@@ -69,7 +69,7 @@ double quantile(std::vector<double> values, double part) {
   if (values.empty()) return 0.0;
   const auto at = static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<size_t>(at)];
+  return values[at];
 }
 
 struct Tiles {
@@ -118,11 +118,11 @@ nlohmann::json figures(const Tiles& tiles, int solvers, nanoseconds began) {
 }
 
 absl::Status simulate(const SimulatedWork& work, int solvers) {
-  std::vector<SolverLog> logs(static_cast<size_t>(solvers));
+  std::vector<SolverLog> logs(solvers);
   std::vector<std::jthread> threads;
   for (int i = 0; i < solvers; ++i) {
     threads.emplace_back([&, i](std::stop_token stop) {
-      logs[static_cast<size_t>(i)] = run_simulated_solver(work, fmt::format("simulated-{}", i + 1), stop);
+      logs[i] = run_simulated_solver(work, fmt::format("simulated-{}", i + 1), stop);
     });
   }
   const auto stub = v1::SessionService::NewStub(dial(work.server));

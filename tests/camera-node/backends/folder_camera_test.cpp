@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <unistd.h>
 
 #include <fstream>
 #include <random>
@@ -13,6 +12,7 @@
 #include "core/frame/image_file.h"
 #include "tests/camera-node/backends/camera_contract.h"
 #include "tests/core/frame/dng.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -46,11 +46,7 @@ void drop(const fs::path& file, std::string_view bytes) {
 
 class FolderCameraTest : public testing::Test {
  protected:
-  FolderCameraTest() {
-    fs::create_directories(folder_);
-    drop(folder_ / "first.png", png(1));
-  }
-  ~FolderCameraTest() override { fs::remove_all(folder_); }
+  FolderCameraTest() { drop(folder_ / "first.png", png(1)); }
   FolderCamera::Options options() const {
     return {.name = "dslr", .directory = folder_, .exposure_ms = kExposure_ms};
   }
@@ -70,7 +66,7 @@ class FolderCameraTest : public testing::Test {
     return frame ? frame->image().value().samples[0] : -1;
   }
 
-  const fs::path folder_ = fs::path(testing::TempDir()) / fmt::format("folder.{}", ::getpid());
+  const TemporaryDirectory folder_;
 };
 
 TEST_F(FolderCameraTest, APictureIsExposedBetweenTheDemandAndItsFileAndHasNoTimes) {
@@ -148,7 +144,7 @@ TEST_F(FolderCameraTest, PicturesOfAnotherSizeAreNamedAndLeftOut) {
 TEST_F(FolderCameraTest, RawFilesGiveTheirMosaicBlackExposureAndGain) {
   constexpr int kSide_px = 32;  // LibRaw takes smaller ones for thumbnails
   Dng dng{.width_px = kSide_px, .height_px = kSide_px, .codes = {}, .bits = 14, .mosaic = "GBRG"};
-  dng.codes.assign(static_cast<size_t>(kSide_px * kSide_px), 9000);
+  dng.codes.assign(kSide_px * kSide_px, 9000);
   dng.black = {600.0f};
   dng.white = 15000;
   dng.exposure_s = 0.125;
@@ -220,7 +216,6 @@ TEST_F(FolderCameraTest, WhatIsWrongAtTheStartIsNamed) {
 class Pressed final : public Camera {
  public:
   Pressed() {
-    fs::create_directories(folder_);
     drop(folder_ / "first.png", png(1));
     camera_ = FolderCamera::open({.name = "dslr", .directory = folder_, .exposure_ms = kExposure_ms}).value();
     pressing_ = std::jthread([this](std::stop_token stop) {
@@ -230,17 +225,14 @@ class Pressed final : public Camera {
       }
     });
   }
-  ~Pressed() override {
-    pressing_ = {};
-    fs::remove_all(folder_);
-  }
+  ~Pressed() override { pressing_ = {}; }
   v1::GetCameraResponse describe() const override { return camera_->describe(); }
   absl::Status start(double exposure_ms) override { return camera_->start(exposure_ms); }
   std::optional<CapturedFrame> next(milliseconds timeout) override { return camera_->next(timeout); }
   void stop() override { camera_->stop(); }
 
  private:
-  const fs::path folder_ = fs::path(testing::TempDir()) / fmt::format("pressed.{}", ::getpid());
+  const TemporaryDirectory folder_;
   std::unique_ptr<FolderCamera> camera_;
   std::jthread pressing_;
 };

@@ -30,7 +30,7 @@ RawPicture blank(std::string_view format, int width, int height, size_t stride, 
 // Stores the code of a raw sample at its place in the format.
 void put_raw(RawPicture& picture, int x, int y, int code) {
   std::uint8_t* row = picture.planes[0].data() + static_cast<size_t>(y) * picture.stride_bytes;
-  const auto at = static_cast<size_t>(x);
+  const size_t at = x;
   const auto put_bits = [&](size_t first, int value, int count) {  // the lowest first
     for (size_t i = 0; i < static_cast<size_t>(count); ++i) {
       std::uint8_t& byte = row[(first + i) / 8];
@@ -39,7 +39,7 @@ void put_raw(RawPicture& picture, int x, int y, int code) {
   };
   const int bits = picture.format->bits, low_bits = bits - 8;
   if (picture.format->packing == Packing::kCsi2) {
-    const size_t group = static_cast<size_t>(picture.format->group_px());
+    const size_t group = picture.format->group_px();
     row[at / group * (group + 1) + at % group] = static_cast<std::uint8_t>(code >> low_bits);
     put_bits(8 * (at / group * (group + 1) + group) + static_cast<size_t>(low_bits) * (at % group), code,
              low_bits);

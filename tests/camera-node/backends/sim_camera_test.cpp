@@ -123,8 +123,8 @@ TEST(SimCamera, SeesAMovingSceneWhereItIsByTheCamerasClock) {
       const int phase = motion_of("wobble").phase_at(
           nanoseconds((frame.taken.exposure_start_ns() + frame.taken.exposure_end_ns()) / 2));
       phases.insert(phase);
-      const RadianceImage truth = (object ? *stage.phases[static_cast<size_t>(phase)] : *stage.empty)
-                                      .respond(std::vector<RadianceImage>{shown});
+      const RadianceImage truth =
+          (object ? *stage.phases[phase] : *stage.empty).respond(std::vector<RadianceImage>{shown});
       const Image16 image = frame.image().value();
       for (size_t s = 0; s < truth.samples.size(); ++s)
         ASSERT_NEAR(image.samples[s], 65535.0f * truth.samples[s], 1.0) << i;  // rounded
@@ -172,7 +172,7 @@ TEST(SimCamera, AutomaticsFollowTheLightOfTheFramesBeforeAndSayNothing) {
       const Colour light = light_at(start), gains = automatic_gains(automatics, before);
       const Image16 image = frame.image().value();
       for (int c = 0; c < 3; ++c) {
-        const auto place = static_cast<size_t>(c);
+        const size_t place = c;
         // Half a 16-bit code times the gain, and a few float operations.
         EXPECT_NEAR(image.at(1, 1, c) / 65535.0, std::min(light[place] * gains[place], 1.0f), 5e-5);
       }

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -18,6 +17,7 @@
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 
@@ -38,10 +38,7 @@ class CameraNode : public testing::Test {
                            .lag = std::chrono::milliseconds(2)});
     start();
   }
-  void TearDown() override {
-    stop();
-    std::filesystem::remove_all(directory_);
-  }
+  void TearDown() override { stop(); }
   void start() {
     camera_ = SimCamera::create(options_, timeline_).value();
     store_ = std::make_unique<ArchiveStore>(directory_);
@@ -162,8 +159,7 @@ class CameraNode : public testing::Test {
     return camera_stub_->KeepFrames(&context, request, response);
   }
 
-  const std::filesystem::path directory_ =
-      std::filesystem::path(testing::TempDir()) / ("camera_node." + std::to_string(::getpid()));
+  const TemporaryDirectory directory_;
   EmissionTimeline timeline_;
   SimCameraOptions options_;
   std::unique_ptr<SimCamera> camera_;

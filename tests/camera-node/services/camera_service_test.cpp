@@ -85,7 +85,7 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
 
 // The frames are dark, and kept as they come: one of many, on a machine that is busy, is not late.
 TEST_F(CameraNode, CompressesFramesButThoseOfCalibrations) {
-  const auto plain = static_cast<std::int64_t>(tiff_size_bytes({8, 6}));
+  const std::int64_t plain = tiff_size_bytes({8, 6});
   v1::CaptureRequest request;
   request.set_exposure_ms(4.0);
   for (const bool of_calibration : {false, true}) {

@@ -80,8 +80,7 @@ std::optional<Streamed> read_frame(grpc::ClientReader<v1::StreamFramesResponse>&
   v1::StreamFramesResponse response;
   if (!reader.Read(&response)) return std::nullopt;
   Streamed frame{.taken = response.frame(), .bytes = response.chunk()};
-  const size_t size =
-      6 * static_cast<size_t>(frame.taken.width_px()) * static_cast<size_t>(frame.taken.height_px());
+  const size_t size = 6 * static_cast<size_t>(frame.taken.width_px()) * frame.taken.height_px();
   while (frame.bytes.size() < size && reader.Read(&response)) {
     EXPECT_FALSE(response.has_frame());
     frame.bytes += response.chunk();

@@ -3,9 +3,9 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/pattern/id_patch.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -23,7 +23,6 @@ class Untimed : public testing::Test {
     header.mutable_camera()->set_height_px(kPatch.rows);
     EXPECT_TRUE(store_.create(header).ok());
   }
-  ~Untimed() override { fs::remove_all(directory_); }
 
   // The record of a new frame of the ring that shows an id; dark without one.
   v1::Frame taken(std::optional<std::uint16_t> id) {
@@ -62,7 +61,7 @@ class Untimed : public testing::Test {
     return keeper_.keep(request).value();
   }
 
-  const fs::path directory_ = fs::path(testing::TempDir()) / fmt::format("keeper.{}", ::getpid());
+  const TemporaryDirectory directory_;
   ArchiveStore store_{directory_};
   FrameRing ring_;
   FrameKeeper keeper_{store_, ring_};

@@ -1,11 +1,11 @@
 #include "camera-node/services/patch_proof.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -123,7 +123,7 @@ TEST(PatchProof, FramesWaitForTheOthersOfTheirMonitorStageAndExposure) {
 }
 
 TEST(PatchProof, LearnsAgainFromTheArchive) {
-  const fs::path directory = fs::path(testing::TempDir()) / ("patch_proof." + std::to_string(::getpid()));
+  const TemporaryDirectory directory;
   v1::CaptureManifest header;
   header.set_session("s");
   header.mutable_camera()->set_width_px(64);
@@ -136,7 +136,6 @@ TEST(PatchProof, LearnsAgainFromTheArchive) {
   EXPECT_EQ(PatchVerdict::kAgrees, proof.judge(frame, frame_of(0x1234)));
   EXPECT_EQ(frame.proof(), v1::PROOF_TIME_AND_PATCH);
   EXPECT_EQ(PatchVerdict::kOtherId, proof.judge(frame, frame_of(0x4321)));
-  fs::remove_all(directory);
 }
 
 }  // namespace

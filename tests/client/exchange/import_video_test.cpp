@@ -77,7 +77,7 @@ class ImportSequence : public ImportVideo {
 TEST_F(ImportSequence, FramesComeInOrderWithTheBackgroundsOfTheirKind) {
   ASSERT_EQ(run({"import", set_.string(), "--sequence", "ramp_dark"}).status, 0);
   std::vector<int> expected(12);
-  for (int i = 0; i < 12; ++i) expected[static_cast<size_t>(i)] = 10 + i;
+  for (int i = 0; i < 12; ++i) expected[i] = 10 + i;
   EXPECT_EQ(marks(true), expected);
   EXPECT_EQ(marks(false), std::vector{60});
   EXPECT_EQ(server_.sessions_.begun[0].manifest().monitors(0).width_px(), 64);

@@ -2,11 +2,11 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "client/exchange/frame_source.h"
 #include "core/base/file.h"
 #include "tests/core/frame/dng.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -18,9 +18,6 @@ constexpr int kSide_px = 32;
 
 class RawImport : public testing::Test {
  protected:
-  RawImport() { fs::create_directories(directory_); }
-  ~RawImport() override { fs::remove_all(directory_); }
-
   static Dng flat(std::uint16_t code, float black) {
     Dng dng{.width_px = kSide_px,
             .height_px = kSide_px,
@@ -42,7 +39,7 @@ class RawImport : public testing::Test {
     return photograph_source(directory_, *std::move(read));
   }
 
-  const fs::path directory_ = fs::path(testing::TempDir()) / fmt::format("raw_import.{}", ::getpid());
+  const TemporaryDirectory directory_;
 };
 
 TEST_F(RawImport, KeepsTheMosaicAndTheLevelsOfTheFirstFile) {

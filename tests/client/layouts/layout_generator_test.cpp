@@ -80,7 +80,7 @@ std::vector<std::string> order_of(Random& random, std::vector<std::string> block
 Drawn draw(Random& random, int kind) {
   constexpr std::array<std::array<int, 2>, 5> kSizes{{{64, 48}, {128, 96}, {100, 60}, {96, 40}, {160, 90}}};
   Drawn drawn;
-  const auto& size = kSizes[static_cast<size_t>(whole(random, 0, 4))];
+  const auto& size = kSizes[whole(random, 0, 4)];
   drawn.width_px = size[0], drawn.height_px = size[1];
   const bool gray = kind != 1, fringes_alone = kind == 2 || kind == 3, beside = kind == 4 || kind == 5;
   // Complements of a binary code before it look like a mirrored view.
@@ -88,8 +88,7 @@ Drawn draw(Random& random, int kind) {
   const bool backward = whole(random, 0, 1) == 1;
   std::vector<double> periods_px;
   double cell_px = 1.0, phase_deg = 0.0;
-  drawn.steps =
-      fringes_alone || beside ? std::array{3, 4, 5, 6, 8}[static_cast<size_t>(whole(random, 0, 4))] : 0;
+  drawn.steps = fringes_alone || beside ? std::array{3, 4, 5, 6, 8}[whole(random, 0, 4)] : 0;
   if (kind == 2) {  // each several times shorter than the one before
     periods_px = {160.0};
     const double ratio = between(random, 3.0, 5.0);
@@ -97,7 +96,7 @@ Drawn draw(Random& random, int kind) {
       periods_px.push_back(periods_px.back() / ratio);
   } else if (kind == 3) {  // heterodyne: nearly alike
     periods_px = {10.0, 11.0, 12.0};
-    periods_px.resize(static_cast<size_t>(whole(random, 2, 3)));
+    periods_px.resize(whole(random, 2, 3));
   } else if (beside) {
     periods_px = {whole(random, 0, 1) == 0 ? 16.0 : 12.0};
     cell_px = kind == 5 ? 0.5 * periods_px.front() : periods_px.front();
@@ -211,8 +210,8 @@ std::vector<Fault> faults_of(const Drawn& drawn, Random& random) {
   constexpr std::array kFaults{Fault::kBlack, Fault::kWhite, Fault::kRepeated, Fault::kFlat};
   const int count = static_cast<int>(drawn.pictures.size()) / 10;
   for (int k = 0; k < count; ++k) {
-    const auto at = static_cast<size_t>(whole(random, 0, static_cast<int>(faults.size()) - 1));
-    faults[at] = kFaults[static_cast<size_t>(whole(random, 0, 3))];
+    const size_t at = whole(random, 0, static_cast<int>(faults.size()) - 1);
+    faults[at] = kFaults[whole(random, 0, 3)];
   }
   return faults;
 }

@@ -74,13 +74,12 @@ TEST(PhotographLayout, BitsAreThoseOfThePlace) {
         wide, 25);
     for (int t = 0; t < 300; ++t) {
       for (int bit = 0; bit < 9; ++bit) {
-        const auto at = static_cast<size_t>(7 + 2 * (8 - bit));
+        const size_t at = 7 + 2 * (8 - bit);
         EXPECT_EQ(radiance(shown[at], wide, t, 2) == 0.0, bit_of(t, bit, gray));
         EXPECT_EQ(radiance(shown[at + 1], wide, t, 2) == 1.0, bit_of(t, bit, gray));
       }
       for (int bit = 0; bit < 3 && t < 5; ++bit)
-        EXPECT_EQ(radiance(shown[static_cast<size_t>(2 + 2 * (2 - bit))], wide, 7, t) == 1.0,
-                  bit_of(t, bit, gray));
+        EXPECT_EQ(radiance(shown[2 + 2 * (2 - bit)], wide, 7, t) == 1.0, bit_of(t, bit, gray));
     }
   }
 }
@@ -100,9 +99,8 @@ TEST(PhotographLayout, FringesMoveByAStep) {
       for (int wave = 0; wave < 3; ++wave) {
         for (int step = 0; step < 3; ++step) {
           for (int t = 0; t < 48; ++t) {
-            const double turns =
-                (t + 0.5) / period_px[static_cast<size_t>(wave)] + (backward ? step : -step) / 3.0;
-            const auto at = static_cast<size_t>(1 + 9 * (1 - axis) + 3 * wave + step);
+            const double turns = (t + 0.5) / period_px[wave] + (backward ? step : -step) / 3.0;
+            const size_t at = 1 + 9 * (1 - axis) + 3 * wave + step;
             // A float's rounding, 1e-7, of phases up to 30 rad.
             EXPECT_NEAR(radiance(shown[at], screen, axis == 0 ? t : 9, axis == 0 ? 9 : t),
                         0.5 + 0.5 * std::cos(2.0 * std::numbers::pi * turns), 1e-5);

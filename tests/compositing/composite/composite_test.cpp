@@ -40,7 +40,7 @@ Matte window(float foreground) {
     for (int x = 0; x < kWidth; ++x) {
       matte.coverage(x, y) = 1.0f;
       for (int channel = 0; channel < 3; ++channel) {
-        matte.foreground(x, y)[static_cast<size_t>(channel)] = foreground;
+        matte.foreground(x, y)[channel] = foreground;
         Mode& mode = matte.modes(x, y, channel)[0];
         mode.weight = 0.5f;
         mode.x_px = static_cast<float>(x) + 0.5f;
@@ -335,7 +335,7 @@ TEST_F(CompositeCommand, UnsolvedPixelsAreToldAndFilledWhereAskedFor) {
   Matte matte = window(0.125f);
   matte.flags(5, 4) = kFlagNoData;
   for (int c = 0; c < kChannels; ++c) {
-    matte.foreground(5, 4)[static_cast<size_t>(c)] = 0.0f;
+    matte.foreground(5, 4)[c] = 0.0f;
     matte.modes(5, 4, c)[0] = Mode{};
   }
   ASSERT_OK(write_file_durably(path("hole.exr"), encode_matte(matte).value()));
@@ -362,7 +362,7 @@ Matte half_a_window() {
     for (int x = 0; x <= kWidth / 2; ++x) {
       matte.coverage(x, y) = x < kWidth / 2 ? 0.0f : 0.25f;
       for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = 0.0f;
+        matte.foreground(x, y)[c] = 0.0f;
         matte.modes(x, y, c)[0].weight = 1.0f;
       }
     }

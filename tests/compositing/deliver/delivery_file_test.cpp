@@ -117,7 +117,7 @@ TEST_F(DeliveryFile, IsReadByRows) {
                     is_object(x, y) ? matte.foreground(x, y) : (std::array<float, 3>{}));
         }
         const std::lock_guard lock(mutex);
-        ++seen[static_cast<size_t>(y)];
+        ++seen[y];
       }
       return absl::OkStatus();
     }));
@@ -302,7 +302,7 @@ TEST_F(DeliveryFile, PreviewOfACalibratedRigIsOfPrimaries) {
   const std::string pixel = "Pixel (14, 19): ";
   std::istringstream values(said.text.substr(said.text.find(pixel) + pixel.size()));
   for (const int channel : {1, 0, 2}) {
-    float light = matte.foreground(14, 19)[static_cast<size_t>(channel)];
+    float light = matte.foreground(14, 19)[channel];
     for (const Mode& mode : matte.modes(14, 19, channel)) light += 0.5f * mode.weight;
     float found = 0.0f;
     values >> found;

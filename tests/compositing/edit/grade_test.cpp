@@ -26,7 +26,7 @@ TEST(Graded, GainAndExposureHoldBeforeEveryPicture) {
   constexpr std::array<float, 3> kGain{1.5f, 0.75f, 0.0f};
   const Matte out = graded(matte, {.exposure_stops = -1.0f, .gain = kGain});
   expect_each(before, seen(out), [&](int x, int y, int c) {
-    return 0.5 * static_cast<double>(kGain[static_cast<size_t>(c)]) * static_cast<double>(before.at(x, y, c));
+    return 0.5 * static_cast<double>(kGain[c]) * static_cast<double>(before.at(x, y, c));
   });
   // Relative errors stay.
   EXPECT_FLOAT_EQ(out.modes(1, 1, 0)[0].weight_sd / out.modes(1, 1, 0)[0].weight,
@@ -51,7 +51,7 @@ TEST(Graded, SaturationIsThatOfThePictureBeforeGray) {
         [&](int x, int y, int c) {
           double luminance = 0.0;
           for (int k = 0; k < kChannels; ++k)
-            luminance += kLuminance[static_cast<size_t>(k)] * static_cast<double>(before.at(x, y, k));
+            luminance += kLuminance[k] * static_cast<double>(before.at(x, y, k));
           return luminance +
                  static_cast<double>(saturation) * (static_cast<double>(before.at(x, y, c)) - luminance);
         },

@@ -59,7 +59,7 @@ TEST_F(MatteIds, AnIndependentDecoderFindsTheObjects) {
       {{"vase", 2}, {"glass", 6}, {"Schüssel, \"groß\"", 9}, {"d", 13}}};
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      const auto i = static_cast<size_t>(y * kWidth + x);
+      const size_t i = y * kWidth + x;
       float left = 1.0f, sum = 0.0f;
       for (const auto& [name, from] : front_to_back) {
         const float alpha = y < 3 ? 0.0f : coverage(from, x);

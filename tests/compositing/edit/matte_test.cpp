@@ -85,7 +85,7 @@ TEST_F(MatteCommand, TheFirstOfSeveralIsInFront) {
   const Matte all = read_matte(path("out.exr")).value();
   const std::array<const char*, 7> owners{"a.exr", "a.exr", "a.exr", "b.exr", "b.exr", "c.exr", "c.exr"};
   for (int x = 0; x < 7; ++x) {
-    EXPECT_EQ(all.foreground(x, 2), read_matte(path(owners[static_cast<size_t>(x)]))->foreground(x, 2)) << x;
+    EXPECT_EQ(all.foreground(x, 2), read_matte(path(owners[x]))->foreground(x, 2)) << x;
     EXPECT_EQ(all.coverage(x, 2), 1.0f);
   }
   EXPECT_EQ(all.coverage(7, 2), 0.0f);

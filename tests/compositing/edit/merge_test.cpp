@@ -34,8 +34,7 @@ struct Scene {
         alpha.push_back(own);
         matte.coverage(x, y) = own;
         for (int c = 0; c < kChannels; ++c) {
-          matte.foreground(x, y)[static_cast<size_t>(c)] =
-              own * object.foreground(x, y)[static_cast<size_t>(c)];
+          matte.foreground(x, y)[c] = own * object.foreground(x, y)[c];
           auto place = matte.modes(x, y, c).begin();
           if (own < 1.0f) {
             *place = bare(x, y);
@@ -67,7 +66,7 @@ TEST(Merged, IsFrontOverBackOverTheBackground) {
   const RadianceImage empty = seen(nothing), near = front.light(), far = back.light(), now = seen(both);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      const auto at = static_cast<size_t>(y * kWidth + x);
+      const size_t at = y * kWidth + x;
       const double a = front.alpha[at], b = back.alpha[at];
       for (int c = 0; c < kChannels; ++c) {
         const double behind =

@@ -54,9 +54,9 @@ Matte scattered() {
       const v1::Monitor& monitor = matte.metadata.monitors(texture);
       const auto at_x = static_cast<float>(below(monitor.width_px())) + 0.5f;
       const auto at_y = static_cast<float>(below(monitor.height_px())) + 0.5f;
-      const size_t place = static_cast<size_t>(below(2));
+      const size_t place = below(2);
       for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = static_cast<float>(below(64)) / 64.0f;
+        matte.foreground(x, y)[c] = static_cast<float>(below(64)) / 64.0f;
         matte.modes(x, y, c)[place] = {.weight = static_cast<float>(1 + below(64)) / 64.0f,
                                        .x_px = at_x,
                                        .y_px = at_y,
@@ -136,8 +136,8 @@ TEST_F(StMap, OiiotoolWarpsAsTheCompositorDoes) {
   for (int texture = 0; texture < 2; ++texture) {
     const v1::Monitor& monitor = matte.metadata.monitors(texture);
     std::vector<RadianceImage> behind(2);
-    behind[static_cast<size_t>(texture)] = random_picture(monitor.width_px(), monitor.height_px());
-    ASSERT_OK(write_radiance(path("behind.exr"), behind[static_cast<size_t>(texture)], Encoding::kLinear));
+    behind[texture] = random_picture(monitor.width_px(), monitor.height_px());
+    ASSERT_OK(write_radiance(path("behind.exr"), behind[texture], Encoding::kLinear));
     const RadianceImage expected = composite(matte, behind).value();
     ASSERT_EQ(
         run_glasswing({"stmap", path("vase.exr"), "--monitor", monitor.name(), "-o", path("st.exr")}).status,
@@ -157,7 +157,7 @@ TEST_F(StMap, OiiotoolWarpsAsTheCompositorDoes) {
       const std::vector<float>& plane = planes.at(std::string(1, "RGB"[c]));
       for (int y = 0; y < kHeight; ++y) {
         for (int x = 0; x < kWidth; ++x) {
-          ASSERT_NEAR(plane[static_cast<size_t>(y * kWidth + x)], expected.at(x, y, c), tolerance)
+          ASSERT_NEAR(plane[y * kWidth + x], expected.at(x, y, c), tolerance)
               << x << " " << y << " " << monitor.name();
         }
       }
@@ -233,7 +233,7 @@ TEST_F(StMap, BlenderWarpsToTheSamePlace) {
   for (int y = 2; y < kHeight - 2; ++y) {
     for (int x = 2; x < kWidth - 2; ++x) {
       if (std::abs(x - 12) <= 2 && std::abs(y - 9) <= 2) continue;  // its neighbours' filters are wide
-      const auto at = static_cast<size_t>(y * kWidth + x);
+      const size_t at = y * kWidth + x;
       EXPECT_NEAR(planes.at("R")[at] * kRampWidth, seen_x(x, y), 0.05);
       EXPECT_NEAR(planes.at("G")[at] * kRampHeight, seen_y(x, y), 0.05);
     }

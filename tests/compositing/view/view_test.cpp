@@ -36,7 +36,7 @@ Matte a_matte() {
       matte.coverage(x, y) = x < kWidth / 2 ? 1.0f : 0.5f;
       const auto variance = static_cast<float>(std::pow(10.0, 2.0 * x / (kWidth - 1)));
       for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = c == 0 ? 0.1f : 0.0f;
+        matte.foreground(x, y)[c] = c == 0 ? 0.1f : 0.0f;
         matte.modes(x, y, c)[0] = {.weight = 0.5f,
                                    .x_px = static_cast<float>((x + 0.5) * kStep_px),
                                    .y_px = static_cast<float>((y + 0.5) * kStep_px),
@@ -168,7 +168,7 @@ TEST(MattePanels, WhatIsNotThereHasItsOwnColour) {
     Mode& broken = matte.modes(2, 2, c)[0];
     broken.x_px = broken.xx_px2 = broken.centre_sd_px = kNan;
     matte.modes(3, 3, c)[0].centre_sd_px = 0.0f;  // not known
-    matte.foreground(2, 2)[static_cast<size_t>(c)] = kNan;
+    matte.foreground(2, 2)[c] = kNan;
   }
   matte.coverage(2, 2) = kNan;
   for (const char* name : {"centre", "sigma", "uncertainty"}) {

@@ -36,7 +36,7 @@ class Wire {
     while (!bytes.empty()) {
       const ssize_t sent = ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
       if (sent <= 0) return false;
-      bytes.remove_prefix(static_cast<size_t>(sent));
+      bytes.remove_prefix(sent);
     }
     return true;
   }
@@ -64,7 +64,7 @@ class Wire {
   bool receive() {
     char bytes[4096];
     const ssize_t got = ::recv(socket_.get(), bytes, sizeof bytes, 0);
-    if (got > 0) received_.append(bytes, static_cast<size_t>(got));
+    if (got > 0) received_.append(bytes, got);
     return got > 0;
   }
 

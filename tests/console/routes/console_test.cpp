@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <nlohmann/json.hpp>
 
@@ -22,6 +21,7 @@
 #include "tests/core/archive/made_archive.h"
 #include "tests/core/security/made_certificates.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -139,7 +139,6 @@ class ConsoleTest : public testing::Test {
     console_.reset();
     server_.reset();
     (void)use_tls({});
-    std::filesystem::remove_all(scratch_);
   }
 
   void start() {
@@ -182,8 +181,7 @@ class ConsoleTest : public testing::Test {
   }
 
   Problems problems_;
-  const std::filesystem::path scratch_ =
-      std::filesystem::temp_directory_path() / ("glasswing-console-" + std::to_string(::getpid()));
+  const TemporaryDirectory scratch_;
   Sessions sessions_;
   Nodes nodes_;
   Camera camera_;

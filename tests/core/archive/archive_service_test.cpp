@@ -61,7 +61,7 @@ TEST_F(ArchiveService, AnyRegionIsTheFilesBytesFromAnyOffset) {
   std::mt19937 random(11);
   const auto below = [&](int end) { return static_cast<int>(random() % static_cast<unsigned>(end)); };
   for (int trial = 0; trial < 60; ++trial) {
-    std::vector<int> frames(static_cast<size_t>(1 + below(7)));  // in any order, some twice
+    std::vector<int> frames(1 + below(7));  // in any order, some twice
     for (int& frame : frames) frame = below(MadeArchive::kFrames);
     const int first = below(MadeArchive::kHeight), count = 1 + below(MadeArchive::kHeight - first);
     const std::string expected = rows_of(node_->archive(), frames, first, count);
@@ -69,7 +69,7 @@ TEST_F(ArchiveService, AnyRegionIsTheFilesBytesFromAnyOffset) {
     std::string rows;
     ASSERT_OK(read(request, rows));
     ASSERT_EQ(rows, expected);
-    const auto offset = static_cast<size_t>(below(static_cast<int>(expected.size()) + 1));
+    const size_t offset = below(static_cast<int>(expected.size()) + 1);
     request.set_offset_bytes(static_cast<std::int64_t>(offset));
     ASSERT_OK(read(request, rows));
     ASSERT_EQ(rows, expected.substr(offset));

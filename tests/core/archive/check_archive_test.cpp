@@ -1,13 +1,13 @@
 #include "core/archive/check_archive.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/archive/fsck.h"
 #include "core/base/directory_lock.h"
 #include "core/base/file.h"
 #include "core/frame/archive.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -36,7 +36,6 @@ class CheckArchive : public testing::Test {
       ASSERT_OK(archive_->add({{.record = record, .image = image}}));
     }
   }
-  void TearDown() override { fs::remove_all(data_); }
   void seal() { ASSERT_OK(archive_->seal()); }
 
   CheckReport check(bool repair = false) const {
@@ -63,7 +62,7 @@ class CheckArchive : public testing::Test {
   }
   int frames_left() const { return Archive::open(directory_).value()->manifest().frames_size(); }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("check_archive." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   const fs::path directory_ = data_ / "archives" / "s", frame_ = directory_ / "frames/000002.tif";
   const fs::path journal_ = directory_ / "frames.jsonl", manifest_ = directory_ / "manifest.json";
   std::unique_ptr<Archive> archive_;
@@ -182,7 +181,7 @@ TEST_F(CheckArchive, WhatNothingTellsCannotBeRepaired) {
 TEST_F(CheckArchive, NothingIsRepairedWhileADaemonUsesIt) {
   flip(frame_, 300);
   const DirectoryLock daemon = DirectoryLock::take(data_ / "archives").value();
-  for (const fs::path& path : {data_, data_ / "archives", directory_})
+  for (const fs::path& path : {data_.path(), data_ / "archives", directory_})
     EXPECT_TRUE(absl::IsFailedPrecondition(fsck(path, {.repair = true}).status())) << path;
   EXPECT_TRUE(fs::exists(frame_));
   EXPECT_EQ(check().findings.size(), 1u);

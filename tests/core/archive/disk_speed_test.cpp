@@ -1,11 +1,11 @@
 #include "core/archive/disk_speed.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -13,14 +13,12 @@ namespace {
 namespace fs = std::filesystem;
 
 TEST(DiskSpeed, IsMeasuredWithoutLeavingAFile) {
-  const fs::path directory = fs::path(testing::TempDir()) / ("speed." + std::to_string(::getpid()));
-  fs::create_directories(directory);
+  const TemporaryDirectory directory;
   const absl::StatusOr<std::int64_t> speed = measured_write_speed(directory);
   ASSERT_OK(speed);
   EXPECT_GT(*speed, 0);
   EXPECT_TRUE(fs::is_empty(directory));
-  fs::remove_all(directory);
-  const absl::Status missing = measured_write_speed(directory).status();
+  const absl::Status missing = measured_write_speed(directory / "nowhere").status();
   EXPECT_NE(missing.message().find(directory.string()), std::string::npos) << missing;
 }
 

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstring>
 #include <filesystem>
@@ -17,6 +16,7 @@
 #include "core/archive/archive_service.h"
 #include "core/service/service.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 
@@ -38,10 +38,10 @@ struct MadeArchive {
     std::mt19937 random(7);
     std::vector<Archive::NewFrame> frames(kFrames);
     for (int i = 0; i < kFrames; ++i) {
-      frames[static_cast<size_t>(i)].record.set_step(i);
-      frames[static_cast<size_t>(i)].record.mutable_stimulus()->set_kind("solid");
-      frames[static_cast<size_t>(i)].image = Image16(kWidth, kHeight);
-      for (std::uint16_t& sample : frames[static_cast<size_t>(i)].image.samples)
+      frames[i].record.set_step(i);
+      frames[i].record.mutable_stimulus()->set_kind("solid");
+      frames[i].image = Image16(kWidth, kHeight);
+      for (std::uint16_t& sample : frames[i].image.samples)
         sample = static_cast<std::uint16_t>(random() % (form == FrameForm::kPlain ? 65536 : 500));
     }
     ASSERT_OK(archive->add(frames, form));
@@ -96,11 +96,7 @@ struct ArchiveNode {
 
 class ArchiveTest : public testing::Test {
  protected:
-  void TearDown() override { std::filesystem::remove_all(root_); }
-
-  const std::filesystem::path root_ = std::filesystem::path(testing::TempDir()) /
-                                      ("glasswing-" + std::to_string(::getpid()) + "-" +
-                                       testing::UnitTest::GetInstance()->current_test_info()->name());
+  const TemporaryDirectory root_;
 };
 
 }  // namespace glasswing

@@ -61,7 +61,7 @@ class FakeNode final : public v1::ArchiveService::Service {
       const std::lock_guard lock(mutex_);
       offsets_.push_back(request->offset_bytes());
     }
-    for (auto at = static_cast<size_t>(request->offset_bytes()); at < rows.size(); at += kChunk) {
+    for (size_t at = request->offset_bytes(); at < rows.size(); at += kChunk) {
       v1::ReadRowsResponse response;
       response.set_offset_bytes(static_cast<std::int64_t>(at));
       response.set_chunk(rows.substr(at, kChunk));
@@ -142,7 +142,7 @@ TEST_F(RemoteArchiveTest, RegionsAreTheFilesBytesMappedOrRead) {
     ASSERT_OK(manifest);
     EXPECT_EQ(manifest->SerializeAsString(), manifest_.SerializeAsString());
     for (int trial = 0; trial < 25; ++trial) {
-      std::vector<int> frames(static_cast<size_t>(1 + below(6)));
+      std::vector<int> frames(1 + below(6));
       for (int& frame : frames) frame = below(MadeArchive::kFrames);
       const int first = below(MadeArchive::kHeight), count = 1 + below(MadeArchive::kHeight - first);
       const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, frames, first, count);
@@ -306,7 +306,7 @@ class UnsteadyFileNode final : public v1::ArchiveService::Service {
   grpc::Status ReadFile(grpc::ServerContext*, const v1::ReadFileRequest* request,
                         grpc::ServerWriter<v1::ReadFileResponse>* writer) override {
     offsets_.push_back(request->offset_bytes());
-    std::string rest = file_.substr(static_cast<size_t>(request->offset_bytes()));
+    std::string rest = file_.substr(request->offset_bytes());
     if (offsets_.size() == 1) rest.resize(kSent);
     if (offsets_.size() == 2) rest.back() = static_cast<char>(rest.back() ^ 1);
     v1::ReadFileResponse response;

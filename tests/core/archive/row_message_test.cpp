@@ -49,7 +49,7 @@ TEST(RowMessage, IsWhatProtobufWritesAndReads) {
       std::int64_t done = offset;
       ASSERT_OK(take_row_chunk(message, rows, done));
       EXPECT_EQ(done, offset + static_cast<std::int64_t>(chunk.size()));
-      EXPECT_EQ(rows, std::string(static_cast<size_t>(offset), 'x') + chunk + "xxx");
+      EXPECT_EQ(rows, std::string(offset, 'x') + chunk + "xxx");
     }
   }
 }

@@ -76,7 +76,7 @@ class TamperingRelay {
       for (const int from : {client, node}) {
         if (either[from == node ? 1 : 0].revents == 0) continue;
         const ssize_t got = ::recv(from, buffer.data(), buffer.size(), 0);
-        std::string bytes(buffer.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
+        std::string bytes(buffer.data(), std::max<ssize_t>(got, 0));
         open = open && got > 0 && (from == client || tamper_(bytes, sent_));
         (from == node ? sent_ : received_) += bytes.size();
         if (open && ::send(from == client ? node : client, bytes.data(), bytes.size(), MSG_NOSIGNAL) < 0)

@@ -3,13 +3,13 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <csignal>
 
 #include "core/base/checksum.h"
 #include "core/base/name.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -18,9 +18,7 @@ namespace fs = std::filesystem;
 
 class File : public testing::Test {
  protected:
-  void SetUp() override { fs::create_directories(directory_); }
-  void TearDown() override { fs::remove_all(directory_); }
-  const fs::path directory_ = fs::path(testing::TempDir()) / ("file_test." + std::to_string(::getpid()));
+  const TemporaryDirectory directory_;
 };
 
 TEST_F(File, WrittenFilesAreWholeAndLeaveNothingElse) {

@@ -37,7 +37,7 @@ std::vector<size_t> black_codes(int levels, double black_light) {
   std::vector<size_t> count(65536);
   for (int i = 0; i < 200000; ++i) {
     const double code = std::round(levels * coded(std::max(noise(random), 0.0))) / levels;
-    ++count[static_cast<size_t>(std::lround(65535.0 * code))];
+    ++count[std::lround(65535.0 * code)];
   }
   return count;
 }

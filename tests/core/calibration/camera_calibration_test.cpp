@@ -1,7 +1,6 @@
 #include "core/calibration/camera_calibration.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <functional>
@@ -11,6 +10,7 @@
 #include "core/sim/radial_shading.h"
 #include "core/sim/sensor.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -101,9 +101,8 @@ class CameraCalibrationTest : public testing::Test {
         }
         for (int c = 0; c < 3; ++c) {
           const double of_monitor = on ? kGlow + std::pow(share, 2.2) : 0.0;
-          const double brightness = on ? rig.brightness[static_cast<size_t>(m)] : 0.0;
-          image.at(x, y, c) =
-              static_cast<float>(kRoom + brightness * kWhite[static_cast<size_t>(c)] * of_monitor);
+          const double brightness = on ? rig.brightness[m] : 0.0;
+          image.at(x, y, c) = static_cast<float>(kRoom + brightness * kWhite[c] * of_monitor);
         }
       }
     }
@@ -167,8 +166,7 @@ class CameraCalibrationTest : public testing::Test {
     return calibrate().value();
   }
 
-  const fs::path directory_ =
-      fs::path(testing::TempDir()) / ("camera_calibration_test." + std::to_string(::getpid()));
+  const TemporaryDirectory directory_;
 };
 
 // The response at every code between black and full scale, all of which the stripe reaches at some exposure.

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <functional>
@@ -18,6 +17,7 @@
 #include "core/sim/panel.h"
 #include "core/sim/sensor.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 
@@ -169,7 +169,7 @@ class SimulatedGrays : public testing::Test {
       for (const auto& [declared_ms, real_ms] : rig.exposures_ms) {
         const int step = static_cast<int>(frames.size());
         v1::Frame record;
-        *record.mutable_stimulus() = stimuli[static_cast<size_t>(i)];
+        *record.mutable_stimulus() = stimuli[i];
         record.set_step(step);
         record.set_exposure_ms(declared_ms);
         record.set_exposure_start_ns((1 + step) * rig.between.count());
@@ -192,8 +192,7 @@ class SimulatedGrays : public testing::Test {
     return std::string(status.message());
   }
 
-  const std::filesystem::path directory_ =
-      std::filesystem::path(testing::TempDir()) / ("simulated_grays." + std::to_string(::getpid()));
+  const TemporaryDirectory directory_;
 };
 
 inline double worst_curve_error(const v1::DisplayCalibration& calibration, const Rig& rig,

@@ -1,11 +1,11 @@
 #include "core/cli/man_page.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/base/file.h"
 #include "core/cli/help.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -25,14 +25,10 @@ class Pages : public testing::Test {
     setenv("SOURCE_DATE_EPOCH", "86400", 1);
     EXPECT_OK(write_man_pages(app_, 1, scratch_));
   }
-  ~Pages() override {
-    unsetenv("SOURCE_DATE_EPOCH");
-    std::filesystem::remove_all(scratch_);
-  }
+  ~Pages() override { unsetenv("SOURCE_DATE_EPOCH"); }
   std::string page(const std::string& name) const { return read_file(scratch_ / name).value_or(""); }
 
-  const std::filesystem::path scratch_ =
-      std::filesystem::temp_directory_path() / ("glasswing-man-" + std::to_string(::getpid()));
+  const TemporaryDirectory scratch_;
   std::string input_, kind_;
   double part_ = 0.5;
   bool fast_ = false;

@@ -131,7 +131,7 @@ TEST(Composite, GoesThroughTheCamerasChannelsWhereThePrimariesMix) {
     Mode mode = oriented(4.0 + c, 5.0 - 0.5 * c, 1.0, 1.5, 0.3);
     mode.weight = 0.5f + 0.1f * static_cast<float>(c);
     matte.modes(0, 0, c)[0] = mode;
-    matte.foreground(0, 0)[static_cast<size_t>(c)] = 0.02f;
+    matte.foreground(0, 0)[c] = 0.02f;
   }
   const RadianceImage picture = random_picture(12, 9);
   const RadianceImage out = composite(matte, {picture}).value();

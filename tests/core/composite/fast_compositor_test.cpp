@@ -261,7 +261,7 @@ TEST(FastCompositor, SumsModesOfSeveralMonitorsForegroundAndPrimaries) {
   for (int y = 0; y < 10; ++y) {
     for (int x = 0; x < 20; ++x) {
       for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = static_cast<float>(uniform(random, 0.0, 0.1));
+        matte.foreground(x, y)[c] = static_cast<float>(uniform(random, 0.0, 0.1));
         for (Mode& mode : matte.modes(x, y, c)) {
           mode = round(uniform(random, 0, 60), uniform(random, 0, 80), uniform(random, 0, 6));
           mode.weight = static_cast<float>(uniform(random, 0.0, 0.4));
@@ -315,7 +315,7 @@ TEST(FastCompositor, AFileGivesWhatItsMatteGives) {
     std::vector<std::atomic<int>> seen(50);
     const auto brighten = [&](Matte& rows) {
       for (int y = 0; y < rows.height_px(); ++y) {
-        ++seen[static_cast<size_t>(rows.y0_px() + y - 7)];
+        ++seen[rows.y0_px() + y - 7];
         for (int x = 0; x < rows.width_px(); ++x) rows.foreground(x, y)[0] *= 3.0f;
       }
     };

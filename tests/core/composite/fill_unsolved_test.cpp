@@ -69,7 +69,7 @@ TEST(FillUnsolved, HolesOfAnyShapeAreFilledFromTheirRims) {
   for (int trial = 0; trial < 20; ++trial) {
     Scene scene(0, 0, 0, 0, [&](int, int, int) { return static_cast<float>(random() % 1000); });
     std::bernoulli_distribution is_hole(0.05 * trial);
-    std::vector<bool> known(static_cast<size_t>(kWidth * kHeight));
+    std::vector<bool> known(kWidth * kHeight);
     const auto at = [](int x, int y) { return static_cast<size_t>(y * kWidth + x); };
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {

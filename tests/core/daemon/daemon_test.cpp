@@ -23,7 +23,8 @@ class RunDaemon : public testing::Test {
              [&](CLI::App& app, DaemonOptions& options) {
                app.add_option("--data", data_, "a directory")->required();
                app.add_option("--backend", backend_, "a backend");
-               app.add_option("--fault-drop", drop_, "a fault");
+               backends_.add(app, "sim",
+                             [&](CLI::App& own) { own.add_option("--fault-drop", drop_, "a fault"); });
                add_tls_options(app, options.tls);
                add_listen_options(app, options.listen);
                add_command(app, options, "check", "Checks.", []() -> absl::StatusOr<int> { return 3; });
@@ -33,7 +34,7 @@ class RunDaemon : public testing::Test {
          .run =
              [&](const CLI::App& app, const DaemonOptions& options) {
                listen_ = options.listen;
-               return check_simulated_options(app, backend_);
+               return backends_.check(app, backend_);
              }});
     printed_ = testing::internal::GetCapturedStderr();
     return status;
@@ -42,6 +43,7 @@ class RunDaemon : public testing::Test {
   std::string data_, backend_ = "sim", printed_;
   double drop_ = 0.0;
   ListenOptions listen_;
+  BackendOptions backends_;
 };
 
 TEST_F(RunDaemon, ACommandNeedsNoOptionOfTheDaemonAndSetsTheExitStatus) {

@@ -33,7 +33,7 @@ inline Matte random_object(int width_px, int height_px, int modes, unsigned seed
     for (int x = 0; x < width_px; ++x) {
       matte.coverage(x, y) = 1.0f;
       for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = between(0.0, 0.2);
+        matte.foreground(x, y)[c] = between(0.0, 0.2);
         for (Mode& mode : matte.modes(x, y, c)) {
           const float xx = between(0.3, 4.0), yy = between(0.3, 4.0);
           mode = {.weight = between(0.05, 0.4),

@@ -52,8 +52,7 @@ TEST(NormalOnRectangles, CellsOfAGridAreItsRectangles) {
     for (int j = 0; j < 7; ++j) {
       for (int i = 0; i < 5; ++i) {
         const double x = i - 2.0, y = 0.5 * j - 2.0;
-        EXPECT_NEAR(cells[static_cast<size_t>(5 * j + i)].share, summed(density, {x, y, x + 1.0, y + 0.5}),
-                    1.6e-5)
+        EXPECT_NEAR(cells[5 * j + i].share, summed(density, {x, y, x + 1.0, y + 0.5}), 1.6e-5)
             << "rho " << rho << " at " << i << ", " << j;
       }
     }

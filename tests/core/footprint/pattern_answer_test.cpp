@@ -78,7 +78,7 @@ TEST(PatternAnswers, AreTheLightOfTheMonitorsPixels) {
   for (const Footprint& mode : modes) {
     const Eigen::MatrixXd columns = columns_of(answers, mode, true);
     for (int i = 0; i < answers.size(); ++i) {
-      EXPECT_NEAR(columns(i, 0), by_sum(answers.patterns()[static_cast<size_t>(i)], mode), 2e-3)
+      EXPECT_NEAR(columns(i, 0), by_sum(answers.patterns()[i], mode), 2e-3)
           << "pattern " << i << ", mode at " << mode.x_px;
     }
   }
@@ -110,7 +110,7 @@ TEST(PatternAnswers, AreTheLightOfSlantedFootprintsBeforeShortWaves) {
                              .yy_px2 = long2 * s * s + short2 * c * c};
         const Eigen::MatrixXd columns = columns_of(answers, mode, true);
         for (int i = 0; i < answers.size(); ++i) {
-          EXPECT_NEAR(columns(i, 0), by_sum(waves[static_cast<size_t>(i)], mode), 2e-3)
+          EXPECT_NEAR(columns(i, 0), by_sum(waves[i], mode), 2e-3)
               << "wave " << i << ", " << along_px << " px long, slant " << slant << ", at " << x;
         }
       }

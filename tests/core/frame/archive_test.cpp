@@ -1,7 +1,6 @@
 #include "core/frame/archive.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <fstream>
@@ -16,6 +15,7 @@
 #include "tests/core/base/flipped.h"
 #include "tests/core/frame/archive_rows.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -32,7 +32,6 @@ Image16 noise(int width, int height, unsigned seed) {
 class ArchiveTest : public testing::Test {
  protected:
   void SetUp() override {
-    fs::create_directories(root_);
     header_.set_session("s");
     header_.mutable_camera()->set_width_px(5);
     header_.mutable_camera()->set_height_px(4);
@@ -41,7 +40,6 @@ class ArchiveTest : public testing::Test {
     monitor.set_width_px(8);
     monitor.set_height_px(6);
   }
-  void TearDown() override { fs::remove_all(root_); }
 
   Archive::NewFrame frame(int step) const {
     v1::Frame record;
@@ -51,7 +49,7 @@ class ArchiveTest : public testing::Test {
     return {.record = record, .image = noise(5, 4, static_cast<unsigned>(step))};
   }
 
-  const fs::path root_ = fs::path(testing::TempDir()) / ("archive_test." + std::to_string(::getpid()));
+  const TemporaryDirectory root_;
   const fs::path directory_ = root_ / "s";
   v1::CaptureManifest header_;
 };

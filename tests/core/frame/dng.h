@@ -37,7 +37,7 @@ inline std::vector<std::uint8_t> packed(const Dng& dng) {
     std::uint32_t held = 0;
     int held_bits = 0;
     for (int x = 0; x < dng.width_px; ++x) {
-      const std::uint16_t code = dng.codes[static_cast<size_t>(y * dng.width_px + x)];
+      const std::uint16_t code = dng.codes[y * dng.width_px + x];
       if (dng.bits == 16) {  // in the order of the file's bytes
         bytes.push_back(static_cast<std::uint8_t>(code));
         bytes.push_back(static_cast<std::uint8_t>(code >> 8));

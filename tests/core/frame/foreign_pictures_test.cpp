@@ -2,7 +2,6 @@
 // none is read otherwise. And the odd files of GLASSWING_DATA/odd, where they are.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -18,6 +17,7 @@
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -32,8 +32,7 @@ std::string big_endian_of(std::string bytes) {
     return value;
   };
   const auto swap = [&](size_t at, size_t size) {
-    std::reverse(bytes.begin() + static_cast<std::ptrdiff_t>(at),
-                 bytes.begin() + static_cast<std::ptrdiff_t>(at + size));
+    std::reverse(bytes.begin() + at, bytes.begin() + at + size);
   };
   constexpr size_t kEntry = 12;
   const size_t directory = number(4, 4), count = number(directory, 2);
@@ -63,7 +62,6 @@ class ForeignPictures : public testing::Test {
  protected:
   void SetUp() override {
     if (std::system("command -v oiiotool >/dev/null") != 0) GTEST_SKIP() << "oiiotool is not installed";
-    fs::create_directories(directory_);
     RadianceImage image(24, 17);
     std::mt19937 random(7);
     std::uniform_real_distribution<float> light(0.0f, 1.0f);
@@ -71,7 +69,6 @@ class ForeignPictures : public testing::Test {
     const absl::Status written = write_radiance(at("source.exr"), image, Encoding::kLinear);
     ASSERT_OK(written);
   }
-  void TearDown() override { fs::remove_all(directory_); }
   fs::path at(const std::string& name) const { return directory_ / name; }
 
   struct Kind {
@@ -138,7 +135,7 @@ class ForeignPictures : public testing::Test {
     return light;
   }
 
-  const fs::path directory_ = fs::path(testing::TempDir()) / fmt::format("foreign_pictures.{}", ::getpid());
+  const TemporaryDirectory directory_;
 };
 
 constexpr const char* kGray = "--ch 0,0,0";
@@ -186,8 +183,7 @@ TEST_F(ForeignPictures, TiffsOfAnyDepthChannelsAndLayout) {
         const bool planes = layout == kPlanes && channels > 1 && (name == "uint16" || name == "float");
         const bool refused =
             name == "uint32" || name == "double" || planes || (channels == 2 && (!eight || layout == kTiles));
-        kinds.push_back({.options = fmt::format("--ch {} -d {} {}", kNames[static_cast<size_t>(channels - 1)],
-                                                name, layout),
+        kinds.push_back({.options = fmt::format("--ch {} -d {} {}", kNames[channels - 1], name, layout),
                          .name = "tif",
                          .tolerance = depth.tolerance,
                          .refused = refused,

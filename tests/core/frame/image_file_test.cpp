@@ -9,7 +9,6 @@
 #include <OpenEXR/ImfStringAttribute.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 #include <zlib.h>
 
 #include <cmath>
@@ -21,6 +20,7 @@
 #include "core/frame/exr_limits.h"
 #include "tests/core/frame/exr_of_parts.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -37,10 +37,7 @@ RadianceImage random_picture(int width, int height) {
 
 class ImageFile : public testing::Test {
  protected:
-  void SetUp() override { fs::create_directories(directory_); }
-  void TearDown() override { fs::remove_all(directory_); }
-  const fs::path directory_ =
-      fs::path(testing::TempDir()) / ("image_file_test." + std::to_string(::getpid()));
+  const TemporaryDirectory directory_;
 };
 
 TEST_F(ImageFile, EveryFormatKeepsThePicture) {

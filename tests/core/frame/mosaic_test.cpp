@@ -1,7 +1,6 @@
 #include "core/frame/mosaic.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -12,6 +11,7 @@
 #include "core/frame/image_file.h"
 #include "core/import/foreign_manifest.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -32,9 +32,7 @@ Image16 plane(int width, int height) {
 
 class MosaicFiles : public testing::Test {
  protected:
-  void SetUp() override { fs::create_directories(directory_); }
-  void TearDown() override { fs::remove_all(directory_); }
-  const fs::path directory_ = fs::path(testing::TempDir()) / ("mosaic_test." + std::to_string(::getpid()));
+  const TemporaryDirectory directory_;
 };
 
 TEST(Mosaic, NamesTheColoursOfTwoRowsOfTwoSites) {
@@ -42,9 +40,7 @@ TEST(Mosaic, NamesTheColoursOfTwoRowsOfTwoSites) {
   for (const std::string_view name : {"RGGB", "GRBG", "GBRG", "BGGR"}) {
     const Mosaic mosaic = Mosaic::parse(name).value();
     for (int y = 0; y < 4; ++y) {
-      for (int x = 0; x < 4; ++x)
-        EXPECT_EQ(order[static_cast<size_t>(mosaic.channel(x, y))],
-                  name[static_cast<size_t>(y % 2 * 2 + x % 2)]);
+      for (int x = 0; x < 4; ++x) EXPECT_EQ(order[mosaic.channel(x, y)], name[y % 2 * 2 + x % 2]);
     }
   }
   for (const std::string_view name : {"", "RGBG", "rggb", "RGGBX", "RGB"})

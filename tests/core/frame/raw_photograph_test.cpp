@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdlib>
 #include <random>
 
 #include "core/frame/image_file.h"
 #include "tests/core/frame/dng.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -20,9 +20,6 @@ using testing::HasSubstr;
 
 class RawPhotographs : public testing::Test {
  protected:
-  RawPhotographs() { fs::create_directories(directory_); }
-  ~RawPhotographs() override { fs::remove_all(directory_); }
-
   fs::path written(const Dng& dng, const std::string& name = "a.dng") const {
     write_dng(directory_ / name, dng);
     return directory_ / name;
@@ -46,7 +43,7 @@ class RawPhotographs : public testing::Test {
     return codes;
   }
 
-  const fs::path directory_ = fs::path(testing::TempDir()) / fmt::format("raw.{}", ::getpid());
+  const TemporaryDirectory directory_;
 };
 
 // Noise of all codes, of a sensor with an odd number of columns where its bits allow it.
@@ -82,8 +79,7 @@ TEST_F(RawPhotographs, AreEqualToTheLastCodeInEveryLayout) {
         int differing = 0;
         for (int y = 0; y < raw->codes.height_px; ++y) {
           for (int x = 0; x < raw->codes.width_px; ++x)
-            differing +=
-                raw->codes.at(x, y, 0) != all[static_cast<size_t>((y + top) * dng.width_px + x + left)];
+            differing += raw->codes.at(x, y, 0) != all[(y + top) * dng.width_px + x + left];
         }
         EXPECT_EQ(differing, 0);
       }
@@ -131,8 +127,8 @@ TEST_F(RawPhotographs, BlackLevelsOfEachPhotositeAreMadeOne) {
   EXPECT_EQ(raw.black, 110);
   for (int y = 0; y < dng.height_px; ++y) {
     for (int x = 0; x < dng.width_px; ++x) {
-      const size_t at = static_cast<size_t>(y * dng.width_px + x);
-      const auto black = static_cast<int>(dng.black[static_cast<size_t>(y % 2 * 2 + x % 2)]);
+      const size_t at = y * dng.width_px + x;
+      const auto black = static_cast<int>(dng.black[y % 2 * 2 + x % 2]);
       ASSERT_EQ(raw.codes.samples[at] - raw.black, dng.codes[at] - black) << x << " " << y;
     }
   }

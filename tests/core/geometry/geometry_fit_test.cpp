@@ -126,8 +126,8 @@ TEST(GeometryFit, StandardErrorsAreTheScatterOfRepeats) {
     numbers["p1"].add(camera.p1() - made.camera.p1, camera.sd(kP1));
     for (const int k : {0, 5}) {
       const std::string pose = "pose" + std::to_string(k);
-      const PoseFit& own = fit->poses[static_cast<size_t>(k)];
-      const MadePose& truth = made.poses[static_cast<size_t>(k)];
+      const PoseFit& own = fit->poses[k];
+      const MadePose& truth = made.poses[k];
       numbers[pose + " distance"].add(own.distance_mm - truth.middle_mm.norm(), own.distance_sd_mm);
       const v1::MonitorPose& found = fit->geometry.monitors(k);
       const Eigen::Matrix3d turn = rotation_of(found) * truth.rotation().transpose();

@@ -1,7 +1,6 @@
 #include "core/import/mapped_archive.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <random>
@@ -10,6 +9,7 @@
 #include "core/base/file.h"
 #include "core/frame/archive.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -41,8 +41,7 @@ class MappedArchiveTest : public testing::Test {
   }
   void TearDown() override { fs::remove_all(directory_); }
 
-  const fs::path directory_ =
-      fs::path(testing::TempDir()) / ("mapped_archive_test." + std::to_string(::getpid()));
+  const TemporaryDirectory directory_;
   std::vector<Image16> images_;
   std::vector<v1::Frame> frames_;
 };
@@ -51,7 +50,7 @@ TEST_F(MappedArchiveTest, RowsAreThoseThatWereWritten) {
   const auto mapped = MappedArchive::open(directory_).value();
   ASSERT_EQ(mapped->manifest().frames_size(), 3);
   for (int frame = 0; frame < 3; ++frame) {
-    const auto& samples = images_[static_cast<size_t>(frame)].samples;
+    const auto& samples = images_[frame].samples;
     const auto whole = mapped->rows(frame, 0, 5), band = mapped->rows(frame, 2, 2);
     EXPECT_TRUE(std::equal(whole.begin(), whole.end(), samples.begin(), samples.end()));
     EXPECT_TRUE(std::equal(band.begin(), band.end(), samples.begin() + 2 * 21, samples.begin() + 4 * 21));

@@ -38,7 +38,7 @@ Matte matte_to_read(bool colourless) {
       matte.coverage(x, y) = value() / 128.0f;
       matte.flags(x, y) = static_cast<std::uint8_t>(random() % 16);
       for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = value();
+        matte.foreground(x, y)[c] = value();
         for (Mode& mode : matte.modes(x, y, c)) {
           mode = {.weight = value(),
                   .x_px = value() - 50.0f,

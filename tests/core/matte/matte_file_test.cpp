@@ -84,8 +84,7 @@ TEST(MatteFile, ARowThatIsNotTheFilesOwnIsNamed) {
   const std::string good = encode_matte(matte).value(), strange = encode_matte(other).value();
   const std::string rows = "glasswing:rows";
   const size_t after_head = good.find(rows) + rows.size() + sizeof "string" + 1 + 4 + 40 * kRowChecksumDigits;
-  const auto differ = std::mismatch(good.begin() + static_cast<std::ptrdiff_t>(after_head), good.end(),
-                                    strange.begin() + static_cast<std::ptrdiff_t>(after_head));
+  const auto differ = std::mismatch(good.begin() + after_head, good.end(), strange.begin() + after_head);
   std::string mixed(good.begin(), differ.first);
   mixed.append(differ.second, strange.end());
   const absl::Status status = decode_matte(mixed).status();

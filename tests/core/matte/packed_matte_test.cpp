@@ -46,7 +46,7 @@ MattePart cut(const MatteRegion& region) {
 PackedMatteWriter::Put into(std::string& file) {
   return [&file](std::uint64_t offset, std::string_view bytes) {
     file.resize(std::max(file.size(), static_cast<size_t>(offset) + bytes.size()));
-    std::ranges::copy(bytes, file.begin() + static_cast<std::ptrdiff_t>(offset));
+    std::ranges::copy(bytes, file.begin() + offset);
     return absl::OkStatus();
   };
 }

@@ -25,7 +25,7 @@ inline Matte random_matte(int y0, int height, bool colourless = false) {
       matte.coverage(x, y) = static_cast<float>(x % 2);
       matte.flags(x, y) = static_cast<std::uint8_t>(random() % 16);
       for (int c = 0; c < 3; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = value(random);
+        matte.foreground(x, y)[c] = value(random);
         for (Mode& mode : matte.modes(x, y, c)) {
           mode = {value(random),
                   value(random) - 50.0f,

@@ -3,7 +3,6 @@
 #include "core/matte/row_part.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <functional>
@@ -12,6 +11,7 @@
 
 #include "core/base/file.h"
 #include "tests/core/matte/random_matte.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -23,12 +23,10 @@ constexpr int kHeight = 23;
 class RowParts : public testing::Test {
  protected:
   RowParts() {
-    fs::create_directories(folder_);
     whole_.metadata.set_generator("glasswing");
     whole_.metadata.set_method("gaussian");
     (*whole_.metadata.mutable_options())["modes"] = "2";
   }
-  ~RowParts() override { fs::remove_all(folder_); }
 
   using Change = std::function<void(PartOrigin&, v1::MatteMetadata&)>;
   // Writes rows [first, end) as a part.
@@ -62,7 +60,7 @@ class RowParts : public testing::Test {
     EXPECT_NE(said.find(why), std::string::npos) << said;
   }
 
-  const fs::path folder_ = fs::path(testing::TempDir()) / ("row_parts." + std::to_string(::getpid()));
+  const TemporaryDirectory folder_;
   Matte whole_ = random_matte(0, kHeight);
 };
 

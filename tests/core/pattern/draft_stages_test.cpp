@@ -134,8 +134,7 @@ TEST(DraftStages, TheFirstStageOfAFullSessionComesWithinThreeTenths) {
   for (const DraftStage& stage : stages) {
     EXPECT_GT(stage.step_count, before);
     before = stage.step_count;
-    EXPECT_EQ(covered_directions(std::span(shown).first(static_cast<size_t>(stage.step_count)), "back"),
-              stage.sweep_count);
+    EXPECT_EQ(covered_directions(std::span(shown).first(stage.step_count), "back"), stage.sweep_count);
   }
   EXPECT_LE(before, 0.9 * static_cast<double>(steps.size()));
 }
@@ -148,7 +147,7 @@ TEST(DraftStages, AMonitorIsPartOfADraftOnceItWasSweptInThreeDirections) {
   ASSERT_FALSE(stages.empty());
   bool with_both = false;
   for (const DraftStage& stage : stages) {
-    const auto part = std::span(shown).first(static_cast<size_t>(stage.step_count));
+    const auto part = std::span(shown).first(stage.step_count);
     EXPECT_GE(covered_directions(part, "back"), 3);
     const int left = covered_directions(part, "left");
     EXPECT_TRUE(left == 0 || left >= 3) << left;

@@ -114,7 +114,7 @@ TEST(Pattern, SquareHierarchyTellsEveryColumnApart) {
     const Pattern bars = pattern_of(square("vertical_bars", bar_width_px));
     EXPECT_EQ(bars.radiance(0.5, 0.5)[0], 1.0f) << "the first bar is lit";
     for (int x = 0; x < kSize.width_px; ++x) {
-      codes[static_cast<size_t>(x)] += bars.radiance(x + 0.5, 3.5)[0] > 0.5f ? '1' : '0';
+      codes[x] += bars.radiance(x + 0.5, 3.5)[0] > 0.5f ? '1' : '0';
       EXPECT_EQ(bars.radiance(x + 0.5, 3.5), bars.radiance(x + 0.5, 60.5)) << "vertical bars ignore y";
     }
   }

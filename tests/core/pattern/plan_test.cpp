@@ -324,7 +324,7 @@ TEST(Plan, ACalibrationShowsCodesWithoutTheObjectAndTeachesNoPatch) {
     EXPECT_LE(since_white, 8);
     if (lit == 3 && shown.kind() == "solid") ++whites[shown.panel()];
     for (int c = 0; c < 3 && lit == 1; ++c) {
-      if (shown.colour(c) > 0.0) grays[shown.panel()][static_cast<size_t>(c)].insert(shown.colour(c));
+      if (shown.colour(c) > 0.0) grays[shown.panel()][c].insert(shown.colour(c));
     }
   }
   for (const v1::Monitor& each : rig) {

@@ -23,7 +23,7 @@ std::vector<double> emitted(const RadianceImage& picture, const ToneCurve& curve
   if (dither != nullptr) codes = dither->codes(picture);
   std::vector<double> light;
   for (size_t i = 1; i < picture.samples.size(); i += 3) {
-    const double wanted = static_cast<double>(picture.samples[i]);
+    const double wanted = picture.samples[i];
     const double code = dither != nullptr ? codes.samples[i] : std::round(curve.code_for(wanted));
     light.push_back(kBlack + curve.radiance(code));
   }
@@ -38,8 +38,7 @@ double worst_mean(const std::vector<double>& shown, const RadianceImage& wanted)
       double sum = 0.0;
       for (int i = 0; i < 16; ++i) {
         const int u = x + i % 4, v = y + i / 4;
-        sum += shown[static_cast<size_t>(v * wanted.width_px + u)] - kBlack -
-               static_cast<double>(wanted.at(u, v, 1));
+        sum += shown[v * wanted.width_px + u] - kBlack - static_cast<double>(wanted.at(u, v, 1));
       }
       worst = std::max(worst, std::abs(sum) / 16.0);
     }
@@ -86,13 +85,13 @@ std::vector<int> diffused(const RadianceImage& picture, const std::array<ToneCur
   const int width = picture.width_px, height = picture.height_px;
   std::vector<int> codes(picture.samples.size());
   for (int c = 0; c < 3; ++c) {
-    const ToneCurve& curve = curves[static_cast<size_t>(c)];
-    std::vector<int> errors(static_cast<size_t>(width * height), 0);
+    const ToneCurve& curve = curves[c];
+    std::vector<int> errors(width * height, 0);
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
         const float scaled = std::clamp(picture.at(x, y, c) * float{kOne} + 0.5f, 0.0f, float{kOne});
         const int radiance = static_cast<int>(scaled);
-        const auto at = static_cast<size_t>(y * width + x);
+        const size_t at = y * width + x;
         int& code = codes[3 * at + static_cast<size_t>(c)];
         if (radiance == 0 || radiance == kOne) {
           code = radiance == 0 ? 0 : curve.highest_code();
@@ -105,8 +104,7 @@ std::vector<int> diffused(const RadianceImage& picture, const std::array<ToneCur
         code = static_cast<int>(std::floor(curve.code_for(searched) + 0.5));
         const int error = wanted - static_cast<int>(std::lround(curve.radiance(code) * kOne));
         const auto pass = [&](int dx, int dy, int part) {
-          if (x + dx >= 0 && x + dx < width && y + dy < height)
-            errors[static_cast<size_t>((y + dy) * width + x + dx)] += part;
+          if (x + dx >= 0 && x + dx < width && y + dy < height) errors[(y + dy) * width + x + dx] += part;
         };
         const int below_before = (3 * error) >> 4, below = (5 * error) >> 4, below_after = error >> 4;
         pass(1, 0, error - below_before - below - below_after);

@@ -37,7 +37,7 @@ double prediction_error(const std::vector<cv::Mat>& pictures, const Inverse& exp
       }
     }
   }
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  const auto middle = errors.begin() + errors.size() / 2;
   std::nth_element(errors.begin(), middle, errors.end());
   return *middle;
 }

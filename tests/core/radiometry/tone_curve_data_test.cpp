@@ -30,7 +30,7 @@ TEST(ToneFit, OpenCspsDisplay) {
   double square = 0.0, worst = 0.0;
   for (size_t left = 1; left + 1 < points.size(); ++left) {
     std::vector<TonePoint> others = points;
-    others.erase(others.begin() + static_cast<std::ptrdiff_t>(left));
+    others.erase(others.begin() + left);
     const ToneFit without = fit_tone_curve(others, 8, "gray").value();
     const double error = (without.curve.radiance(points[left].code) * without.full_scale -
                           (points[left].light - points[0].light)) /

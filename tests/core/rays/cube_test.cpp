@@ -34,7 +34,7 @@ TEST(Cube, BundlesHaveTheFootprintOfTheirDirections) {
     int face = -1;
     const PlaneFootprint footprint = on_cube(kFaces, direction, spread, face);
     ASSERT_TRUE(face >= 0 && face < kCubeFaces);
-    ++met[static_cast<size_t>(face)];
+    ++met[face];
     EXPECT_LT((footprint.centre_px - seen_px(direction, face)).norm(), 1e-9);
     EXPECT_GE(footprint.centre_px.minCoeff(), 50.0 - 1e-9);  // within the cube of half side 1
     EXPECT_LE(footprint.centre_px.maxCoeff(), 450.0 + 1e-9);

@@ -98,7 +98,7 @@ TEST(Environment, BundlesSeeTheirMeanAnywhere) {
   for (size_t i = 0; i < bundles.size(); ++i) {
     const std::array<double, 3> truth = brute_force(map, bundles[i]);
     for (int c = 0; c < kChannels; ++c) {
-      const double light = truth[static_cast<size_t>(c)], tolerance = 0.01 + 0.01 * light;
+      const double light = truth[c], tolerance = 0.01 + 0.01 * light;
       EXPECT_NEAR(static_cast<double>(fast.at(static_cast<int>(i), 0, c)), light, tolerance)
           << i << ", " << c;
       EXPECT_NEAR(static_cast<double>(exact.at(static_cast<int>(i), 0, c)), light, tolerance)

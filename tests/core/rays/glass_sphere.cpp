@@ -143,7 +143,7 @@ class Scene {
       ray.origin_mm = (sum.origin / sum.weight).cast<float>();
       ray.direction = direction.cast<float>();
       for (int axis = 0; axis < 2; ++axis) {
-        ray.direction_spread[static_cast<size_t>(axis)] =
+        ray.direction_spread[axis] =
             (std::sqrt(std::max(axes.eigenvalues()[2 - axis], 0.0)) * axes.eigenvectors().col(2 - axis))
                 .cast<float>();
       }

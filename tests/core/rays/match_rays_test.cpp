@@ -215,10 +215,10 @@ class UncertainRig {
     for (int pose = 0; pose < 2; ++pose) {
       Vector6d error;
       for (double& number : error) number = normal_(random_);
-      error = roots_[static_cast<size_t>(pose)] * error;
+      error = roots_[pose] * error;
       const Vector3d turn = error.head<3>();
-      const Eigen::Matrix3d turned = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix() *
-                                     turns_[static_cast<size_t>(pose)];
+      const Eigen::Matrix3d turned =
+          Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix() * turns_[pose];
       v1::MonitorPose& own = *drawn.mutable_monitors(pose);
       for (int i = 0; i < 9; ++i) own.set_rotation(i, turned(i / 3, i % 3));
       for (int i = 0; i < 3; ++i) own.set_translation_mm(i, own.translation_mm(i) + error[3 + i]);

@@ -21,7 +21,7 @@ RayMatte random_rays() {
       rays.coverage(x, y) = 0.5f;
       rays.flags(x, y) = static_cast<std::uint8_t>(x);
       for (int c = 0; c < kChannels; ++c) {
-        rays.foreground(x, y)[static_cast<size_t>(c)] = any(random);
+        rays.foreground(x, y)[c] = any(random);
         for (Ray& ray : rays.rays(x, y, c)) {
           ray.weight = std::abs(any(random));
           ray.origin_mm = {any(random), any(random), any(random)};

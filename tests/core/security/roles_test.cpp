@@ -4,7 +4,6 @@
 #include <google/protobuf/descriptor.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <set>
@@ -31,6 +30,7 @@
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "tests/core/security/made_certificates.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -63,14 +63,10 @@ std::set<std::string> all_methods() {
 class Roles : public testing::Test {
  protected:
   Roles() {
-    std::filesystem::create_directories(scratch_);
     show("rig", "IP:127.0.0.1");
     server_ = started(services_);
   }
-  ~Roles() override {
-    (void)use_tls({});
-    std::filesystem::remove_all(scratch_);
-  }
+  ~Roles() override { (void)use_tls({}); }
 
   // Makes this process show a certificate with these names from now on.
   void show(const std::string& name, const std::string& names) const {
@@ -126,8 +122,7 @@ class Roles : public testing::Test {
     return status;
   }
 
-  const std::filesystem::path scratch_ =
-      std::filesystem::temp_directory_path() / ("glasswing-roles-" + std::to_string(::getpid()));
+  const TemporaryDirectory scratch_;
   const MadeCertificate ca_ = make_certificate("ca"), foreign_ca_ = make_certificate("foreign ca");
   Services services_;
   std::unique_ptr<ServiceHost> server_;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <spdlog/sinks/ringbuffer_sink.h>
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -15,6 +14,7 @@
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "tests/core/security/made_certificates.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -73,15 +73,11 @@ bool until(const Condition& holds) {
 // A host and its callers in one process, with a certificate in the files rig.pem and rig.key.
 class TlsReloading : public testing::Test {
  protected:
-  TlsReloading() {
-    std::filesystem::create_directories(scratch_);
-    spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", log_));
-  }
+  TlsReloading() { spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", log_)); }
   ~TlsReloading() override {
     host_.reset();
     (void)use_tls({});  // ends the reload thread, which logs
     spdlog::drop_all();
-    std::filesystem::remove_all(scratch_);
   }
 
   std::string file(const std::string& name) const { return (scratch_ / name).string(); }
@@ -123,8 +119,7 @@ class TlsReloading : public testing::Test {
         log_->last_formatted(), [&](const std::string& line) { return line.find(words) != line.npos; }));
   }
 
-  const std::filesystem::path scratch_ =
-      std::filesystem::temp_directory_path() / ("glasswing-tls-reload-" + std::to_string(::getpid()));
+  const TemporaryDirectory scratch_;
   const MadeCertificate ca_ = make_certificate("ca");
   const std::shared_ptr<spdlog::sinks::ringbuffer_sink_mt> log_ =
       std::make_shared<spdlog::sinks::ringbuffer_sink_mt>(100);

@@ -1,7 +1,6 @@
 #include "core/security/tls.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 
@@ -10,6 +9,7 @@
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "tests/core/security/made_certificates.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -20,7 +20,6 @@ const char* const kPeer = "server at the rig";
 class Tls : public testing::Test {
  protected:
   Tls() {
-    std::filesystem::create_directories(scratch_);
     write("ca", ca_);
     write("foreign-ca", foreign_ca_);
     write("me", make_certificate("me", &ca_, "URI:urn:glasswing:role:operator"));
@@ -31,10 +30,7 @@ class Tls : public testing::Test {
     server_ = ServiceHost::start({}, {}).value();
     address_ = server_->address();
   }
-  ~Tls() override {
-    (void)use_tls({});
-    std::filesystem::remove_all(scratch_);
-  }
+  ~Tls() override { (void)use_tls({}); }
 
   std::string file(const std::string& name) const { return (scratch_ / name).string(); }
   void write(const std::string& name, const MadeCertificate& made) const {
@@ -57,8 +53,7 @@ class Tls : public testing::Test {
     return std::string(call(host + address_.substr(address_.rfind(':'))).message());
   }
 
-  const std::filesystem::path scratch_ =
-      std::filesystem::temp_directory_path() / ("glasswing-tls-" + std::to_string(::getpid()));
+  const TemporaryDirectory scratch_;
   const MadeCertificate ca_ = make_certificate("ca"), foreign_ca_ = make_certificate("foreign ca");
   std::unique_ptr<ServiceHost> server_;
   std::string address_;

@@ -1,17 +1,17 @@
 #include "core/service/node_health.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/base/file.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
 
 TEST(NodeHealth, TellsTheWarmestSensorAndTheDisk) {
   namespace fs = std::filesystem;
-  const fs::path scratch = fs::temp_directory_path() / ("glasswing-health-" + std::to_string(::getpid()));
+  const TemporaryDirectory scratch;
   fs::create_directories(scratch / "hwmon0");
   fs::create_directories(scratch / "hwmon1");
   EXPECT_FALSE(node_health({}, scratch).has_temperature_c());
@@ -24,7 +24,6 @@ TEST(NodeHealth, TellsTheWarmestSensorAndTheDisk) {
   const v1::NodeHealth stores = node_health(scratch, scratch);
   EXPECT_EQ(stores.total_bytes(), static_cast<std::int64_t>(fs::space(scratch).capacity));
   EXPECT_GT(stores.free_bytes(), 0);
-  fs::remove_all(scratch);
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ TEST(Automatics, WhiteBalanceMakesSteadyLightGrayWithinItsRange) {
 TEST(Automatics, FollowAStepOverTheFramesTheyRemember) {
   for (int n = 0; n <= kFramesRemembered; ++n) {
     std::vector<Colour> light = steady({0.1f, 0.1f, 0.1f});
-    for (int k = 0; k < n; ++k) light[static_cast<size_t>(k)] = {0.5f, 0.5f, 0.5f};
+    for (int k = 0; k < n; ++k) light[k] = {0.5f, 0.5f, 0.5f};
     const double share = (1.0 - std::exp2(-0.5 * n)) / (1.0 - std::exp2(-0.5 * kFramesRemembered));
     EXPECT_NEAR(automatic_gains({.gain = true}, light)[0], 0.25 / (0.1 + 0.4 * share), 1e-4);
   }

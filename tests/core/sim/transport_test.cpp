@@ -101,7 +101,7 @@ TEST(Transport, GivesNoMoreLightThanThereIs) {
       double sum = 0.0;
       for (size_t t = 0; t < taps.size(); ++t) {
         const Tap& tap = taps[t];
-        const auto m = static_cast<size_t>(tap.monitor);
+        const size_t m = tap.monitor;
         ASSERT_LT(m, room.size());
         ASSERT_TRUE(tap.x_px >= 0 && tap.x_px < room[m].size.width_px && tap.y_px >= 0 &&
                     tap.y_px < room[m].size.height_px);

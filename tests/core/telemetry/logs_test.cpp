@@ -164,8 +164,7 @@ TEST(Logs, TheNewestWarningsAreKeptAsOneLineEachWhateverTheLevel) {
   spdlog::set_default_logger(before);
   const std::vector<LoggedLine> lines = logged_warnings();
   ASSERT_EQ(lines.size(), kMaxLoggedLines);
-  for (int i = 0; i < 198; ++i)
-    EXPECT_EQ(lines[static_cast<size_t>(i)].text, "tile given up tile=" + std::to_string(102 + i));
+  for (int i = 0; i < 198; ++i) EXPECT_EQ(lines[i].text, "tile given up tile=" + std::to_string(102 + i));
   EXPECT_EQ(lines[0].level, "warning");
   EXPECT_EQ(lines[198].level, "error");
   EXPECT_EQ(lines[198].text, "two\\nlines");

@@ -49,8 +49,7 @@ std::string get(const std::string& address, const std::string& path) {
     const std::string request = "GET " + path + " HTTP/1.0\r\n\r\n";
     EXPECT_EQ(::write(socket, request.data(), request.size()), static_cast<ssize_t>(request.size()));
     char part[4096];
-    for (ssize_t read; (read = ::read(socket, part, sizeof(part))) > 0;)
-      answer.append(part, static_cast<size_t>(read));
+    for (ssize_t read; (read = ::read(socket, part, sizeof(part))) > 0;) answer.append(part, read);
   }
   ::close(socket);
   return answer;

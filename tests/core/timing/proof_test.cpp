@@ -79,7 +79,7 @@ TEST(FrameMatcher, MatchesExactlyWhatIsProven) {
     for (const FrameMatcher::Match& match : matcher.take()) {
       EXPECT_TRUE(matched.emplace(match.step, match.frame).second);
       EXPECT_TRUE(used.insert(match.frame.sequence).second);
-      EXPECT_TRUE(proves(match.frame, windows[static_cast<size_t>(match.step)]));
+      EXPECT_TRUE(proves(match.frame, windows[match.step]));
     }
     for (const StableWindow& window : windows) {
       const bool provable =

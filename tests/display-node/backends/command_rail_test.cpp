@@ -4,7 +4,6 @@
 #include <poll.h>
 #include <signal.h>
 #include <sys/syscall.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <filesystem>
@@ -14,6 +13,7 @@
 
 #include "core/base/descriptor.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -23,8 +23,6 @@ using std::chrono::milliseconds;
 
 class CommandRailTest : public testing::Test {
  protected:
-  CommandRailTest() { fs::create_directories(folder_); }
-  ~CommandRailTest() override { fs::remove_all(folder_); }
   // A program of the shell; the path has no spaces.
   std::string program(const std::string& script) const {
     std::ofstream(folder_ / "move") << "#!/bin/sh\n" << script << "\n";
@@ -41,7 +39,7 @@ class CommandRailTest : public testing::Test {
     return text.str();
   }
 
-  const fs::path folder_ = fs::path(testing::TempDir()) / ("command_rail." + std::to_string(::getpid()));
+  const TemporaryDirectory folder_;
 };
 
 TEST_F(CommandRailTest, RunsTheProgramWithThePosition) {

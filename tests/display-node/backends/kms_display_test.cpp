@@ -201,8 +201,7 @@ TEST_F(KmsDisplayTest, TheCardShowsThePicturesCodes) {
     ASSERT_OK(display->show(pictures, monotonic_now()));
     for (size_t m = 0; m < screens.size(); ++m) {
       const std::vector<std::uint8_t> bytes = Onlooker(cards_[m]).on_screen();
-      const size_t pixels =
-          static_cast<size_t>(screens[m].width_px) * static_cast<size_t>(screens[m].height_px);
+      const size_t pixels = static_cast<size_t>(screens[m].width_px) * screens[m].height_px;
       ASSERT_EQ(bytes.size(), pixels * 4);
       size_t wrong = 0;
       for (size_t s = 0; s < pixels * 3; ++s) {

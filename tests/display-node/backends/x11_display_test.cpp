@@ -69,7 +69,7 @@ std::vector<std::uint32_t> on_screen(const std::string& name, int x, int y, int 
 
 void expect_on_screen(const Xvfb& xvfb, const ScreenInfo& screen, int x, int y, const Picture& picture) {
   const std::vector<std::uint32_t> words = on_screen(xvfb.name(), x, y, screen.width_px, screen.height_px);
-  const size_t pixels = static_cast<size_t>(screen.width_px) * static_cast<size_t>(screen.height_px);
+  const size_t pixels = static_cast<size_t>(screen.width_px) * screen.height_px;
   ASSERT_EQ(words.size(), pixels);
   size_t wrong = 0;
   for (size_t i = 0; i < pixels * 3; ++i) {
@@ -134,7 +134,7 @@ TEST(X11Display, ShowsAtTheRefreshThatWasAskedFor) {
     const nanoseconds at = monotonic_now() + milliseconds(100 + 3 * (shown % 10));
     const std::vector<Scanout> scanouts = display->show({}, at).value();
     const bool all = std::ranges::all_of(std::array{0, 1}, [&](int m) {
-      const auto monitor = static_cast<size_t>(m);
+      const size_t monitor = m;
       const double late = static_cast<double>((scanouts[monitor].start - at).count()) /
                           period_ns_of(display->screens()[monitor]);
       return late >= -0.2 && late <= 1.2;

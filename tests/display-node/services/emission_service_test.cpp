@@ -78,8 +78,7 @@ TEST_F(EmissionServiceTest, MonitorsComeFirstThenWhatIsOnScreenThenTime) {
     ASSERT_TRUE(reader_->Read(&event));
     ASSERT_TRUE(event.has_picture());
     EXPECT_EQ(event.picture().monitor(), info.name);
-    EXPECT_EQ(event.picture().chunk(),
-              std::string(static_cast<size_t>(info.width_px * info.height_px * 6), '\0'));
+    EXPECT_EQ(event.picture().chunk(), std::string(info.width_px * info.height_px * 6, '\0'));
   }
   // The horizon advances even if nothing is shown, but never past now.
   std::map<std::string, std::int64_t> horizons;
@@ -209,7 +208,7 @@ TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
   ASSERT_EQ(reports.size(), 2u * kSteps);
   for (const v1::Presentation& report : reports) {
     const std::vector<Light>& emitted = light[report.monitor()];
-    const auto place = static_cast<size_t>(report.step());
+    const size_t place = report.step();
     ASSERT_LT(place + 1, emitted.size());
     const bool lit = (report.monitor() == "back") == (report.step() % 2 == 0);
     EXPECT_EQ(emitted[place].code, lit ? code16_of(static_cast<float>(report.step() + 1) / 64.0f) : 0);

@@ -116,7 +116,7 @@ void DelayRelay::pass(int from, int to, std::uint64_t seed, std::stop_token stop
       if (got <= 0) break;
       const nanoseconds due = monotonic_now() + nanoseconds(delay_ns(random));
       parcels.push_back({.due = parcels.empty() ? due : std::max(due, parcels.back().due),
-                         .bytes = std::string(buffer.data(), static_cast<size_t>(got))});
+                         .bytes = std::string(buffer.data(), got)});
     }
     while (!parcels.empty() && parcels.front().due <= monotonic_now()) {
       if (!send_all(to, parcels.front().bytes)) return;

@@ -7,7 +7,6 @@
 // PatchProof and find_lag. Some lies are repeated on a rig of real daemons.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -21,6 +20,7 @@
 #include "server/capture/patch_learning.h"
 #include "tests/faults/capture/rig.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -104,9 +104,9 @@ class Showing {
   std::vector<StableWindow> windows() const {
     std::vector<StableWindow> windows;
     for (int i = 0; i < picture_count(); ++i) {
-      if (steps_[static_cast<size_t>(i)] < 0) continue;
+      if (steps_[i] < 0) continue;
       const nanoseconds start = kLead + i * kStepTime;
-      windows.push_back(stable_window({{.step = steps_[static_cast<size_t>(i)],
+      windows.push_back(stable_window({{.step = steps_[i],
                                         .scanout_end = start + kRefresh,
                                         .replaced = start + kStepTime,
                                         .lag = kLag,
@@ -139,14 +139,10 @@ class Showing {
         const int shown = std::clamp(lie_.picture(first_picture_ + p) - first_picture_, 0, picture_count());
         if (share == 0.0 || shown == picture_count()) continue;
         for (int s = 0; s < 3 * kWidth_px; ++s)
-          light[static_cast<size_t>(s)] +=
-              share *
-              static_cast<double>(
-                  pictures_[static_cast<size_t>(shown)].samples[static_cast<size_t>(y * 3 * kWidth_px + s)]);
+          light[s] += share * static_cast<double>(pictures_[shown].samples[y * 3 * kWidth_px + s]);
       }
       for (int s = 0; s < 3 * kWidth_px; ++s)
-        image.samples[static_cast<size_t>(y * 3 * kWidth_px + s)] =
-            code16_of(static_cast<float>(light[static_cast<size_t>(s)]));
+        image.samples[y * 3 * kWidth_px + s] = code16_of(static_cast<float>(light[s]));
     }
     return image;
   }
@@ -197,7 +193,7 @@ class LyingRig {
           pending_.emplace_back(Step{.number = i, .object = false, .exposure_ms = 4.0, .stimulus = {}});
       step.stimulus.set_kind(learns ? "patch" : "solid");
       step.stimulus.set_panel("back");
-      if (learns) step.stimulus.set_patch_id(ids[static_cast<size_t>(i)]);
+      if (learns) step.stimulus.set_patch_id(ids[i]);
     }
     learning_steps_ = {pending_.begin(), pending_.begin() + static_cast<std::ptrdiff_t>(ids.size())};
   }
@@ -536,7 +532,6 @@ class LyingDaemons : public testing::Test {
         << session.reason();
     EXPECT_NEAR(std::stoi(said[1]), lag_ms, 2) << session.reason();
   }
-  void TearDown() override { std::filesystem::remove_all(data_); }
   v1::Session capture(const RigFaults& faults) {
     FaultyRig rig(faults, 1, 16, data_);
     v1::CreateSessionRequest create;
@@ -560,8 +555,7 @@ class LyingDaemons : public testing::Test {
     (void)reader->Finish();
     return response.session();
   }
-  const std::filesystem::path data_ =
-      std::filesystem::path(testing::TempDir()) / fmt::format("lies.{}", ::getpid());
+  const TemporaryDirectory data_;
 };
 
 TEST_F(LyingDaemons, ADisplayThatIsLateIsNamed) {

@@ -3,7 +3,6 @@
 // step once (capture.slow-calls), its matte with the same bits (solve.slow-calls).
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -19,6 +18,7 @@
 #include "solver/worker/work_loop.h"
 #include "tests/faults/capture/rig.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -95,10 +95,7 @@ class SlowCalls : public testing::Test {
   void SetUp() override {
     rig_ = std::make_unique<FaultyRig>(RigFaults{.name = "slow", .node_call = kDeadline}, 1, 16, data_);
   }
-  void TearDown() override {
-    rig_ = nullptr;
-    fs::remove_all(data_);
-  }
+  void TearDown() override { rig_ = nullptr; }
 
   void begin(const std::string& name) {
     v1::CreateSessionRequest create;
@@ -148,7 +145,7 @@ class SlowCalls : public testing::Test {
     std::vector<int> steps;
     for (const v1::Frame& frame : archive.frames()) steps.push_back(frame.step());
     std::ranges::sort(steps);
-    std::vector<int> all(static_cast<size_t>(session.step_count()));
+    std::vector<int> all(session.step_count());
     std::iota(all.begin(), all.end(), 0);
     EXPECT_EQ(steps, all);
     EXPECT_TRUE(fs::exists(rig_->archive(name) / "manifest.json"));
@@ -167,7 +164,7 @@ class SlowCalls : public testing::Test {
     expect_captured(name);
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / fmt::format("slow_calls.{}", ::getpid());
+  const TemporaryDirectory data_;
   std::unique_ptr<FaultyRig> rig_;
   int made_ = 0;
 };

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <fstream>
 #include <map>
@@ -15,6 +14,7 @@
 #include "core/service/service.h"
 #include "tests/faults/capture/decoder.h"
 #include "tests/faults/capture/rig.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -69,7 +69,6 @@ class TetheredRig {
   ~TetheredRig() {
     rig_.reset();
     std::error_code ignored;
-    fs::remove_all(data_, ignored);
   }
   const fs::path& folder() const { return folder_; }
   const fs::path& state() const { return state_; }
@@ -98,7 +97,7 @@ class TetheredRig {
   }
 
  private:
-  const fs::path data_ = fs::path(testing::TempDir()) / fmt::format("tethered.{}", ::getpid());
+  const TemporaryDirectory data_;
   const fs::path folder_, state_;
   std::unique_ptr<FaultyRig> rig_;
 };

@@ -1,7 +1,6 @@
 // Somebody touches the table in the middle of a capture on a simulated rig.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,6 +12,7 @@
 #include "core/service/service.h"
 #include "tests/faults/capture/rig.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -44,10 +44,7 @@ class RigChangesTest : public testing::Test {
     rig_ =
         std::make_unique<FaultyRig>(RigFaults{.name = "touched", .disturbances = disturbances}, 1, 16, data_);
   }
-  void TearDown() override {
-    rig_ = nullptr;
-    fs::remove_all(data_);
-  }
+  void TearDown() override { rig_ = nullptr; }
 
   void create() {
     const grpc::Status status = rig_->create(sweeping_plan());
@@ -90,7 +87,7 @@ class RigChangesTest : public testing::Test {
     return off_px;
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("rig_changes." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   std::unique_ptr<FaultyRig> rig_;
   std::map<int, double> before_;
 };

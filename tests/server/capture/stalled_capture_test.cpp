@@ -2,13 +2,13 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <optional>
 
 #include "core/service/service.h"
 #include "tests/faults/capture/rig.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -30,7 +30,7 @@ v1::Plan many_retries() {
 }
 
 TEST(StalledCapture, ACameraWhoseFramesAreLostIsNamedAsTheCause) {
-  const fs::path data = fs::path(testing::TempDir()) / fmt::format("stalled.{}", ::getpid());
+  const TemporaryDirectory data;
   std::optional<v1::Session> stalled;
   {
     FaultyRig rig(RigFaults{.name = "blind", .drop = 1.0}, 1, 16, data);
@@ -51,7 +51,6 @@ TEST(StalledCapture, ACameraWhoseFramesAreLostIsNamedAsTheCause) {
     EXPECT_EQ(end.state(), v1::SESSION_STATE_CANCELLED) << end.reason();
     EXPECT_EQ(end.reason(), "");
   }
-  fs::remove_all(data);
   ASSERT_TRUE(stalled) << "it failed without a word of the stall";
   EXPECT_EQ(stalled->proven_count(), 0);
   EXPECT_EQ(stalled->waiting().what(), "no step is being proven (no frame)");

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <set>
 
@@ -15,6 +14,7 @@
 #include "tests/faults/capture/rig.h"
 #include "tests/server/solve/idle_solver.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -36,10 +36,7 @@ v1::Plan video_plan(int frames) {
 class VideoTest : public testing::Test {
  protected:
   void start(const RigFaults& faults) { rig_ = std::make_unique<FaultyRig>(faults, 1, 16, data_); }
-  void TearDown() override {
-    rig_ = nullptr;
-    fs::remove_all(data_);
-  }
+  void TearDown() override { rig_ = nullptr; }
 
   // Returns when the session rests. Calls `seen` with every change.
   v1::Session capture(const v1::Plan& plan, const std::function<void(const v1::Session&)>& seen = nullptr) {
@@ -64,7 +61,7 @@ class VideoTest : public testing::Test {
     return capture(video_plan(frames));
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("video." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   std::unique_ptr<FaultyRig> rig_;
 };
 

@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/base/file.h"
 #include "server/storage/row_checksums.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -16,8 +16,6 @@ using Maker = AccessTokens::Maker;
 
 class AccessTokensTest : public testing::Test {
  protected:
-  ~AccessTokensTest() override { std::filesystem::remove_all(data_); }
-
   AccessTokens::Made made(const std::string& role = "viewer", const Maker& maker = {"lab"}) {
     return tokens_->make(maker, "anna", role, now_ + hours(1), now_).value();
   }
@@ -29,8 +27,7 @@ class AccessTokensTest : public testing::Test {
   }
 
   Problems problems_;
-  const std::filesystem::path data_ =
-      std::filesystem::temp_directory_path() / ("glasswing-tokens-" + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   const sys_seconds now_{seconds(1'800'000'000)};
   std::unique_ptr<AccessTokens> tokens_ =
       (std::filesystem::create_directories(data_), AccessTokens::open(data_, problems_).value());

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/base/file.h"
 #include "core/security/pem.h"
@@ -10,17 +9,16 @@
 #include "core/service/service.h"
 #include "tests/core/security/made_certificates.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
 
 class ConsoleServiceTest : public testing::Test {
  protected:
-  ConsoleServiceTest() { std::filesystem::create_directories(scratch_); }
   ~ConsoleServiceTest() override {
     server_.reset();
     (void)use_tls({});
-    std::filesystem::remove_all(scratch_);
   }
 
   void start() {
@@ -67,8 +65,7 @@ class ConsoleServiceTest : public testing::Test {
   }
 
   Problems problems_;
-  const std::filesystem::path scratch_ =
-      std::filesystem::temp_directory_path() / ("glasswing-console-service-" + std::to_string(::getpid()));
+  const TemporaryDirectory scratch_;
   std::unique_ptr<AccessTokens> tokens_;
   std::unique_ptr<ConsoleServiceImpl> service_;
   std::unique_ptr<ServiceHost> server_;

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -11,6 +10,7 @@
 #include <vector>
 
 #include "core/base/time.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -19,16 +19,12 @@ namespace fs = std::filesystem;
 
 class HookTest : public testing::Test {
  protected:
-  HookTest() {
-    fs::create_directories(folder_);
-    EXPECT_EQ(::mkfifo(told_.c_str(), 0600), 0);
-  }
-  ~HookTest() override { fs::remove_all(folder_); }
+  HookTest() { EXPECT_EQ(::mkfifo(told_.c_str(), 0600), 0); }
   static Event event(std::string_view what, const std::string& session) {
     return {.what = what, .session = session, .text = "it \"happened\"\n", .advice = "$HOME;x"};
   }
 
-  const fs::path folder_ = fs::path(testing::TempDir()) / ("hook." + std::to_string(::getpid()));
+  const TemporaryDirectory folder_;
   const std::string told_ = folder_ / "told";  // a pipe, which the command writes
 };
 

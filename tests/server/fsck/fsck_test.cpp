@@ -2,7 +2,6 @@
 #include "core/archive/fsck.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/base/checksum.h"
 #include "core/base/file.h"
@@ -12,6 +11,7 @@
 #include "server/storage/image_name.h"
 #include "server/storage/matte_files.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -66,7 +66,6 @@ class FsckServer : public testing::Test {
     write(data_ / "images" / image_name("png"), "png");
     write(data_ / "calibration/camera-c.json", "{\"camera\": \"c\"}");
   }
-  void TearDown() override { fs::remove_all(data_); }
 
   void write(const fs::path& path, const std::string& bytes) { ASSERT_OK(write_file_durably(path, bytes)); }
   void flip(const fs::path& file) {
@@ -97,7 +96,7 @@ class FsckServer : public testing::Test {
     return !fs::exists(file) && fs::exists(data_ / "damaged" / file.lexically_relative(data_));
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("fsck." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   const MatteFiles files_{data_};
   Problems problems_;
   fs::path tile_;

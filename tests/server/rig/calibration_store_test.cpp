@@ -1,11 +1,11 @@
 #include "server/rig/calibration_store.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <fstream>
 
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -14,7 +14,6 @@ namespace fs = std::filesystem;
 
 class CalibrationStoreTest : public testing::Test {
  protected:
-  void TearDown() override { fs::remove_all(data_); }
   static v1::MonitorSync sync(const std::string& monitor, std::int64_t lag_ns) {
     v1::MonitorSync sync;
     sync.set_monitor(monitor);
@@ -24,7 +23,7 @@ class CalibrationStoreTest : public testing::Test {
     sync.set_measured("2026-01-31T12:00:00Z");
     return sync;
   }
-  const fs::path data_ = fs::path(testing::TempDir()) / ("calibration_store." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   Problems problems_;
 };
 

@@ -1,9 +1,9 @@
 #include "server/rig/embed_calibrations.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -41,9 +41,8 @@ class EmbedCalibrations : public testing::Test {
     }
     header_.mutable_plan()->set_method("gaussian");
   }
-  void TearDown() override { fs::remove_all(data_); }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("embed." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   Problems problems_;
   std::unique_ptr<CalibrationStore> store_;
   v1::CaptureManifest header_;

@@ -2,22 +2,18 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/base/file.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
 
 class NodeNamesTest : public testing::Test {
  protected:
-  NodeNamesTest() { std::filesystem::create_directories(data_); }
-  ~NodeNamesTest() override { std::filesystem::remove_all(data_); }
-
   Problems problems_;
-  const std::filesystem::path data_ =
-      std::filesystem::temp_directory_path() / ("glasswing-names-" + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
 };
 
 TEST_F(NodeNamesTest, AreOwnedBeyondARestartUntilTheyAreReleased) {

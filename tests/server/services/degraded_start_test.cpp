@@ -1,6 +1,5 @@
 // What the server does without: each damage is made by hand, and the server starts all the same.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/base/file.h"
 #include "server/services/server.h"
@@ -9,6 +8,7 @@
 #include "tests/server/jobs/helpers.h"
 #include "tests/server/jobs/postgres_fixture.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -17,11 +17,9 @@ namespace fs = std::filesystem;
 
 class DegradedStart : public testing::Test {
  protected:
-  void TearDown() override { fs::remove_all(data_); }
   // A session that is being solved, in a job of the server's store. Returns the job.
   std::int64_t begin_solve(const std::string& jobs = {}) {
     const std::string id = "0123456789abcdef0123456789abcdef";
-    fs::create_directories(data_);
     EXPECT_OK(write_file_durably(data_ / "server-id", id));
     const auto store =
         open_job_store(jobs, data_, {.server_id = id, .server_address = ""}, problems_).value();
@@ -45,7 +43,7 @@ class DegradedStart : public testing::Test {
     EXPECT_TRUE(fs::exists(data_ / "damaged" / file.filename()));
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("degraded." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   Problems problems_;
 };
 

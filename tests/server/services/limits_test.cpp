@@ -2,7 +2,6 @@
 
 #include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/service/service.h"
 #include "server/services/fleet_service.h"
@@ -11,6 +10,7 @@
 #include "server/services/server.h"
 #include "server/services/session_service.h"
 #include "server/services/work_service.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -58,8 +58,7 @@ grpc::Status call(const ServiceHost& host, const pb::MethodDescriptor& method, c
 }
 
 TEST(Limits, HoldForEveryMethodOfTheServer) {
-  const std::filesystem::path data =
-      std::filesystem::temp_directory_path() / ("glasswing-limits-" + std::to_string(::getpid()));
+  const TemporaryDirectory data;
   {
     const std::unique_ptr<Server> server = Server::open({.data = data}).value();
     SessionServiceImpl sessions(*server);
@@ -95,7 +94,6 @@ TEST(Limits, HoldForEveryMethodOfTheServer) {
     sessions.stop();
     rig.stop();
   }
-  std::filesystem::remove_all(data);
 }
 
 }  // namespace

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <cmath>
@@ -33,6 +32,7 @@
 #include "server/rig/sync_calibration.h"
 #include "server/services/session_service.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -142,7 +142,6 @@ class RigTest : public testing::Test {
     display_service_->stop();
     emission_->stop();
     display_host_->stop(milliseconds(500));
-    fs::remove_all(data_);
   }
 
   struct Checked {
@@ -174,7 +173,7 @@ class RigTest : public testing::Test {
     return checked;
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("rig_service." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   std::atomic<bool> rail_is_held_ = false;
   bool is_lit_ = true;  // from the start on
   EmissionTimeline timeline_;

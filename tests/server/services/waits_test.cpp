@@ -3,11 +3,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -208,8 +208,7 @@ TEST(Waits, WhatACaptureOrSolveSaysOfItselfIsTakenOver) {
 }
 
 TEST(Waits, AServerTellsWhatItsSessionsWaitFor) {
-  const std::filesystem::path data =
-      std::filesystem::path(testing::TempDir()) / ("waits." + std::to_string(::getpid()));
+  const TemporaryDirectory data;
   {
     const std::unique_ptr<Server> server = Server::open({.data = data}).value();
     Waits waits(*server);
@@ -227,7 +226,6 @@ TEST(Waits, AServerTellsWhatItsSessionsWaitFor) {
     edit.show(session(v1::SESSION_STATE_CAPTURING));
     EXPECT_FALSE(edit.find("vase")->has_waiting());
   }
-  std::filesystem::remove_all(data);
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 // deleted.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <limits>
@@ -17,6 +16,7 @@
 #include "tests/faults/capture/rig.h"
 #include "tests/server/solve/idle_solver.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -45,7 +45,6 @@ class SessionLife : public testing::Test {
   void TearDown() override {
     solver_ = nullptr;
     rig_ = nullptr;
-    fs::remove_all(data_);
   }
   Server& server() { return rig_->server(); }
 
@@ -144,7 +143,7 @@ class SessionLife : public testing::Test {
     return {matte->foreground(0, 0)[0], matte->foreground(0, kHeight - 1)[0]};
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("life." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   std::unique_ptr<FaultyRig> rig_;
   std::unique_ptr<IdleSolver> solver_;
 };
@@ -672,7 +671,7 @@ TEST_F(SessionLife, NothingIsLeftOfADeletedSession) {
   complete(1.0f);
   const v1::Session session = settled();
   const fs::path matte = server().solves().matte("s", std::nullopt).value();
-  const auto matte_bytes = static_cast<std::int64_t>(fs::file_size(matte));
+  const std::int64_t matte_bytes = fs::file_size(matte);
   const absl::StatusOr<std::int64_t> freed = server().deleter().remove("s");
   ASSERT_OK(freed);
   EXPECT_EQ(*freed, session.archive_bytes() + matte_bytes);

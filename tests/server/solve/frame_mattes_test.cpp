@@ -1,10 +1,10 @@
 #include "server/solve/frame_mattes.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/matte/matte_file.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -24,15 +24,13 @@ std::string matte_file(float f) {
 class FrameMattesTest : public testing::Test {
  protected:
   void SetUp() override {
-    fs::remove_all(directory_);
     fs::create_directories(directory_ / "tiles");
     fs::create_directories(directory_ / "mattes");
   }
-  void TearDown() override { fs::remove_all(directory_); }
   FrameMattes mattes() const { return FrameMattes(directory_ / "tiles", 16, 4); }
   fs::path named(int frame) const { return directory_ / "mattes" / std::to_string(frame); }
 
-  const fs::path directory_ = fs::path(testing::TempDir()) / ("frame_mattes." + std::to_string(::getpid()));
+  const TemporaryDirectory directory_;
 };
 
 TEST_F(FrameMattesTest, FilesComeInPiecesAndGetTheirNamesTogether) {

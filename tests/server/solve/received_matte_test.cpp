@@ -1,10 +1,10 @@
 #include "server/solve/received_matte.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "tests/core/matte/random_matte.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -13,10 +13,7 @@ namespace fs = std::filesystem;
 
 class ReceivedMatteTest : public testing::Test {
  protected:
-  void SetUp() override { fs::create_directories(directory_); }
-  void TearDown() override { fs::remove_all(directory_); }
-
-  const fs::path directory_ = fs::path(testing::TempDir()) / ("received_matte." + std::to_string(::getpid()));
+  const TemporaryDirectory directory_;
   const std::string good_ = encode_matte(random_matte(2, 3)).value();
 };
 

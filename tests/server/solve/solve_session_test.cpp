@@ -1,11 +1,11 @@
 #include "server/solve/solve_session.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -15,7 +15,6 @@ namespace fs = std::filesystem;
 class SolveSession : public testing::Test {
  protected:
   void SetUp() override {
-    fs::create_directories(data_);
     store_ = SessionStore::open(data_).value();
     v1::Session session;
     session.set_name("vase");
@@ -23,7 +22,6 @@ class SolveSession : public testing::Test {
     session.set_job(7);
     ASSERT_OK(store_->edit().insert(session, ""));
   }
-  void TearDown() override { fs::remove_all(data_); }
 
   absl::Status ask(const std::string& session, std::int64_t job) {
     v1::TileLease lease;
@@ -33,7 +31,7 @@ class SolveSession : public testing::Test {
     return session_of(edit, lease).status();
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("solve_session." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   std::unique_ptr<SessionStore> store_;
 };
 

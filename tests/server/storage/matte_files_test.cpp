@@ -1,10 +1,10 @@
 #include "server/storage/matte_files.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "core/base/file.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -17,14 +17,13 @@ class MatteFilesTest : public testing::Test {
     fs::create_directories(data_ / "mattes");
     fs::create_directories(data_ / "tiles");
   }
-  ~MatteFilesTest() override { fs::remove_all(data_); }
   void write(const fs::path& path, const std::string& bytes) { ASSERT_OK(write_file_durably(path, bytes)); }
   void write_next_frames(const std::string& session, const std::string& bytes) {
     ASSERT_OK(files_.make_next(session));
     for (int frame = 0; frame < 3; ++frame) write(files_.next(session, frame), bytes);
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("mattes." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   const MatteFiles files_{data_};
 };
 

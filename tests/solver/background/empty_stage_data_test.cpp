@@ -35,7 +35,7 @@ struct Rig {
   Rig(const fs::path& directory, const std::vector<int>& wanted)
       : manifest(read_any_manifest(directory).value()), frames(static_cast<size_t>(manifest.frames_size())) {
     for (const int frame : wanted) {
-      frames[static_cast<size_t>(frame)] = read_frame_file(directory / manifest.frames(frame).file()).value();
+      frames[frame] = read_frame_file(directory / manifest.frames(frame).file()).value();
     }
   }
   void add_noise(double sd) {
@@ -97,7 +97,7 @@ void expect_map_of_misregistered_rig(double noise_sd, double worst_allowed_px, d
         worst_px = std::max(worst_px, std::abs(error_px));
       }
       for (int c = 0; c < kChannels; ++c) {
-        const auto channel = static_cast<size_t>(c);
+        const size_t channel = c;
         matte.modes(x, y, c)[0] = point.mode(c, 0);
         matte.foreground(x, y)[channel] = static_cast<float>(point.foreground[channel]);
       }
@@ -215,10 +215,10 @@ TEST_P(RealGlass, IsToldFromItsBackgroundPixelByPixel) {
         for (int c = 0; c < kChannels; ++c) {
           const auto with = static_cast<double>(object.at(x, y, c)),
                      without = static_cast<double>(empty.at(x, y, c));
-          pairs[static_cast<size_t>(c)] = {.object = with,
-                                           .empty = without,
-                                           .variance = 2.0 * sample.variance(0.0),
-                                           .saturated = with == 1.0 && without == 1.0};
+          pairs[c] = {.object = with,
+                      .empty = without,
+                      .variance = 2.0 * sample.variance(0.0),
+                      .saturated = with == 1.0 && without == 1.0};
         }
         const size_t inside = known > 0.5f ? 1 : 0;
         ++count[inside];

@@ -132,8 +132,8 @@ Rig rig_of(v1::CaptureManifest manifest, const Affine& affine, double sigma_px, 
     for (int x = 0; x < width; ++x) {
       const auto [at_x, at_y] = affine.at(x + 0.5, y + 0.5);
       for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = static_cast<float>(kForeground);
-        matte.modes(x, y, c)[0] = {.weight = static_cast<float>(kWeights[static_cast<size_t>(c)]),
+        matte.foreground(x, y)[c] = static_cast<float>(kForeground);
+        matte.modes(x, y, c)[0] = {.weight = static_cast<float>(kWeights[c]),
                                    .x_px = static_cast<float>(at_x),
                                    .y_px = static_cast<float>(at_y),
                                    .xx_px2 = static_cast<float>(sigma_px * sigma_px),

@@ -84,7 +84,7 @@ TEST(ImageRegistration, NoiseDoesNotMakeItUp) {
         const double u = (x + 0.5) / kWidth, v = (y + 0.5) / kHeight;
         const std::array<double, 3> ramp = {0.1 + 0.8 * u, 0.1 + 0.8 * v, 0.9 - 0.4 * u - 0.4 * v};
         for (int c = 0; c < 3; ++c)
-          image->at(x, y, c) = code16_of(static_cast<float>(ramp[static_cast<size_t>(c)] + normal(random)));
+          image->at(x, y, c) = code16_of(static_cast<float>(ramp[c] + normal(random)));
       }
     }
   }

@@ -21,7 +21,7 @@ std::vector<size_t> region_at(const Samples& samples, size_t first, bool corners
     for (int v = y - 1; v <= y + 1; ++v) {
       for (int u = x - 1; u <= x + 1; ++u) {
         if (u < 0 || v < 0 || u >= kWidth || v >= kHeight || (!corners && u != x && v != y)) continue;
-        const auto next = static_cast<size_t>(v * kWidth + u);
+        const size_t next = v * kWidth + u;
         if (seen[next] || samples[next] != samples[first]) continue;
         seen[next] = true;
         region.push_back(next);

@@ -31,7 +31,7 @@ inline Image16 stage_picture(int width_px, int height_px, const ImageRegistratio
       const double to_y =
           v + registration.shift_px[1] + registration.stretch[2] * u + registration.stretch[3] * v;
       for (int c = 0; c < 3; ++c) {
-        const auto channel = static_cast<size_t>(c);
+        const size_t channel = c;
         const double code =
             registration.gain[channel] * stage_code(to_x, to_y, c) + registration.offset[channel];
         image.at(x, y, c) = code16_of(static_cast<float>(code + noise_sd * normal(random)));

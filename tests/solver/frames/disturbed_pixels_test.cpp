@@ -16,7 +16,7 @@ Matte halves(float object_from) {
     for (int x = 0; x < kAcross; ++x) {
       matte.coverage(x, y) = static_cast<float>(x) >= object_from ? 1.0f : 0.0f;
       for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] = 0.1f;
+        matte.foreground(x, y)[c] = 0.1f;
         // A wide footprint that moves by 1 px of the monitor shows no more than 0.5 erf(1 / (40 sqrt 8)) <
         // 0.05.
         matte.modes(x, y, c)[0] = {.weight = 0.8f,

@@ -164,18 +164,15 @@ FrameFaults faults_of(Session session, double noise_sd = kNoise, double black_le
       const auto owner = std::make_shared<std::vector<std::vector<std::uint16_t>>>();
       const size_t count = 3 * kWidth, first = static_cast<size_t>(row) * count;
       for (const int frame : frames) {
-        const auto f = static_cast<size_t>(frame);
-        std::vector<std::uint16_t> own(codes[f].begin() + static_cast<std::ptrdiff_t>(first),
-                                       codes[f].begin() + static_cast<std::ptrdiff_t>(first + count));
+        const size_t f = frame;
+        std::vector<std::uint16_t> own(codes[f].begin() + first, codes[f].begin() + first + count);
         if (corrections != nullptr) {
           const FrameCorrection& correction = corrections->of_frame[f];
           for (size_t at = 0; at < count; ++at) {
             float light = stack.radiance(own[at]);
             for (size_t k = 0; k < 3; ++k) {
               const int before = correction.before[k];
-              if (before >= 0)
-                light -=
-                    corrections->ghost[k] * stack.radiance(codes[static_cast<size_t>(before)][first + at]);
+              if (before >= 0) light -= corrections->ghost[k] * stack.radiance(codes[before][first + at]);
             }
             light = (light - correction.offset[at % 3]) / correction.gain[at % 3];
             own[at] = static_cast<std::uint16_t>(std::clamp(light / stack.unit + stack.zero, 0.0f, 65500.0f));
@@ -183,7 +180,7 @@ FrameFaults faults_of(Session session, double noise_sd = kNoise, double black_le
         }
         owner->push_back(std::move(own));
       }
-      for (size_t i = 0; i < frames.size(); ++i) stack.rows[static_cast<size_t>(frames[i])] = (*owner)[i];
+      for (size_t i = 0; i < frames.size(); ++i) stack.rows[frames[i]] = (*owner)[i];
       stack.owner = owner;
       return stack;
     };
@@ -195,7 +192,7 @@ FrameFaults faults_of(Session session, double noise_sd = kNoise, double black_le
 }
 
 double gain_of(const FrameFaults& faults, int frame) {
-  return static_cast<double>(faults.corrections->of_frame[static_cast<size_t>(frame)].gain[1]);
+  return static_cast<double>(faults.corrections->of_frame[frame].gain[1]);
 }
 
 TEST(FrameFaults, ACleanSessionHasNone) {
@@ -270,12 +267,11 @@ TEST(FrameFaults, FlickerIsBroughtToTheUsual) {
   std::normal_distribution<double> noise(1.0, 0.005);
   std::vector<double> gains;
   for (size_t f = 0; f < session.frames.size(); ++f) gains.push_back(noise(random));
-  scale(session, [&](int frame) { return gains[static_cast<size_t>(frame)]; });
+  scale(session, [&](int frame) { return gains[frame]; });
   const FrameFaults faults = faults_of(session);
   ASSERT_NE(faults.corrections, nullptr);
   // To an error of the usual one of a hundred frames, and of a frame's own gain.
-  for (const int frame : {75, 80, 85, 90})
-    EXPECT_NEAR(gain_of(faults, frame), gains[static_cast<size_t>(frame)], 0.003);
+  for (const int frame : {75, 80, 85, 90}) EXPECT_NEAR(gain_of(faults, frame), gains[frame], 0.003);
   ASSERT_EQ(faults.warnings.size(), 1u);
   EXPECT_NE(faults.warnings[0].find("flickers"), std::string::npos) << faults.warnings[0];
 }
@@ -453,9 +449,9 @@ TEST(FrameFaults, BadPixelsAreFound) {
   Session session = clean_session();
   const std::vector<int> bad{10 * kWidth + 5, 20 * kWidth + 30, 40 * kWidth + 50};
   for (Picture& picture : session.frames) {
-    picture[static_cast<size_t>(bad[0])] = 0.0;
-    picture[static_cast<size_t>(bad[1])] = 0.4;
-    picture[static_cast<size_t>(bad[2])] *= 0.5;
+    picture[bad[0]] = 0.0;
+    picture[bad[1]] = 0.4;
+    picture[bad[2]] *= 0.5;
   }
   EXPECT_EQ(faults_of(session).bad_pixels, bad);
 }

@@ -46,7 +46,7 @@ LightReader frames_of(const v1::CaptureManifest& manifest, int knock, bool moved
   return [&manifest, knock, moved_back](int row,
                                         const std::vector<int>& frames) -> absl::StatusOr<FrameStack> {
     FrameStack stack{.width_px = kWidth_px, .first_row = row, .row_count = 1, .rows = {}, .owner = nullptr};
-    stack.rows.resize(static_cast<size_t>(manifest.frames_size()));
+    stack.rows.resize(manifest.frames_size());
     const auto owner = std::make_shared<std::vector<std::vector<std::uint16_t>>>();
     for (const int f : frames) {
       std::mt19937 random(static_cast<unsigned>(1000 * row + f));
@@ -60,7 +60,7 @@ LightReader frames_of(const v1::CaptureManifest& manifest, int knock, bool moved
         }
       }
     }
-    for (size_t i = 0; i < frames.size(); ++i) stack.rows[static_cast<size_t>(frames[i])] = (*owner)[i];
+    for (size_t i = 0; i < frames.size(); ++i) stack.rows[frames[i]] = (*owner)[i];
     stack.owner = owner;
     return stack;
   };

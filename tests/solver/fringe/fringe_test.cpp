@@ -159,8 +159,8 @@ TEST(SpectrumFit, ReachesTheCramerRaoBound) {
     const WaveAnswer answer = answer_of(truth, fx, fy, waves.extent);
     Eigen::Matrix<double, 6, 1> re, im;
     for (size_t p = 0; p < 6; ++p) {
-      re[static_cast<Eigen::Index>(p)] = answer.slope[p].real();
-      im[static_cast<Eigen::Index>(p)] = answer.slope[p].imag();
+      re[p] = answer.slope[p].real();
+      im[p] = answer.slope[p].imag();
     }
     information += re * re.transpose();
     if (imaginary) information += im * im.transpose();
@@ -184,9 +184,7 @@ TEST(SpectrumFit, ReachesTheCramerRaoBound) {
   }
   // A variance from n values has a relative error of sqrt(2 / n) = 3 %; five of that.
   const double slack = 5.0 * std::sqrt(2.0 / kPixels);
-  for (size_t p = 0; p < 6; ++p)
-    EXPECT_NEAR(squares[p] / bound(static_cast<Eigen::Index>(p), static_cast<Eigen::Index>(p)), 1.0, slack)
-        << p;
+  for (size_t p = 0; p < 6; ++p) EXPECT_NEAR(squares[p] / bound(p, p), 1.0, slack) << p;
   EXPECT_NEAR(chi_square, 1.0, slack / std::sqrt(19.0));
   // Standard errors are evaluated at each fit's own result: accurate to a few percent.
   EXPECT_NEAR(weight_sd / std::sqrt(bound(0, 0)), 1.0, 0.05);
@@ -296,7 +294,7 @@ TEST(SpectrumFit, TwoPlacesAreToldFromOneAndFound) {
   EXPECT_LT(fit.chi_square, chi_square_quantile(fit.degrees, 1e-6));
   const int first = fit.modes[0].weight > fit.modes[1].weight ? 0 : 1;
   for (const int m : {0, 1}) {
-    const auto found = static_cast<size_t>(m == 0 ? first : 1 - first);
+    const size_t found = m == 0 ? first : 1 - first;
     const Footprint& mode = fit.modes[static_cast<int>(found)];
     EXPECT_NEAR(mode.weight, truth[m].weight, 5.0 * fit.weight_sd[found]);
     EXPECT_NEAR(mode.x_px, truth[m].x_px, 5.0 * std::sqrt(2.0) * fit.centre_sd_px[found]);
@@ -404,8 +402,8 @@ void expect_truth(const Matte& matte) {
         EXPECT_NEAR(static_cast<double>(mode.y_px), truth.y_px, reach);
         EXPECT_LT(reach, 0.5);
         // From 18 samples with noise of at least 0.002.
-        EXPECT_NEAR(static_cast<double>(matte.foreground(x, y)[static_cast<size_t>(c)]),
-                    object ? Simulated::kForeground : 0.0, 5.0 * Simulated::kNoise);
+        EXPECT_NEAR(static_cast<double>(matte.foreground(x, y)[c]), object ? Simulated::kForeground : 0.0,
+                    5.0 * Simulated::kNoise);
       }
     }
   }

@@ -40,13 +40,13 @@ PixelSamples seen(const Surface& surface, const SampleLayout& layout, unsigned s
   std::mt19937 random(seed);
   std::normal_distribution<double> noise(0.0, kNoise);
   PixelSamples samples{.layout = &layout,
-                       .y = std::vector<float>(static_cast<size_t>(layout.padded_count())),
-                       .weight = std::vector<float>(static_cast<size_t>(layout.padded_count())),
-                       .floor_answer = std::vector<float>(static_cast<size_t>(layout.padded_count()), 1.0f)};
+                       .y = std::vector<float>(layout.padded_count()),
+                       .weight = std::vector<float>(layout.padded_count()),
+                       .floor_answer = std::vector<float>(layout.padded_count(), 1.0f)};
   const double black = noise(random);
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
     for (int i = 0; i < sweep.count; ++i) {
-      const auto place = static_cast<size_t>(sweep.first + i);
+      const size_t place = sweep.first + i;
       const double r = sweep.first_r_px + static_cast<double>(layout.offset_px[place]);
       const double light = sum_of(surface, [&](double x, double y) {
         const double z = (x * sweep.axis.cos_phi + y * sweep.axis.sin_phi - r) / sweep.axis.sigma_px;

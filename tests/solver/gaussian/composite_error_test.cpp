@@ -27,7 +27,7 @@ v1::MatteMetadata metadata_of(const SampleLayout& layout) {
     named.set_phi_deg(std::atan2(sweep.axis.sin_phi, sweep.axis.cos_phi) * 180.0 / std::numbers::pi);
     named.set_sigma_px(sweep.axis.sigma_px);
     named.set_first_r_px(sweep.first_r_px);
-    const auto last = static_cast<size_t>(sweep.first + sweep.count - 1);
+    const size_t last = sweep.first + sweep.count - 1;
     named.set_last_r_px(sweep.first_r_px + static_cast<double>(layout.offset_px[last]));
     named.set_count(sweep.count);
   }
@@ -68,9 +68,9 @@ Matte solved_again_and_again(const Footprints& truth) {
       samples.floor_weight = 1.0;
       samples.floor_answer.assign(samples.y.size(), 1.0f);
       const JointFit fit = fit_jointly(samples, found, kSimulatedExtent, {.max_steps = 20}, workspace);
-      matte.foreground(x, 0)[static_cast<size_t>(c)] = static_cast<float>(black + fit.floor);
+      matte.foreground(x, 0)[c] = static_cast<float>(black + fit.floor);
       for (int m = 0; m < fit.modes.size(); ++m) {
-        const auto i = static_cast<size_t>(m);
+        const size_t i = m;
         matte.modes(x, 0, c)[i] = mode_of(fit.modes[m], fit.weight_sd[i], fit.centre_sd_px[i], 0);
       }
     }

@@ -34,8 +34,7 @@ TEST_P(EdgeOrMiddle, NormalEquationsAreThoseOfTheModel) {
   double chi2 = 0.0;
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
     for (int i = 0; i < sweep.count; ++i) {
-      const double residual =
-          static_cast<double>(samples.y[static_cast<size_t>(sweep.first + i)]) - answer(at, layout, sweep, i);
+      const double residual = static_cast<double>(samples.y[sweep.first + i]) - answer(at, layout, sweep, i);
       chi2 += residual * residual;
       FootprintVector derivative(12);
       for (int p = 0; p < 12; ++p) {
@@ -86,7 +85,7 @@ TEST(JointFit, APlaceWithinAPixelIsUncertainByThePixel) {
     for (const SampleLayout::Sweep& sweep : layout.sweeps) {
       const double centre_px = 60.5 * sweep.axis.cos_phi + 45.5 * sweep.axis.sin_phi;
       for (int i = 0; i < sweep.count; ++i) {
-        const auto at = static_cast<size_t>(sweep.first + i);
+        const size_t at = sweep.first + i;
         const double r = sweep.first_r_px + static_cast<double>(layout.offset_px[at]);
         const double z = (r - centre_px) / sweep.axis.sigma_px;
         samples.y[at] = static_cast<float>(kWeight * std::exp(-0.5 * z * z) + noise(random));
@@ -171,7 +170,7 @@ TEST(JointFit, SaturatedSamplesAreBounds) {
   double bounds_met = 0.0;
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
     for (int i = 0; i < sweep.count; ++i) {
-      if (samples.at_least[static_cast<size_t>(sweep.first + i)] > 0.0f)
+      if (samples.at_least[sweep.first + i] > 0.0f)
         bounds_met += answer(dim, layout, sweep, i) >= kFull ? 1.0 : 0.0;
     }
   }
@@ -239,7 +238,7 @@ TEST_P(FitBatch, AgreesWithTheJointFit) {
     const std::vector<double> bound = cramer_rao_bound(truths[i], layout);
     for (int p = 0; p < 6 * modes; ++p) {
       EXPECT_NEAR(parameter(fits[i].modes[p / 6], p % 6), parameter(joint.modes[p / 6], p % 6),
-                  0.2 * 0.005 * 1.5 * bound[static_cast<size_t>(p)])
+                  0.2 * 0.005 * 1.5 * bound[p])
           << i << " " << p;
     }
     // In units of one sample's noise, which each takes from its own neighbourhood of the modes.
@@ -309,7 +308,7 @@ TEST(FindFootprints, ScatterOfOneIsTheCramerRaoBound) {
     ASSERT_GE(fit.modes.size(), 1);
     Footprints expected = truth;
     for (int p = 0; p < 6; ++p)
-      squares[static_cast<size_t>(p)] += std::pow(parameter(fit.modes[0], p) - parameter(expected[0], p), 2);
+      squares[p] += std::pow(parameter(fit.modes[0], p) - parameter(expected[0], p), 2);
     // The fit's own estimate of its error.
     if (fit.modes.size() == 1) {
       EXPECT_NEAR(fit.centre_sd_px[0] / (kNoise * std::hypot(sd[1], sd[2]) / std::sqrt(2.0)), 1.0, 0.35);

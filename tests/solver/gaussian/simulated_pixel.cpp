@@ -27,8 +27,7 @@ SampleLayout four_sweeps(double sigma_px) {
 }
 
 double answer(const Footprints& modes, const SampleLayout& layout, const SampleLayout::Sweep& sweep, int i) {
-  const double r =
-      sweep.first_r_px + static_cast<double>(layout.offset_px[static_cast<size_t>(sweep.first + i)]);
+  const double r = sweep.first_r_px + static_cast<double>(layout.offset_px[sweep.first + i]);
   double sum = 0.0;
   for (const Footprint& mode : modes) sum += response(mode, sweep.axis, r, kSimulatedExtent);
   return sum;
@@ -37,12 +36,12 @@ double answer(const Footprints& modes, const SampleLayout& layout, const SampleL
 PixelSamples recorded(const Footprints& modes, const SampleLayout& layout, double noise_sd,
                       std::mt19937& random) {
   PixelSamples samples{.layout = &layout, .y = {}, .weight = {}};
-  samples.y.resize(static_cast<size_t>(layout.padded_count()));
+  samples.y.resize(layout.padded_count());
   samples.weight.resize(samples.y.size());
   std::normal_distribution<double> normal;  // a width of 0 would be undefined
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
     for (int i = 0; i < sweep.count; ++i) {
-      const auto place = static_cast<size_t>(sweep.first + i);
+      const size_t place = sweep.first + i;
       samples.y[place] = static_cast<float>(answer(modes, layout, sweep, i) +
                                             (noise_sd > 0.0 ? noise_sd * normal(random) : 0.0));
       samples.weight[place] = 1.0f;
@@ -59,7 +58,7 @@ JointFit solved(const PixelSamples& samples, double noise_sd, int max_modes) {
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
     std::vector<float>& y = lanes.emplace_back(static_cast<size_t>(sweep.count) * kBlockLanes);
     for (int i = 0; i < sweep.count; ++i)
-      y[static_cast<size_t>(i) * kBlockLanes] = samples.y[static_cast<size_t>(sweep.first + i)];
+      y[static_cast<size_t>(i) * kBlockLanes] = samples.y[sweep.first + i];
     blocks.push_back({.y = y.data(),
                       .count = sweep.count,
                       .first_r_px = sweep.first_r_px,
@@ -100,8 +99,7 @@ BatchPixel batch_pixel(const PixelSamples& samples, const Footprints& start) {
 }
 
 double& parameter(Footprint& mode, int p) {
-  return *std::array{
-      &mode.weight, &mode.x_px, &mode.y_px, &mode.xx_px2, &mode.xy_px2, &mode.yy_px2}[static_cast<size_t>(p)];
+  return *std::array{&mode.weight, &mode.x_px, &mode.y_px, &mode.xx_px2, &mode.xy_px2, &mode.yy_px2}[p];
 }
 
 }  // namespace glasswing

@@ -71,7 +71,7 @@ class SimulatedStack {
 
   v1::CaptureManifest& manifest() { return manifest_; }
   const v1::CaptureManifest& manifest() const { return manifest_; }
-  std::vector<std::uint16_t>& frame(int i) { return frames_[static_cast<size_t>(i)]; }
+  std::vector<std::uint16_t>& frame(int i) { return frames_[i]; }
   void remove(int i) {
     manifest_.mutable_frames()->DeleteSubrange(i, 1);
     frames_.erase(frames_.begin() + i);
@@ -97,7 +97,7 @@ class SimulatedStack {
       constexpr std::ptrdiff_t kRow = kWidth * 3;
       std::vector<std::uint16_t> samples;
       for (const int frame : frames) {
-        const auto first = frames_[static_cast<size_t>(frame)].begin() + row * kRow;
+        const auto first = frames_[frame].begin() + row * kRow;
         samples.insert(samples.end(), first, first + kRow);
       }
       return absl::StatusOr<std::vector<std::uint16_t>>(samples);
@@ -212,7 +212,7 @@ void expect_truth(const Matte& matte, SimulatedStack::Truth truth) {
     EXPECT_EQ(m.coverage(x, y), 1.0f);
     for (int c = 0; c < kChannels; ++c) {
       const Footprints modes = truth(x, y);
-      for (int i = 0; i < modes.size(); ++i) expect_mode(m.modes(x, y, c)[static_cast<size_t>(i)], modes[i]);
+      for (int i = 0; i < modes.size(); ++i) expect_mode(m.modes(x, y, c)[i], modes[i]);
     }
   });
 }
@@ -246,7 +246,7 @@ TEST(Stack, LightFromAllOverTheMonitorIsKept) {
                                                                 .yy_px2 = static_cast<double>(mode.yy_px2)});
       }
       EXPECT_NEAR(found, white, 5.0 * std::sqrt(2.0) * kNoise) << x << " " << y << " " << c;
-      EXPECT_NEAR(m.foreground(x, y)[static_cast<size_t>(c)], kForeground, 5.0 * kNoise);
+      EXPECT_NEAR(m.foreground(x, y)[c], kForeground, 5.0 * kNoise);
     }
   });
 }
@@ -278,7 +278,7 @@ TEST(Stack, NoiseBelowBlackIsNoLight) {
     EXPECT_EQ(m.flags(x, y), 0) << x << " " << y;
     for (int c = 0; c < kChannels; ++c) {
       expect_mode(m.modes(x, y, c)[0], dim(x, y)[0]);
-      foreground += static_cast<double>(m.foreground(x, y)[static_cast<size_t>(c)]);
+      foreground += static_cast<double>(m.foreground(x, y)[c]);
       weight += static_cast<double>(m.modes(x, y, c)[0].weight);
       count += 1.0;
     }
@@ -450,7 +450,7 @@ TEST(Stack, PixelsThatSeeAnIdPatchAreFlaggedAndOthersAreNot) {
   // The lowest row sees a cell; every frame shows another id.
   for (int i = 0; i < simulated.manifest().frames_size(); ++i) {
     const size_t row = static_cast<size_t>(kWidth) * 3;
-    std::fill(simulated.frame(i).end() - static_cast<std::ptrdiff_t>(row), simulated.frame(i).end(), lit(i));
+    std::fill(simulated.frame(i).end() - row, simulated.frame(i).end(), lit(i));
   }
   ASSERT_GE(simulated.manifest().frames_size(), before + 3);
   const Matte matte = simulated.solve();
@@ -485,7 +485,7 @@ TEST(Stack, AllBlackTransmitsNothing) {
   for_object(simulated.solve(), [](int x, int y, const Matte& matte) {
     for (int c = 0; c < kChannels; ++c) {
       EXPECT_EQ(matte.modes(x, y, c)[0].weight, 0.0f);
-      EXPECT_EQ(matte.foreground(x, y)[static_cast<size_t>(c)], 0.0f);
+      EXPECT_EQ(matte.foreground(x, y)[c], 0.0f);
     }
   });
 }

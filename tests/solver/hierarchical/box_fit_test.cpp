@@ -22,7 +22,7 @@ BoxMonitor monitor(bool solids, bool complements, int width_px = 96, int height_
   if (solids) add(BoxPattern::kSolid, 0, 1.0);
   for (int axis = 0; axis < 2; ++axis) {
     for (double bar_px = 64.0; bar_px >= 1.0; bar_px *= 0.5) {
-      std::vector<BarWave>& waves = monitor.waves[static_cast<size_t>(axis)];
+      std::vector<BarWave>& waves = monitor.waves[axis];
       add(axis, waves.size(), 1.0);
       if (complements) add(axis, waves.size(), -1.0);
       waves.push_back({.bar_px = bar_px});
@@ -83,7 +83,7 @@ class SimulatedPixel {
   double lit_of(size_t m, size_t p, const Truth& truth) const {
     const BoxPattern& pattern = monitors_[m].patterns[p];
     if (pattern.axis == BoxPattern::kSolid) return 1.0;
-    const auto axis = static_cast<size_t>(pattern.axis);
+    const size_t axis = pattern.axis;
     const WaveAxis waves(monitors_[m].waves[axis],
                          axis == 0 ? monitors_[m].width_px : monitors_[m].height_px);
     std::vector<double> v(waves.wave_count());

@@ -302,7 +302,7 @@ TEST(Hierarchical, PlacesThatLookAlikeAreFlagged) {
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < 10; ++x) {
         SCOPED_TRACE(testing::Message() << "pixel " << x << ", " << y);
-        const double truth_px = static_cast<double>(truth(x, y, true).x_px);
+        const double truth_px = truth(x, y, true).x_px;
         const bool alike = truth_px >= 32.0;
         EXPECT_EQ(matte.flags(x, y), alike ? kFlagPoorFit : kFlagNone);
         if (alike && !empty_stage) continue;

@@ -28,6 +28,7 @@
 #include "server/services/rig_service.h"
 #include "server/services/session_service.h"
 #include "tests/support/status.h"
+#include "tests/support/temporary_directory.h"
 
 namespace glasswing {
 namespace {
@@ -116,7 +117,6 @@ class LiveTest : public testing::Test {
     display_service_->stop();
     emission_->stop();
     display_host_->stop(milliseconds(500));
-    fs::remove_all(data_);
   }
   // The rig is released shortly after the call that holds it ends.
   bool becomes_free() {
@@ -128,7 +128,7 @@ class LiveTest : public testing::Test {
     return false;
   }
 
-  const fs::path data_ = fs::path(testing::TempDir()) / ("live_service." + std::to_string(::getpid()));
+  const TemporaryDirectory data_;
   EmissionTimeline timeline_;
   std::unique_ptr<Server> server_;
   std::unique_ptr<SessionServiceImpl> sessions_;
@@ -189,7 +189,7 @@ struct Errors {
   std::vector<float> object, stage;
   float median(std::vector<float> Errors::*part) {
     std::vector<float>& errors = this->*part;
-    std::ranges::nth_element(errors, errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2));
+    std::ranges::nth_element(errors, errors.begin() + errors.size() / 2);
     return errors[errors.size() / 2];
   }
 };
@@ -233,7 +233,7 @@ TEST_F(LiveTest, CompositesAreWhatTheCameraWouldSee) {
       ++frames;
       const int phase = motion_of("wobble").phase_at(
           nanoseconds((frame.taken().exposure_start_ns() + frame.taken().exposure_end_ns()) / 2));
-      const Transport& through = object ? *stage.phases[static_cast<size_t>(phase)] : *stage.empty;
+      const Transport& through = object ? *stage.phases[phase] : *stage.empty;
       const RadianceImage truth = through.respond(std::vector<RadianceImage>{background});
       for (size_t i = 0; i < truth.samples.size(); ++i) {
         const float light =

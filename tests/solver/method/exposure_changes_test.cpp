@@ -40,7 +40,7 @@ struct Photographs {
     return measure_exposure_changes(manifest, [this](int row, const std::vector<int>& frames) {
       std::vector<std::uint16_t> read;
       for (const int frame : frames) {
-        const auto first = samples[static_cast<size_t>(frame)].begin() + row * kWidth * 3;
+        const auto first = samples[frame].begin() + row * kWidth * 3;
         read.insert(read.end(), first, first + kWidth * 3);
       }
       return absl::StatusOr<std::vector<std::uint16_t>>(std::move(read));

@@ -94,7 +94,7 @@ TEST(MixtureSolver, FindsTheNoiseWhereARowIsAllObject) {
     Image16& image = frames.emplace_back(kWidth, kRows);
     for (int i = 0; i < kWidth * kRows; ++i) {
       // Without the object the camera looks at the monitor's other end.
-      Footprint seen = truth[static_cast<size_t>(i)];
+      Footprint seen = truth[i];
       if (!step.object)
         seen = {.weight = 0.9,
                 .x_px = 120.0 - seen.x_px,
@@ -104,7 +104,7 @@ TEST(MixtureSolver, FindsTheNoiseWhereARowIsAllObject) {
                 .yy_px2 = 4.0};
       const double light = (step.object ? 0.1 : 0.02) + light_of(step.stimulus, seen);
       for (int c = 0; c < kChannels; ++c)
-        image.samples[static_cast<size_t>(i * kChannels + c)] =
+        image.samples[i * kChannels + c] =
             static_cast<std::uint16_t>(std::lround(65535.0 * std::clamp(light + noise(random), 0.0, 1.0)));
     }
   }
@@ -126,7 +126,7 @@ TEST(MixtureSolver, FindsTheNoiseWhereARowIsAllObject) {
         x_px += static_cast<double>(mode.weight * mode.x_px);
         y_px += static_cast<double>(mode.weight * mode.y_px);
       }
-      const Footprint& seen = truth[static_cast<size_t>(i)];
+      const Footprint& seen = truth[i];
       // Five of the standard errors that the design expects along an axis.
       if (std::hypot(x_px / light - seen.x_px, y_px / light - seen.y_px) < 5.0 * designed.expected.centre_px)
         ++right;

@@ -84,7 +84,7 @@ TEST(Mixture, FitsScatterAsTheDesignExpects) {
       const double off[] = {is.weight - was.weight, is.x_px - was.x_px,     is.y_px - was.y_px,
                             is.xx_px2 - was.xx_px2, is.xy_px2 - was.xy_px2, is.yy_px2 - was.yy_px2};
       for (int p = 0; p < 6; ++p) squares[6 * m + p] += off[p] * off[p] / kTries;
-      covered += std::abs(off[0]) < fit.weight_sd[static_cast<size_t>(m)] ? 0.5 / kTries : 0.0;
+      covered += std::abs(off[0]) < fit.weight_sd[m] ? 0.5 / kTries : 0.0;
     }
   }
   EXPECT_NEAR(covered, 0.683, 0.04);  // three of its own standard errors, 0.013

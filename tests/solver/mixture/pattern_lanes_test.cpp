@@ -46,7 +46,7 @@ TEST(PatternLanes, AreWhatPatternAnswersSays) {
   for (const bool stripes : {false, true}) {
     const PatternAnswers answers(patterns(stripes), {.width_px = 128.0, .height_px = 96.0});
     const PatternLanes lanes(answers);
-    const auto count = static_cast<size_t>(answers.size());
+    const size_t count = answers.size();
     std::vector<double> exact(PatternLanes::kColumns * count);
     std::vector<float> scale(lanes.size()), columns(PatternLanes::kColumns * lanes.size());
     for (size_t i = 0; i < count; ++i) scale[lanes.lane(i)] = 0.5f;

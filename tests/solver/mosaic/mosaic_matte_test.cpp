@@ -33,7 +33,7 @@ Matte measured(const Truth& truth) {
       const int own = rggb().channel(x, y);
       const std::vector<Mode> modes = truth(x, y, own);
       std::ranges::copy(modes, matte.modes(x, y, own).begin());
-      matte.foreground(x, y)[static_cast<size_t>(own)] = 0.01f * static_cast<float>(own + 1);
+      matte.foreground(x, y)[own] = 0.01f * static_cast<float>(own + 1);
       matte.coverage(x, y) = 1.0f;
     }
   }
@@ -87,7 +87,7 @@ TEST(MosaicMatte, APlaneWithDispersionIsExact) {
         EXPECT_NEAR(found.x_px, expected.x_px, is_rim(x, y) ? 0.03 : 1e-3);
         EXPECT_NEAR(found.y_px, expected.y_px, is_rim(x, y) ? 0.03 : 1e-3);
         EXPECT_EQ(matte.modes(x, y, c)[1].weight, 0.0f);
-        EXPECT_NEAR(matte.foreground(x, y)[static_cast<size_t>(c)], 0.01 * (c + 1), 1e-6);
+        EXPECT_NEAR(matte.foreground(x, y)[c], 0.01 * (c + 1), 1e-6);
         if (c == rggb().channel(x, y)) {
           expect_same(found, expected);
         } else {
@@ -204,9 +204,7 @@ TEST(EdgeFit, FindsAnEdgeThatDispersionMoves) {
     const double nx = std::cos(angle), ny = std::sin(angle);
     const std::array<double, 3> edge_px{0.2, -0.3, -0.8};
     const auto part = [&](int dx, int dy, int c) {
-      return std::clamp(
-          0.5 + (nx * dx + ny * dy - edge_px[static_cast<size_t>(c)]) / (std::abs(nx) + std::abs(ny)), 0.0,
-          1.0);
+      return std::clamp(0.5 + (nx * dx + ny * dy - edge_px[c]) / (std::abs(nx) + std::abs(ny)), 0.0, 1.0);
     };
     std::vector<EdgeSample> samples;
     for (int dy = -kEdgeReach; dy <= kEdgeReach; ++dy) {

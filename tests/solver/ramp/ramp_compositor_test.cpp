@@ -63,7 +63,7 @@ RampFrame object() {
   RampFrame frame(kWidth_px, kHeight_px);
   for (int y = 0; y < kHeight_px; ++y) {
     for (int x = 0; x < kWidth_px; ++x) {
-      const auto at = static_cast<size_t>(y * kWidth_px + x);
+      const size_t at = y * kWidth_px + x;
       const float u = static_cast<float>(x) - 20.0f, v = static_cast<float>(y) - 15.0f;
       const float radius = std::hypot(u, v);
       frame.alpha[at] = std::clamp((13.0f - radius) / 2.0f, 0.0f, 1.0f);
@@ -90,7 +90,7 @@ TEST(FastSummedAreaTable, IsTheMeanOfTheExactOne) {
     const FastSummedAreaTable::Light light = table.mean(x, y, width, height);
     // Floats place a box's ends to 4e-6 px or so, a share of up to 32 of the narrowest.
     for (int c = 0; c < 3; ++c)
-      ASSERT_NEAR(light[static_cast<size_t>(c)], exact.mean(box(1.0f, x, y, width, height), c), 1e-3)
+      ASSERT_NEAR(light[c], exact.mean(box(1.0f, x, y, width, height), c), 1e-3)
           << x << " " << y << " " << width << " " << height;
   }
 }
@@ -100,7 +100,7 @@ TEST(RampCompositor, IsTheExactCompositeInCodes) {
   Matte matte = empty_matte(2);
   for (int y = 0; y < kHeight_px; ++y) {
     for (int x = 0; x < kWidth_px; ++x) {
-      const auto at = static_cast<size_t>(y * kWidth_px + x);
+      const size_t at = y * kWidth_px + x;
       const std::span<Mode> modes = matte.modes(x, y, 0);
       modes[0] = behind(x, y);
       modes[0].weight *= 1.0f - frame.alpha[at];
@@ -140,7 +140,7 @@ TEST(RampFootprint, IsAsWideAsTheSteps) {
   RampFrame frame(9, 9);
   for (int y = 0; y < 9; ++y) {
     for (int x = 0; x < 9; ++x) {
-      const auto at = static_cast<size_t>(9 * y + x);
+      const size_t at = 9 * y + x;
       frame.alpha[at] = frame.info_xx[at] = frame.info_yy[at] = 1.0f;
       frame.x_px[at] = 3.0f * static_cast<float>(x) + (x > 6 ? 100.0f : 0.0f);
       frame.y_px[at] = -0.5f * static_cast<float>(y);

@@ -11,7 +11,7 @@ namespace {
 using testing::Test;
 
 size_t place(const RampScene& scene, int x, int y) {
-  return static_cast<size_t>(y) * static_cast<size_t>(scene.width_px) + static_cast<size_t>(x);
+  return static_cast<size_t>(y) * scene.width_px + x;
 }
 
 template <typename Visit>

@@ -40,9 +40,9 @@ class Clip final : public VideoSource {
   const v1::CaptureManifest& manifest() const override { return manifest_; }
   absl::StatusOr<VideoFrame> read(int frame) override {
     if (frame == broken) return absl::DataLossError("torn");
-    return VideoFrame{.view = scene_.view(frames_[static_cast<size_t>(frame)]), .owner = nullptr};
+    return VideoFrame{.view = scene_.view(frames_[frame]), .owner = nullptr};
   }
-  std::vector<std::uint16_t>& samples(int frame) { return frames_[static_cast<size_t>(frame)]; }
+  std::vector<std::uint16_t>& samples(int frame) { return frames_[frame]; }
 
   int broken = -1;
 
@@ -99,8 +99,7 @@ TEST(RampMethod, RangesJoinWithoutSeams) {
     const Solved part = solve(clip, first, count, 3);
     ASSERT_OK(part.status);
     ASSERT_EQ(part.mattes.size(), static_cast<size_t>(count));
-    for (int i = 0; i < count; ++i)
-      expect_same(part.mattes[static_cast<size_t>(i)], whole.mattes[static_cast<size_t>(first + i)]);
+    for (int i = 0; i < count; ++i) expect_same(part.mattes[i], whole.mattes[first + i]);
   }
 }
 

@@ -47,7 +47,7 @@ TEST(ParallelSolve, EveryRowIsSolvedOnce) {
   manifest.mutable_camera()->set_width_px(kWidth_px);
   manifest.add_frames()->mutable_stimulus()->set_kind("solid");
   for (const int row_count : {1, 2, 16, 31, 32, 33, 64}) {
-    std::vector<std::uint16_t> samples(static_cast<size_t>(3 * kWidth_px * row_count));
+    std::vector<std::uint16_t> samples(3 * kWidth_px * row_count);
     for (size_t i = 0; i < samples.size(); ++i) samples[i] = static_cast<std::uint16_t>(40 * i);
     const FrameStack stack{
         .width_px = kWidth_px, .first_row = 7, .row_count = row_count, .rows = {samples}, .owner = nullptr};
@@ -97,8 +97,7 @@ TEST(ParallelSolve, MethodsThatDoNotSolveMosaicsGetThemInterpolated) {
     const FrameStack stack{.width_px = kWide_px,
                            .first_row = first,
                            .row_count = count,
-                           .rows = {std::span(sites).subspan(static_cast<size_t>(first * kWide_px),
-                                                             static_cast<size_t>(count * kWide_px))},
+                           .rows = {std::span(sites).subspan(first * kWide_px, count * kWide_px)},
                            .owner = nullptr,
                            .mosaic = mosaic};
     const Matte matte = solve_in_bands(Copying(), manifest, stack, 2).value();
@@ -117,7 +116,7 @@ TEST(ParallelSolve, StopsWhenAsked) {
   v1::CaptureManifest manifest;
   manifest.mutable_camera()->set_width_px(kWidth_px);
   manifest.add_frames();
-  const std::vector<std::uint16_t> samples(static_cast<size_t>(3 * kWidth_px * 64));
+  const std::vector<std::uint16_t> samples(3 * kWidth_px * 64);
   const FrameStack stack{
       .width_px = kWidth_px, .first_row = 0, .row_count = 64, .rows = {samples}, .owner = nullptr};
   std::stop_source stop;

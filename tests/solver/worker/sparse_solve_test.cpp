@@ -44,8 +44,7 @@ Matte solved_of(int width_px, int row_count, int step, const ModeAt& mode) {
     for (int u = 0; u < solved.width_px(); ++u) {
       solved.coverage(u, v) = 1.0f;
       for (int c = 0; c < kChannels; ++c)
-        solved.modes(u, v, c)[0] =
-            mode(static_cast<float>(u * step), static_cast<float>(rows[static_cast<size_t>(v)]));
+        solved.modes(u, v, c)[0] = mode(static_cast<float>(u * step), static_cast<float>(rows[v]));
     }
   }
   return solved;

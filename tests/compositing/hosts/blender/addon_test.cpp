@@ -171,7 +171,7 @@ TEST_F(BlenderAddOn, TheObjectAloneIsPremultiplied) {
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       const float covered = matte.coverage(x, y);
-      EXPECT_EQ(alpha[static_cast<size_t>(y * kWidth + x)], covered);
+      EXPECT_EQ(alpha[y * kWidth + x], covered);
       for (int c = 0; c < 3; ++c) expected.at(x, y, c) *= covered;
     }
   }
@@ -184,7 +184,7 @@ TEST_F(BlenderAddOn, WritesTheScenesFrames) {
   std::vector<Matte> mattes(3, mixed_matte(kWidth, kHeight));
   std::vector<RadianceImage> pictures;
   for (int i = 0; i < 3; ++i) {
-    Matte& matte = mattes[static_cast<size_t>(i)];
+    Matte& matte = mattes[i];
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) matte.foreground(x, y)[0] = 0.25f * static_cast<float>(i);
     }

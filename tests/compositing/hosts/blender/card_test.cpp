@@ -110,7 +110,7 @@ RayMatte sphere_rays(Glass glass) {
           of[3].state = RayState::kStraight;
         }
         if (!inside) continue;
-        rays.foreground(x, y)[static_cast<size_t>(c)] = 0.02f * static_cast<float>(c + 1);
+        rays.foreground(x, y)[c] = 0.02f * static_cast<float>(c + 1);
         const snell::Line out = *snell::through_sphere({Vector3d::Zero(), direction}, centre, kRadius,
                                                        glass == Glass::kDisperses ? 1.45 + 0.05 * c : 1.5);
         of[0] = bundle(0.4 - 0.05 * c, snell::at_depth(out, kNear_mm), out.direction, 0.012, 1.5);

@@ -117,7 +117,7 @@ TEST_F(ObjectInFrameTest, TheFrameBesideTheObjectStays) {
     for (int x = 0; x < kWidth; ++x) {
       const bool covered = x >= 25 && x < 55 && y >= 36 && y < 60;
       for (int c = 0; c < 3; ++c) {
-        const auto i = static_cast<size_t>(4 * (y * kWidth + x) + c);
+        const size_t i = 4 * (y * kWidth + x) + c;
         if (!covered)
           EXPECT_EQ(out[i], frame[i]) << x << " " << y;
         else

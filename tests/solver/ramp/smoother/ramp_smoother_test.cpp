@@ -32,7 +32,7 @@ RampFrame frame_of(const Scene& scene, unsigned seed, float noise = 1.0f, int wi
   frame.rho_sd = kRhoSd * noise;
   for (int y = 0; y < frame.height_px; ++y) {
     for (int x = 0; x < frame.width_px; ++x) {
-      const auto i = static_cast<size_t>(y * frame.width_px + x);
+      const size_t i = y * frame.width_px + x;
       const float px = static_cast<float>(x) + 0.5f, py = static_cast<float>(y) + 0.5f;
       frame.x_px[i] = px;
       frame.y_px[i] = py;
@@ -54,7 +54,7 @@ double error_px(const RampFrame& frame, const Scene& scene, const std::function<
   double sum = 0.0, count = 0.0;
   for (int y = 0; y < frame.height_px; ++y) {
     for (int x = 0; x < frame.width_px; ++x) {
-      const auto i = static_cast<size_t>(y * frame.width_px + x);
+      const size_t i = y * frame.width_px + x;
       const float px = static_cast<float>(x) + 0.5f, py = static_cast<float>(y) + 0.5f;
       if (!counts(px, py)) continue;
       const Truth truth = scene(px, py);
@@ -226,7 +226,7 @@ TEST(RampSmoother, UnknownPlacesComeFromTheirNeighbours) {
   RampFrame frame = frame_of(pane, 60);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      const auto i = static_cast<size_t>(y * kWidth + x);
+      const size_t i = y * kWidth + x;
       if (!in_highlight(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f)) continue;
       frame.x_px[i] = frame.y_px[i] = 0.0f;
       frame.info_xx[i] = frame.info_yy[i] = 0.0f;
