@@ -15,6 +15,7 @@
 #include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/base/utf8.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
@@ -178,15 +179,16 @@ class Turn {
   absl::Status with_rest(const absl::Status& status) const {
     return absl::Status(
         status.code(),
-        std::string(status.message()) + "\nwhat is captured stays; the same command goes on with the series");
+        std::string(status.message()) + "; what is captured stays, and the same command goes on with the series");
   }
 
   // An error: OK after a moment, if it is of a daemon that is away, and not for too long.
   absl::Status bear(const absl::Status& error) {
     const bool away = absl::IsUnavailable(error) || absl::IsDeadlineExceeded(error);
     if (!away || interrupted() || monotonic_now() - heard_ > kPatience) return with_rest(error);
-    if (error.message() != told_) std::cerr << error.message() << "; waiting\n";
-    told_ = error.message();
+    const std::string why(error.message());
+    if (why != told_) std::cerr << printable(why) << "; waiting\n";
+    told_ = why;
     pause({}, kPoll);
     return absl::OkStatus();
   }
