@@ -19,7 +19,7 @@ namespace {
 constexpr double kFinest = 1e-4;  // of positions
 
 double rounded(double position) {
-  return std::round(position / kFinest) * kFinest;
+  return std::round(position / kFinest) / (1.0 / kFinest) + 0.0;  // no -0
 }
 
 // Digits behind the point that all positions need.

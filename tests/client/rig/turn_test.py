@@ -5,6 +5,7 @@ session, and a series that goes on where it was after each daemon was killed."""
 import json
 import pathlib
 import re
+import shlex
 import subprocess
 import sys
 import unittest
@@ -57,7 +58,7 @@ class TurnTest(unittest.TestCase):
         for session in sessions:
             manifest, folder = self.archive(session["name"])
             steps = [frame["step"] for frame in manifest["frames"]]
-            self.assertEqual(sorted(steps), list(range(session["stepCount"])), session["name"])
+            self.assertEqual(sorted(steps), list(range(session["step_count"])), session["name"])
             self.assertEqual(len(list((folder / "frames").iterdir())), len(steps))
             for frame in manifest["frames"]:
                 if frame.get("object"):
@@ -113,7 +114,7 @@ class TurnTest(unittest.TestCase):
         command = [simulated_rig.BIN / "glasswing", "show", session, "--json"]
         for _ in range(2000):
             done = subprocess.run(command, env=self.rig.environment, capture_output=True, text=True, timeout=60)
-            if done.returncode == 0 and json.loads(done.stdout).get("provenCount", 0) > 0:
+            if done.returncode == 0 and json.loads(done.stdout).get("proven_count", 0) > 0:
                 return
         self.fail(f"{session} was not begun: {done.stderr}")
 
@@ -132,6 +133,23 @@ class TurnTest(unittest.TestCase):
             with self.assertRaisesRegex(AssertionError, re.escape(error)):
                 self.rig.glasswing(*words)
         self.assertEqual(self.sessions("bad"), [])
+
+    def test_the_commands_of_the_page(self):
+        """Those that docs/turntable.md gives to try, on this rig."""
+        page = (simulated_rig.ROOT / "docs/turntable.md").read_text()
+        lines = re.findall(r"^    (\S.*)$", page.split("## Try it")[1].split("## A series")[0], re.MULTILINE)
+        self.assertIn("--axis=turn=0:360", lines[0])
+        commands = [shlex.split(line)[1:] for line in lines if line.startswith("glasswing ")]
+        self.assertEqual(len(commands), len(lines) - 2)
+        self.rig.glasswing("stage", "0")
+        for words in commands:
+            words = [word.replace("deploy/", f"{simulated_rig.ROOT}/deploy/").replace("vase", "page") for word in words]
+            if "-o" in words:
+                words[-1] = str(self.rig.work / words[-1])
+            said = self.rig.glasswing(*words)
+            print(said)
+        self.assertEqual([each["state"] for each in self.sessions("page")], [self.sessions("page")[0]["state"]] * 3)
+        self.assertTrue((self.rig.work / "page-20.exr").exists())
 
     def test_stop_ends_a_move(self):
         self.rig.glasswing("stage", "0")
