@@ -208,14 +208,14 @@ class Crystal final : public Scene {
   CutStone stone_;
 };
 
-// A flat disc that a ray can hit.
+// A flat disc that a ray can hit from either side.
 struct Disc {
   Vec3 centre, normal;  // towards the camera
   double radius;
   std::optional<Vec3> hit(const Ray& ray) const {
-    const double speed = dot(ray.direction, normal);
-    if (speed >= 0.0) return std::nullopt;
-    const Vec3 point = at(ray, dot(centre - ray.origin, normal) / speed);
+    const double speed = dot(ray.direction, normal), away = dot(centre - ray.origin, normal) / speed;
+    if (speed == 0.0 || away <= 0.0) return std::nullopt;
+    const Vec3 point = at(ray, away);
     const Vec3 offset = point - centre;
     if (dot(offset, offset) > radius * radius) return std::nullopt;
     return point;
@@ -241,7 +241,7 @@ class Glass final : public Scene {
     const std::optional<Vec3> point = sheet_.hit(ray);
     if (!point) return std::nullopt;
     // Both faces of the sheet, all orders of reflection between them.
-    const double once = reflectance(-dot(ray.direction, sheet_.normal), kIndex);
+    const double once = reflectance(std::abs(dot(ray.direction, sheet_.normal)), kIndex);
     const double mirrored = 2.0 * once / (1.0 + once);
     return std::vector<Path>{{.ray = {*point, reflected(ray.direction, sheet_.normal)}, .weight = mirrored},
                              {.ray = {*point, ray.direction}, .weight = 1.0 - mirrored}};

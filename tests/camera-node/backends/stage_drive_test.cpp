@@ -187,7 +187,7 @@ TEST(SerialDrive, NamesALineThatIsNoneOrGone) {
   const fs::path file = fs::path(testing::TempDir()) / "no-line";
   std::ofstream(file) << "x";
   const auto status_of = [](const std::string& path, int baud = 115200) {
-    return SerialDrive::create({.path = path, .baud = baud}).status();
+    return SerialDrive::create({.path = path, .baud = baud, .speed = {}}).status();
   };
   EXPECT_TRUE(absl::IsInvalidArgument(status_of(file))) << status_of(file);
   EXPECT_TRUE(absl::IsNotFound(status_of("/nonexistent"))) << status_of("/nonexistent");

@@ -66,8 +66,12 @@ class AxisServiceTest : public testing::Test {
  protected:
   void start(double takeup = 0.0) {
     StageDevice device;
-    device.axes = {{.name = "turn", .min = 0.0, .max = 360.0},
-                   {.name = "lift", .turns = false, .min = 0.0, .max = 50.0}};
+    for (const bool turns : {true, false}) {
+      StageAxis& axis = device.axes.emplace_back();
+      axis.name = turns ? "turn" : "lift";
+      axis.turns = turns;
+      axis.max = turns ? 360.0 : 50.0;
+    }
     device.drive = std::make_unique<FakeDrive>(motors_);
     device.takeup = takeup;
     service_ = std::make_unique<AxisServiceImpl>(std::move(device));

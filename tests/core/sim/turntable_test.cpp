@@ -36,7 +36,7 @@ std::optional<Vec3> hit_of_ball(const Ray& ray, Vec3 centre) {
 
 bool hits_sheet(const Ray& ray, Vec3 centre, Vec3 normal) {
   const double speed = dot(ray.direction, normal);
-  if (speed >= 0.0) return false;
+  if (speed == 0.0) return false;
   const Vec3 offset = ray.origin + (dot(centre - ray.origin, normal) / speed) * ray.direction - centre;
   return dot(offset, offset) <= kSheetRadius * kSheetRadius;
 }
