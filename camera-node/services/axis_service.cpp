@@ -13,6 +13,11 @@
 #include "core/service/service.h"
 
 namespace glasswing {
+namespace {
+
+constexpr size_t kStoppedKept = 64;
+
+}  // namespace
 
 void AxisServiceImpl::stop() {
   const std::lock_guard lock(mutex_);
@@ -28,17 +33,26 @@ grpc::Status AxisServiceImpl::GetAxes(grpc::ServerContext*, const v1::GetAxesReq
 grpc::Status AxisServiceImpl::MoveAxes(grpc::ServerContext* context, const v1::MoveAxesRequest* request,
                                        v1::MoveAxesResponse* response) {
   GW_CHECK_LIMITS(*request);
-  return answer(moves_.run(*context, request->request_id(),
-                           [&]() -> absl::StatusOr<v1::MoveAxesResponse> {
-                             std::stop_token stop;
-                             {
-                               const std::lock_guard lock(mutex_);
-                               stop = stop_.get_token();
-                             }
-                             const std::lock_guard lock(moving_);
-                             return move(*request, stop);
-                           }),
-                *response);
+  const auto work = [&]() -> absl::StatusOr<v1::MoveAxesResponse> {
+    const std::string& id = request->request_id();
+    std::stop_token stop;
+    {
+      const std::lock_guard lock(mutex_);
+      if (!id.empty() && std::ranges::count(stopped_, id) > 0)
+        return absl::FailedPreconditionError("the stage was stopped; this move has ended");
+      stop = stop_.get_token();
+    }
+    const std::lock_guard moving(moving_);
+    absl::StatusOr<v1::MoveAxesResponse> moved =
+        stop.stop_requested() ? absl::FailedPreconditionError("the stage was stopped before it moved")
+                              : move(*request, stop);
+    if (moved.ok() || !stop.stop_requested() || id.empty()) return moved;
+    const std::lock_guard lock(mutex_);
+    stopped_.push_back(id);
+    if (stopped_.size() > kStoppedKept) stopped_.pop_front();
+    return moved;
+  };
+  return answer(moves_.run(*context, request->request_id(), work), *response);
 }
 
 grpc::Status AxisServiceImpl::StopAxes(grpc::ServerContext*, const v1::StopAxesRequest*,

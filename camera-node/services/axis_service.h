@@ -1,6 +1,7 @@
 // AxisService over a StageDevice: limits, homing, settling, and the stop.
 #pragma once
 
+#include <deque>
 #include <mutex>
 #include <optional>
 #include <stop_token>
@@ -39,6 +40,7 @@ class AxisServiceImpl final : public v1::AxisService::Service {
   mutable std::mutex mutex_;
   std::vector<std::optional<double>> positions_;  // empty: unknown; guarded by mutex_
   std::stop_source stop_;                         // of all calls until now; guarded by mutex_
+  std::deque<std::string> stopped_;  // their request ids: a repetition must not move; guarded by mutex_
   JoinedCalls<v1::MoveAxesResponse> moves_;
 };
 

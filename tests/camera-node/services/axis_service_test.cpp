@@ -160,6 +160,21 @@ TEST_F(AxisServiceTest, StopEndsTheMoveAndThoseThatWait) {
   EXPECT_EQ(position(0), 20.0);
 }
 
+// A caller that did not hear of the stop makes its call again.
+TEST_F(AxisServiceTest, AStoppedMoveIsNotTakenUpByARepetition) {
+  start();
+  motors_.held = true;
+  auto running = std::async(std::launch::async, [&] { return move({{"turn", 90.0}}, {}, "one"); });
+  motors_.wait_for(1);
+  stop();
+  EXPECT_TRUE(absl::IsFailedPrecondition(running.get()));
+  motors_.held = false;
+  const size_t told = motors_.told.size();
+  EXPECT_TRUE(absl::IsFailedPrecondition(move({{"turn", 90.0}}, {}, "one")));
+  EXPECT_EQ(motors_.told.size(), told);
+  EXPECT_OK(move({{"turn", 90.0}}, {}, "two"));
+}
+
 TEST_F(AxisServiceTest, ARepeatedCallMovesOnce) {
   start();
   ASSERT_OK(move({{"turn", 10.0}}, {}, "one"));
