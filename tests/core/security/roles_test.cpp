@@ -14,6 +14,7 @@
 #include "core/security/tls.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
+#include "glasswing/v1/axis_service.grpc.pb.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
@@ -41,7 +42,7 @@ using Services =
                v1::ConsoleService::Service, v1::DisplayService::Service, v1::EmissionService::Service,
                v1::FleetService::Service, v1::LiveService::Service, v1::MatteService::Service,
                v1::NodeService::Service, v1::RigService::Service, v1::SessionService::Service,
-               v1::StageService::Service, v1::WorkService::Service>;
+               v1::AxisService::Service, v1::StageService::Service, v1::WorkService::Service>;
 
 // "WorkService/ClaimTile" and so on, from all proto files that are linked here.
 std::set<std::string> all_methods() {
