@@ -240,9 +240,9 @@ TEST_F(Roles, AConsoleAloneKnowsLoginsAndLooksAtNodes) {
   EXPECT_EQ(may, (std::set<std::string>{
                      "ArchiveService/GetManifest", "ArchiveService/GetSpace", "ArchiveService/ListArchives",
                      "ArchiveService/PutFrame", "ArchiveService/ReadFile", "ArchiveService/ReadRows",
-                     "CameraService/GetCamera", "CameraService/Preview", "ConsoleService/Announce",
-                     "ConsoleService/GetPrincipal", "ConsoleService/LogIn", "ConsoleService/LogOut",
-                     "DisplayService/GetDisplay", "LogService/ListWarnings"}));
+                     "AxisService/GetAxes", "CameraService/GetCamera", "CameraService/Preview",
+                     "ConsoleService/Announce", "ConsoleService/GetPrincipal", "ConsoleService/LogIn",
+                     "ConsoleService/LogOut", "DisplayService/GetDisplay", "LogService/ListWarnings"}));
 }
 
 TEST_F(Roles, WithALoginAConsoleMayWhatItsOwnerMay) {
