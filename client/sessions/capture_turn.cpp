@@ -177,9 +177,9 @@ class Turn {
   }
 
   absl::Status with_rest(const absl::Status& status) const {
-    return absl::Status(
-        status.code(),
-        std::string(status.message()) + "; what is captured stays, and the same command goes on with the series");
+    return absl::Status(status.code(),
+                        std::string(status.message()) +
+                            "; what is captured stays, and the same command goes on with the series");
   }
 
   // An error: OK after a moment, if it is of a daemon that is away, and not for too long.
