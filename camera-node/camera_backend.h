@@ -29,8 +29,10 @@ struct CameraSettings {
 struct OpenedCamera {
   std::shared_ptr<Camera> camera;  // may be part of an object that also holds what the camera needs
   Stage* stage = nullptr;          // of a camera that simulates its stage; part of it
-  NodeClock clock = {};            // of its time stamps
-  std::string detail = {};         // beside size and rate, in the list of nodes
+  // Of a camera that simulates its stage: turns the object on its table, degrees.
+  std::function<void(double degrees)> turn = {};
+  NodeClock clock = {};     // of its time stamps
+  std::string detail = {};  // beside size and rate, in the list of nodes
 };
 
 struct CameraBackend {

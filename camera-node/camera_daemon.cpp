@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "camera-node/camera_metrics.h"
+#include "camera-node/services/axis_service.h"
 #include "camera-node/services/calibration_service.h"
 #include "camera-node/services/camera_service.h"
 #include "camera-node/services/stage_service.h"
@@ -57,10 +58,12 @@ absl::Status run_camera(const CLI::App& app, DaemonOptions daemon, CameraOptions
   ArchiveServiceImpl archive_service(store);
   CalibrationServiceImpl calibrations(store);
   StageServiceImpl stages(stage);
+  GW_ASSIGN_OR_RETURN(StageDevice device, open_stage(options.axes, opened));
+  AxisServiceImpl axes(std::move(device));
   camera_metrics();
   archive_metrics();
   const AskedMetrics disk([&] { return disk_metrics(archives); });
-  return serve(daemon, {.services = {&cameras, &archive_service, &calibrations, &stages},
+  return serve(daemon, {.services = {&cameras, &archive_service, &calibrations, &stages, &axes},
                         .node = node_of(options, opened),
                         .server = options.server,
                         .data = archives,
@@ -68,6 +71,7 @@ absl::Status run_camera(const CLI::App& app, DaemonOptions daemon, CameraOptions
                         .end =
                             [&] {
                               cameras.stop();
+                              axes.stop();
                               archive_service.stop();
                             }});
 }

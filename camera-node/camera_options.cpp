@@ -82,6 +82,7 @@ void add_camera_options(CLI::App& app, DaemonOptions& daemon, CameraOptions& cam
   app.add_option("--stage", camera.stage, "who moves the object; manual without --backend sim")
       ->check(CLI::IsMember({"sim", "manual"}))
       ->capture_default_str();
+  add_stage_options(app, camera.axes);
   add_tls_options(app, daemon.tls);
 }
 

@@ -9,6 +9,7 @@
 #include "camera-node/backends/libcamera_camera.h"
 #include "camera-node/backends/sim_camera.h"
 #include "camera-node/camera_backend.h"
+#include "camera-node/open_stage.h"
 #include "core/daemon/daemon.h"
 #include "core/daemon/daemon_options.h"
 
@@ -19,6 +20,7 @@ struct CameraOptions {
   std::optional<double> reserve_mb;
   std::string backend = "sim", stage = "sim";
   CameraSettings settings;
+  StageOptions axes;
 
   // Opens the camera that --backend names. INVALID_ARGUMENT: `app` has an option that this backend does not
   // support, or one with a bad value; otherwise the backend's own errors.

@@ -118,6 +118,12 @@ void add_fault_options(CLI::App& app, SimOptions& camera) {
 void add_disturbance_options(CLI::App& app, SimOptions& camera) {
   Disturbances& d = camera.sim.disturbances;
   const CLI::Range seconds(0.0, 1e6);
+  app.add_option("--true-wobble", camera.sim.wobble_deg,
+                 "sim: the axis of the object's table tips by so many degrees as it turns")
+      ->check(CLI::Range(0.0, 20.0));
+  app.add_option("--true-backlash", camera.sim.backlash_deg,
+                 "sim: the play of the table's gear, degrees: coming from above it stands so much too far")
+      ->check(CLI::Range(0.0, 20.0));
   app.add_option("--true-knock", d.knock_dx_px, "sim: a knock moves its picture to the right by this, px")
       ->check(CLI::Range(-50.0, 50.0));
   app.add_option("--true-knock-down", d.knock_dy_px, "sim: and down by this, px")
@@ -180,6 +186,7 @@ absl::StatusOr<OpenedCamera> open_sim(SimOptions options, const CameraSettings& 
   SimCamera* const camera = simulation->camera.get();
   return OpenedCamera{.camera = std::shared_ptr<Camera>(simulation, camera),
                       .stage = camera,
+                      .turn = [camera](double degrees) { camera->turn(degrees); },
                       .clock = sim.clock,
                       .detail = "scene " + sim.scene};
 }

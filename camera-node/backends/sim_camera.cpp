@@ -52,6 +52,7 @@ SimCamera::SimCamera(const SimCameraOptions& options, const EmissionTimeline& ti
     : options_(options),
       timeline_(timeline),
       motion_(motion_of(options.scene)),
+      table_{.turn_deg = 0.0, .wobble_deg = options.wobble_deg},
       random_(options.sensor.seed),
       preparing_([this](std::stop_token stop) { prepare(stop); }) {}
 
@@ -84,11 +85,22 @@ std::optional<v1::Preparation> SimCamera::preparation() const {
     preparation.set_what("waiting for the monitors' light");
     return options_.awaits_light ? std::optional(preparation) : std::nullopt;
   }
+  const Places places{.monitors = monitors, .table = table()};
   const std::lock_guard lock(stages_mutex_);
-  if (find(monitors) != nullptr) return std::nullopt;
+  if (find(places) != nullptr) return std::nullopt;
   preparation.set_what("simulating the scene");
-  preparation.set_done(tracing_ == monitors ? share_ : 0.0);
+  preparation.set_done(tracing_ == places ? share_ : 0.0);
   return preparation;
+}
+
+Turntable SimCamera::table() const {
+  const std::lock_guard lock(mutex_);
+  return table_;
+}
+
+void SimCamera::turn(double degrees) {
+  const std::lock_guard lock(mutex_);
+  table_.turn_deg = std::clamp(table_.turn_deg, degrees, degrees + options_.backlash_deg);
 }
 
 absl::Status SimCamera::start(double exposure_ms) {
@@ -100,7 +112,7 @@ absl::Status SimCamera::start(double exposure_ms) {
   const std::vector<EmissionMonitor> monitors = timeline_.monitors();
   if (monitors.empty() && options_.awaits_light)
     return absl::UnavailableError("the simulated camera is waiting for the monitors' light");
-  if (!monitors.empty()) GW_RETURN_IF_ERROR(stage(monitors).status());
+  if (!monitors.empty()) GW_RETURN_IF_ERROR(stage(monitors, table()).status());
   const std::lock_guard lock(mutex_);
   running_ = true;
   exposure_ms_ = exposure_ms;
@@ -154,6 +166,7 @@ std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds timeout) 
       newest_ = {.sequence = sequence_,
                  .window = {.start = start, .exposure = exposure},
                  .object = object_,
+                 .table = table_,
                  .at_s = std::chrono::duration<double>(start - first_start_).count()};
     }
     exposed = newest_;
@@ -211,7 +224,7 @@ absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
   if (emission.empty()) return RadianceImage(options_.width_px, options_.height_px);
   std::vector<EmissionMonitor> monitors;
   for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);
-  GW_ASSIGN_OR_RETURN(const StageTransports through, stage(monitors));
+  GW_ASSIGN_OR_RETURN(const StageTransports through, stage(monitors, exposed.table));
   const nanoseconds middle = options_.clock.reading_at((window.start + end_of(window)) / 2);
   const size_t phase = motion_.phase_at(middle);
   RadianceImage radiance = integrate(exposed.object ? *through.phases[phase] : *through.empty, emission,
@@ -244,18 +257,19 @@ absl::Status SimCamera::apply_automatics(const Exposed& exposed, double exposure
   return absl::OkStatus();
 }
 
-const SimCamera::TracedStage* SimCamera::find(const Monitors& wanted) const {
-  const auto found = std::ranges::find(traced_, wanted, &TracedStage::monitors);
+const SimCamera::TracedStage* SimCamera::find(const Places& wanted) const {
+  const auto found = std::ranges::find(traced_, wanted, &TracedStage::places);
   return found == traced_.end() ? nullptr : &*found;
 }
 
-absl::StatusOr<StageTransports> SimCamera::stage(const std::vector<EmissionMonitor>& monitors) {
-  const Monitors wanted = in_scene(monitors);
+absl::StatusOr<StageTransports> SimCamera::stage(const std::vector<EmissionMonitor>& monitors,
+                                                 const Turntable& table) {
+  const Places wanted{.monitors = in_scene(monitors), .table = table};
   const TracedStage* found = nullptr;
   std::unique_lock lock(stages_mutex_);
   const bool traced = traced_changed_.wait_for(lock, kMaxTraceWait, [&] {
     found = find(wanted);
-    if (found == nullptr && asked_.empty() && tracing_ != wanted) {
+    if (found == nullptr && !asked_ && tracing_ != wanted) {
       asked_ = wanted;
       asked_changed_.notify_one();
     }
@@ -267,40 +281,42 @@ absl::StatusOr<StageTransports> SimCamera::stage(const std::vector<EmissionMonit
 
 void SimCamera::prepare(std::stop_token stop) {
   constexpr std::chrono::milliseconds kPoll(50);
-  Monitors before;
+  Places before;
   std::unique_lock lock(stages_mutex_);
   while (!stop.stop_requested()) {
-    asked_changed_.wait_for(lock, stop, kPoll, [&] { return !asked_.empty(); });
-    Monitors wanted = std::exchange(asked_, {});
-    if (wanted.empty()) {
-      // Wait for one poll without a change: monitors are added one by one.
-      Monitors now = in_scene(timeline_.monitors());
-      if (now == before) wanted = now;
+    asked_changed_.wait_for(lock, stop, kPoll, [&] { return asked_.has_value(); });
+    std::optional<Places> wanted = std::exchange(asked_, std::nullopt);
+    if (!wanted) {
+      // Wait for one poll without a change: monitors are added one by one, and the table turns.
+      Places now{.monitors = in_scene(timeline_.monitors()), .table = table()};
+      if (now == before && !now.monitors.empty()) wanted = now;
       before = std::move(now);
     }
-    if (!wanted.empty() && find(wanted) == nullptr && !stop.stop_requested()) trace(wanted, lock, stop);
+    if (wanted && find(*wanted) == nullptr && !stop.stop_requested()) trace(*wanted, lock, stop);
   }
 }
 
-void SimCamera::trace(const Monitors& wanted, std::unique_lock<std::mutex>& lock, std::stop_token stop) {
+void SimCamera::trace(const Places& wanted, std::unique_lock<std::mutex>& lock, std::stop_token stop) {
   tracing_ = wanted;
   share_ = 0.0;
   lock.unlock();
   spdlog::info("scene={} is being traced; no frames until then", options_.scene);
   const int finer = blurs() ? kRaysAcross : 1;
   const double focal_widths = options_.focal_px ? *options_.focal_px / options_.width_px : kFocalWidths;
-  absl::StatusOr<StageTransports> transports =
-      build_phases(options_.scene, wanted, finer * options_.width_px, finer * options_.height_px,
-                   kRaysAcross / finer, focal_widths, [&](double share) {
-                     const std::lock_guard guard(stages_mutex_);
-                     share_ = share;
-                     return !stop.stop_requested();
-                   });
+  absl::StatusOr<StageTransports> transports = build_phases(
+      options_.scene, wanted.monitors, finer * options_.width_px, finer * options_.height_px,
+      kRaysAcross / finer, focal_widths,
+      [&](double share) {
+        const std::lock_guard guard(stages_mutex_);
+        share_ = share;
+        return !stop.stop_requested();
+      },
+      wanted.table);
   if (transports.ok()) spdlog::info("scene={} is traced", options_.scene);
   lock.lock();
-  tracing_.clear();
+  tracing_.reset();
   if (absl::IsCancelled(transports.status())) return;
-  traced_.push_front({.monitors = wanted, .transports = std::move(transports)});
+  traced_.push_front({.places = wanted, .transports = std::move(transports)});
   if (traced_.size() > kStagesKept) traced_.pop_back();
   traced_changed_.notify_all();
 }

@@ -40,6 +40,8 @@ struct SimCameraOptions {
   SensorModel sensor;
   Disturbances disturbances = {};
   Automatics automatics = {};  // not reported: exposure and gain are reported as requested
+  double wobble_deg = 0.0;     // of the object's table (Turntable)
+  double backlash_deg = 0.0;   // of the table's gear: coming from above, it stands so much further up
   NodeClock clock = {};        // of the time stamps
   double drop = 0.0;           // probability that a frame is lost; its sequence number is skipped
   double duplicate = 0.0;      // probability that a frame holds the pixels of the one before
@@ -60,6 +62,8 @@ class SimCamera final : public Camera, public Stage {
   std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) override;
   void stop() override;
   bool move(bool present) override;  // the simulated motor finishes at once
+  // The table's motor stands at this angle; frames from now on show the object so.
+  void turn(double degrees);
 
  private:
   SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline);
@@ -68,6 +72,7 @@ class SimCamera final : public Camera, public Stage {
     std::int64_t sequence = 0;
     ExposureWindow window;
     bool object = false;
+    Turntable table = {};
     double at_s = 0.0;  // since the camera's first start
   };
   bool blurs() const { return options_.blur_sigma_px > 0.0; }
@@ -77,25 +82,32 @@ class SimCamera final : public Camera, public Stage {
   absl::StatusOr<RadianceImage> radiance_on(const Exposed& exposed);
   absl::Status apply_automatics(const Exposed& exposed, double exposure_ms, RadianceImage& radiance);
   using Monitors = std::vector<SceneMonitor>;
-  struct TracedStage {
+  // Where monitors and object stand.
+  struct Places {
     Monitors monitors;
+    Turntable table;
+    friend bool operator==(const Places&, const Places&) = default;
+  };
+  struct TracedStage {
+    Places places;
     absl::StatusOr<StageTransports> transports;
   };
-  // The light transport for these monitors at their current places; waits while it is traced. UNAVAILABLE: it
-  // takes too long.
-  absl::StatusOr<StageTransports> stage(const std::vector<EmissionMonitor>& monitors);
+  // The light transport for these places; waits while it is traced. UNAVAILABLE: it takes too long.
+  absl::StatusOr<StageTransports> stage(const std::vector<EmissionMonitor>& monitors, const Turntable& table);
   std::optional<v1::Preparation> preparation() const;
+  Turntable table() const;
   // Traces the stages that frames wait for, and that of the monitors as soon as they are known.
   void prepare(std::stop_token stop);
   // Releases `lock` meanwhile.
-  void trace(const Monitors& wanted, std::unique_lock<std::mutex>& lock, std::stop_token stop);
-  const TracedStage* find(const Monitors& wanted) const;  // null: not traced. Call with stages_mutex_ held
+  void trace(const Places& wanted, std::unique_lock<std::mutex>& lock, std::stop_token stop);
+  const TracedStage* find(const Places& wanted) const;  // null: not traced. Call with stages_mutex_ held
 
   const SimCameraOptions options_;
   const EmissionTimeline& timeline_;
   const Motion motion_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   bool object_ = false;              // guarded by mutex_
+  Turntable table_;                  // guarded by mutex_
   bool running_ = false;             // guarded by mutex_
   double exposure_ms_ = 0.0;         // guarded by mutex_
   std::int64_t sequence_ = 0;        // guarded by mutex_
@@ -107,7 +119,7 @@ class SimCamera final : public Camera, public Stage {
   mutable std::mutex stages_mutex_;  // guards all below
   std::condition_variable_any asked_changed_;  // for preparing_
   std::condition_variable traced_changed_;     // for those who wait for it
-  Monitors asked_, tracing_;                   // that a frame waits for; that are traced now
+  std::optional<Places> asked_, tracing_;      // that a frame waits for; that are traced now
   double share_ = 0.0;                         // of tracing_ that is done
   std::deque<TracedStage> traced_;             // the newest first
   std::jthread preparing_;

@@ -16,6 +16,7 @@ void add_hold_command(CLI::App& app, Client& client);
 void add_doctor_command(CLI::App& app, Client& client);
 void add_preview_command(CLI::App& app, Client& client);
 void add_rail_command(CLI::App& app, Client& client);
+void add_stage_command(CLI::App& app, Client& client);
 void add_calibrate_commands(CLI::App& app,
                             Client& client);  // all, camera, display, sync, geometry, list, forget
 

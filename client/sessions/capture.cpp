@@ -9,6 +9,7 @@
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/sessions/capture_at_positions.h"
+#include "client/sessions/capture_turn.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/estimate.h"
 #include "client/sessions/photo.h"
@@ -87,7 +88,7 @@ struct CaptureArguments {
   std::vector<std::string> tags;
   bool solve = false, watch = false, dry_run = false;
   bool adapt = false;
-  std::string target_error, rail_mm;
+  std::string target_error, rail_mm, turn;
   int at_most = 0;  // 0: as the plan says
 };
 
@@ -177,8 +178,26 @@ absl::StatusOr<v1::Session> annotated(const Peer<v1::SessionService>& server, v1
   return stored.session();
 }
 
+absl::Status capture_in_poses(const Client& client, const Peer<v1::SessionService>& server,
+                              const CaptureArguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const Poses poses, parse_poses("--turn", arguments.turn));
+  GW_RETURN_IF_ERROR(check_turn(arguments.session, poses));
+  if (!arguments.rail_mm.empty() || arguments.dry_run) {
+    return absl::InvalidArgumentError(
+        fmt::format("--turn goes with no {}", arguments.dry_run ? "--dry-run" : "--rail-mm"));
+  }
+  GW_ASSIGN_OR_RETURN(const v1::CreateSessionRequest request, request_of(client, server, arguments));
+  return capture_turn(client, request, poses, [&](v1::Session session, const std::string& note) {
+    CaptureArguments own = arguments;
+    own.tags.push_back(arguments.session);
+    if (own.note.empty()) own.note = note;
+    return annotated(server, std::move(session), own);
+  });
+}
+
 absl::Status capture(const Client& client, const CaptureArguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
+  if (!arguments.turn.empty()) return capture_in_poses(client, server, arguments);
   if (arguments.dry_run) return dry_run(client, server, arguments);
   if (!arguments.rail_mm.empty()) {
     GW_ASSIGN_OR_RETURN(const RailPositions positions, parse_rail_positions("--rail-mm", arguments.rail_mm));
@@ -223,6 +242,7 @@ void add_capture_command(CLI::App& app, Client& client) {
       "  glasswing capture --adapt --session vase --watch\n"
       "  glasswing capture deploy/plans/design-50.txtpb --adapt --target-error 42dB --at-most 150\n"
       "  glasswing capture deploy/plans/crystal.txtpb --rail-mm 200,251.2 --session vase --solve --watch\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --turn 0:350:10 --session vase --solve\n"
       "  glasswing capture deploy/plans/crystal.txtpb --dry-run\n"
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<CaptureArguments>();
@@ -252,6 +272,13 @@ void add_capture_command(CLI::App& app, Client& client) {
           "after the other: its rail moves it there, or you do and press Enter; for one of several monitors, "
           "such as back:200,251.2")
       ->type_name("MM,MM");
+  command
+      .add_option(
+          "--turn", arguments->turn,
+          "capture a session in each pose of the stage's turntable, FIRST:LAST:STEP or a list of degrees, "
+          "named as vase-010, and the empty stage once; the same command goes on with a series that broke "
+          "off; one of several axes as turn=0:350:10")
+      ->type_name("FIRST:LAST:STEP");
   command.add_flag(
       "--watch", arguments->watch,
       "wait until it is captured, or with --solve until it is solved; any other outcome is a failure");

@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <unistd.h>
 
 #include <iostream>
 
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/sessions/capture.h"
+#include "client/sessions/operator.h"
 #include "client/sessions/watch.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
@@ -26,18 +26,6 @@ std::vector<std::string> planned_monitors(const v1::Plan& plan) {
   std::vector<std::string> names;
   for (const v1::PlanMonitor& monitor : plan.monitors()) names.push_back(monitor.name());
   return names;
-}
-
-bool can_ask() {
-  return ::isatty(STDIN_FILENO) == 1;
-}
-
-absl::Status ask_operator(const std::string& what) {
-  std::cerr << what << ", then press Enter: " << std::flush;
-  std::string line;
-  if (std::getline(std::cin, line)) return absl::OkStatus();
-  std::cerr << "\n";
-  return absl::CancelledError("standard input ended while waiting for you to " + what);
 }
 
 void print_what_follows(const std::string& session, const std::vector<v1::Session>& captured) {
@@ -73,7 +61,7 @@ class Series {
     GW_RETURN_IF_ERROR(annotate(session).status());
     GW_ASSIGN_OR_RETURN(session, follow(client_, session.name(), Follow::kUntilCaptured));
     while (waits_for_object(session) && can_ask()) {
-      GW_RETURN_IF_ERROR(ask_operator(session.reason().substr(0, session.reason().find(','))));
+      GW_RETURN_IF_ERROR(ask_operator(what_to_do(session)));
       v1::ResumeSessionRequest resume;
       resume.set_name(session.name());
       GW_RETURN_IF_ERROR(
@@ -86,12 +74,6 @@ class Series {
   }
 
  private:
-  // The operator must place or remove the object.
-  static bool waits_for_object(const v1::Session& session) {
-    return session.state() == v1::SESSION_STATE_PAUSED && (session.reason().starts_with("place the object") ||
-                                                           session.reason().starts_with("take the object"));
-  }
-
   const Client& client_;
   const v1::CreateSessionRequest& request_;
   const std::string monitor_;

@@ -9,6 +9,7 @@
 #include "client/sessions/rig_limits.h"
 #include "core/base/scanner.h"
 #include "core/base/status.h"
+#include "core/cli/output_file.h"
 
 namespace glasswing {
 namespace {

@@ -48,6 +48,10 @@ void print_details(const v1::Session& session) {
   for (const auto& [monitor, position_mm] : positions)
     row(monitor == positions.begin()->first ? "positions" : "",
         fmt::format("{} at {} mm", monitor, position_mm));
+  const std::map<std::string, double> axes(session.axes().begin(), session.axes().end());
+  for (const auto& [axis, position] : axes)
+    row(axis == axes.begin()->first ? "pose" : "", fmt::format("{} at {}", axis, position));
+  if (!session.empty_stage_of().empty()) row("stage", "the empty one of session " + session.empty_stage_of());
   row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
                            session.step_count(), session.retaken_count(), session.frames_taken(),
                            seconds_text(session.capture_seconds())));

@@ -9,6 +9,7 @@
 #include "core/archive/arriving_frames.h"
 #include "core/archive/copy_archive.h"
 #include "core/archive/row_chunks.h"
+#include "core/archive/share_frames.h"
 #include "core/base/checksum.h"
 #include "core/base/status.h"
 #include "core/security/peer.h"
@@ -110,6 +111,16 @@ grpc::Status ArchiveServiceImpl::CreateArchive(grpc::ServerContext* context,
   const absl::StatusOr<v1::CreateArchiveResponse> created = creations_.run(*context, session, create);
   if (created.ok() && !request->import_token().empty()) store_.begin_import(session, request->import_token());
   return answer(created, *response);
+}
+
+grpc::Status ArchiveServiceImpl::ShareFrames(grpc::ServerContext* context,
+                                             const v1::ShareFramesRequest* request,
+                                             v1::ShareFramesResponse* response) {
+  const auto share = [&]() -> absl::StatusOr<v1::ShareFramesResponse> {
+    GW_RETURN_IF_ERROR(share_frames(store_, *request));
+    return v1::ShareFramesResponse();
+  };
+  return answer(shares_.run(*context, request->session(), share), *response);
 }
 
 grpc::Status ArchiveServiceImpl::GetManifest(grpc::ServerContext*, const v1::GetManifestRequest* request,

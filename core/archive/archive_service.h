@@ -18,6 +18,8 @@ class ArchiveServiceImpl final
 
   grpc::Status CreateArchive(grpc::ServerContext*, const v1::CreateArchiveRequest*,
                              v1::CreateArchiveResponse*) override;
+  grpc::Status ShareFrames(grpc::ServerContext*, const v1::ShareFramesRequest*,
+                           v1::ShareFramesResponse*) override;
   grpc::Status GetManifest(grpc::ServerContext*, const v1::GetManifestRequest*,
                            v1::GetManifestResponse*) override;
   // Raw, so that pixels go directly from mapped files to the connection. Sends one message at a time, which
@@ -46,6 +48,7 @@ class ArchiveServiceImpl final
   ArchiveStore& store_;
   std::stop_source stopping_;
   JoinedCalls<v1::CreateArchiveResponse> creations_{0};  // by session
+  JoinedCalls<v1::ShareFramesResponse> shares_{0};       // by session
   JoinedCalls<v1::SealArchiveResponse> seals_{0};        // by session and plan
   JoinedCalls<v1::DeleteArchiveResponse> deletions_{0};  // by session
 };

@@ -21,6 +21,7 @@ constexpr bool kAudited = true;
 
 constexpr MethodAccess kTable[] = {
     {"ArchiveService/CreateArchive", kServer},
+    {"ArchiveService/ShareFrames", kServer},
     {"ArchiveService/GetManifest", kLookers | kServer | kCamera | kSolver},
     {"ArchiveService/ReadRows", kLookers | kServer | kCamera | kSolver},
     {"ArchiveService/ReadFile", kLookers | kServer | kCamera | kSolver},
@@ -32,6 +33,9 @@ constexpr MethodAccess kTable[] = {
     {"ArchiveService/DeleteArchive", kServer, kAudited},
     {"ArchiveService/ListArchives", kLookers | kServer},
     {"ArchiveService/GetSpace", kLookers | kServer},
+    {"AxisService/GetAxes", kLookers | kServer},
+    {"AxisService/MoveAxes", kServer},
+    {"AxisService/StopAxes", kServer},
     {"CalibrationService/FitCamera", kServer},
     {"CalibrationService/FitDisplays", kServer},
     {"CameraService/GetCamera", kLookers | kServer | kSolver},
@@ -91,6 +95,8 @@ constexpr MethodAccess kTable[] = {
     {"RigService/HoldRig", kOperator, kAudited},
     {"RigService/ReleaseRig", kOperator, kAudited},
     {"RigService/PlaceMonitor", kOperator, kAudited},
+    {"RigService/PlaceObject", kOperator, kAudited},
+    {"RigService/StopObject", kOperator, kAudited},
     {"SessionService/CreateSession", kOperator, kAudited},
     {"SessionService/EstimateSession", kPeople},
     {"SessionService/BeginImport", kOperator, kAudited},

@@ -6,6 +6,8 @@
 #include <limits>
 #include <numbers>
 
+#include "core/base/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -206,14 +208,14 @@ class Crystal final : public Scene {
   CutStone stone_;
 };
 
-// A flat disc that a ray can hit.
+// A flat disc that a ray can hit from either side.
 struct Disc {
   Vec3 centre, normal;  // towards the camera
   double radius;
   std::optional<Vec3> hit(const Ray& ray) const {
-    const double speed = dot(ray.direction, normal);
-    if (speed >= 0.0) return std::nullopt;
-    const Vec3 point = at(ray, dot(centre - ray.origin, normal) / speed);
+    const double speed = dot(ray.direction, normal), away = dot(centre - ray.origin, normal) / speed;
+    if (speed == 0.0 || away <= 0.0) return std::nullopt;
+    const Vec3 point = at(ray, away);
     const Vec3 offset = point - centre;
     if (dot(offset, offset) > radius * radius) return std::nullopt;
     return point;
@@ -239,7 +241,7 @@ class Glass final : public Scene {
     const std::optional<Vec3> point = sheet_.hit(ray);
     if (!point) return std::nullopt;
     // Both faces of the sheet, all orders of reflection between them.
-    const double once = reflectance(-dot(ray.direction, sheet_.normal), kIndex);
+    const double once = reflectance(std::abs(dot(ray.direction, sheet_.normal)), kIndex);
     const double mirrored = 2.0 * once / (1.0 + once);
     return std::vector<Path>{{.ray = {*point, reflected(ray.direction, sheet_.normal)}, .weight = mirrored},
                              {.ray = {*point, ray.direction}, .weight = 1.0 - mirrored}};
@@ -328,6 +330,40 @@ class Drop final : public Scene {
   std::optional<Lamp> lamp_;
 };
 
+// A scene's object, turned with its table.
+class Turned final : public Scene {
+ public:
+  Turned(std::unique_ptr<Scene> scene, Vec3 centre, const Turntable& table)
+      : scene_(std::move(scene)), centre_(centre), rotation_(rotation_of(table)) {}
+  std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int sample) const override {
+    const Ray own{centre_ + rotation_.back(ray.origin - centre_), rotation_.back(ray.direction)};
+    std::optional<std::vector<Path>> paths = scene_->trace(own, channel, sample);
+    if (!paths) return paths;
+    for (Path& path : *paths)
+      path.ray = {centre_ + rotation_(path.ray.origin - centre_), rotation_(path.ray.direction)};
+    return paths;
+  }
+  Colour foreground() const override { return scene_->foreground(); }
+  std::optional<Lamp> lamp() const override { return scene_->lamp(); }
+  bool is_colourless() const override { return scene_->is_colourless(); }
+
+ private:
+  std::unique_ptr<Scene> scene_;
+  Vec3 centre_;
+  Rotation rotation_;
+};
+
+absl::StatusOr<std::unique_ptr<Scene>> make_still(const std::string& name, MonitorSize back, int phase) {
+  if (name == "crystal") return std::make_unique<Crystal>(back);
+  if (name == "glass") return std::make_unique<Glass>(back);
+  if (name == "brushed") return std::make_unique<Brushed>(back);
+  if (name == "wobble") return std::make_unique<Drop>(back, phase, false);
+  if (name == "wobble-lit") return std::make_unique<Drop>(back, phase, true);
+  if (name == "none") return nullptr;
+  return absl::InvalidArgumentError(
+      fmt::format("scene is \"{}\"; there are: crystal, glass, brushed, wobble, wobble-lit, none", name));
+}
+
 }  // namespace
 
 bool Lamp::lights(const Ray& ray) const {
@@ -340,15 +376,20 @@ Motion motion_of(const std::string& scene) {
   return scene == "wobble" || scene == "wobble-lit" ? Drop::kMotion : Motion();
 }
 
-absl::StatusOr<std::unique_ptr<Scene>> make_scene(const std::string& name, MonitorSize back, int phase) {
-  if (name == "crystal") return std::make_unique<Crystal>(back);
-  if (name == "glass") return std::make_unique<Glass>(back);
-  if (name == "brushed") return std::make_unique<Brushed>(back);
-  if (name == "wobble") return std::make_unique<Drop>(back, phase, false);
-  if (name == "wobble-lit") return std::make_unique<Drop>(back, phase, true);
-  if (name == "none") return nullptr;
-  return absl::InvalidArgumentError(
-      fmt::format("scene is \"{}\"; there are: crystal, glass, brushed, wobble, wobble-lit, none", name));
+Vec3 table_centre(const std::string& scene, MonitorSize back) {
+  const double width = back.width_px;
+  double depth = 0.32 * width;  // of the crystal
+  if (scene == "glass") depth = 0.5 * width;
+  if (scene == "brushed") depth = 0.46 * width;
+  if (scene.starts_with("wobble")) depth = 0.35 * std::min(back.width_px, back.height_px);
+  return {0.5 * width, 0.5 * back.height_px, -depth};
+}
+
+absl::StatusOr<std::unique_ptr<Scene>> make_scene(const std::string& name, MonitorSize back, int phase,
+                                                  const Turntable& table) {
+  GW_ASSIGN_OR_RETURN(std::unique_ptr<Scene> scene, make_still(name, back, phase));
+  if (scene == nullptr || table == Turntable()) return scene;
+  return std::make_unique<Turned>(std::move(scene), table_centre(name, back), table);
 }
 
 }  // namespace glasswing

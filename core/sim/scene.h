@@ -13,6 +13,7 @@
 #include "core/base/time.h"
 #include "core/pattern/pattern.h"
 #include "core/sim/optics.h"
+#include "core/sim/turntable.h"
 
 namespace glasswing {
 
@@ -55,7 +56,12 @@ struct Motion {
 };
 Motion motion_of(const std::string& scene);
 
-// Null for "none". `phase` is below motion_of(name).phases. INVALID_ARGUMENT lists the scenes.
-absl::StatusOr<std::unique_ptr<Scene>> make_scene(const std::string& name, MonitorSize back, int phase = 0);
+// Where the axis of the object's table stands: upright, below the object.
+Vec3 table_centre(const std::string& scene, MonitorSize back);
+
+// Null for "none". `phase` is below motion_of(name).phases. A lamp stays where it is when the table turns.
+// INVALID_ARGUMENT lists the scenes.
+absl::StatusOr<std::unique_ptr<Scene>> make_scene(const std::string& name, MonitorSize back, int phase = 0,
+                                                  const Turntable& table = {});
 
 }  // namespace glasswing

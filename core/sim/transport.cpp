@@ -422,10 +422,11 @@ class Traced {
 
 absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
-                                          int camera_height_px, int rays_across, double focal_widths) {
+                                          int camera_height_px, int rays_across, double focal_widths,
+                                          const Turntable& table) {
   GW_ASSIGN_OR_RETURN(const Tracer tracer,
                       Tracer::create(monitors, camera_width_px, camera_height_px, rays_across, focal_widths));
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Scene> scene, make_scene(scene_name, tracer.back()));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Scene> scene, make_scene(scene_name, tracer.back(), 0, table));
   const auto to_the_end = [](double) { return true; };
   if (!object || scene == nullptr) return tracer.trace(EmptyStage(), nullptr, to_the_end);
   return tracer.trace(*scene, nullptr, to_the_end);
@@ -434,7 +435,7 @@ absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool ob
 absl::StatusOr<StageTransports> build_phases(const std::string& scene_name,
                                              const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                              int camera_height_px, int rays_across, double focal_widths,
-                                             const TraceReport& report) {
+                                             const TraceReport& report, const Turntable& table) {
   GW_ASSIGN_OR_RETURN(const Tracer tracer,
                       Tracer::create(monitors, camera_width_px, camera_height_px, rays_across, focal_widths));
   StageTransports stage;
@@ -443,7 +444,7 @@ absl::StatusOr<StageTransports> build_phases(const std::string& scene_name,
   };
   std::vector<std::unique_ptr<Scene>> scenes;
   for (int phase = 0; phase < motion_of(scene_name).phases; ++phase) {
-    GW_ASSIGN_OR_RETURN(scenes.emplace_back(), make_scene(scene_name, tracer.back(), phase));
+    GW_ASSIGN_OR_RETURN(scenes.emplace_back(), make_scene(scene_name, tracer.back(), phase, table));
   }
   const auto objects = std::ranges::count_if(scenes, [](const auto& scene) { return scene != nullptr; });
   Traced traced(1.0 + kObjectWork * static_cast<double>(objects), report);

@@ -14,6 +14,7 @@
 #include "core/frame/image.h"
 #include "core/pattern/pattern.h"
 #include "core/sim/panel_pose.h"
+#include "core/sim/turntable.h"
 
 namespace glasswing {
 
@@ -146,7 +147,7 @@ inline constexpr double kFocalWidths = 4.0;  // the camera's focal length in wid
 absl::StatusOr<Transport> build_transport(const std::string& scene, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                           int camera_height_px, int rays_across = kRaysAcross,
-                                          double focal_widths = kFocalWidths);
+                                          double focal_widths = kFocalWidths, const Turntable& table = {});
 
 // Called once or twice for each row of a trace, by one thread at a time, with the share of the work that is
 // done: 0 to 1, never falling. Returns false to stop the trace.
@@ -163,6 +164,7 @@ absl::StatusOr<StageTransports> build_phases(const std::string& scene,
                                              const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                              int camera_height_px, int rays_across = kRaysAcross,
                                              double focal_widths = kFocalWidths,
-                                             const TraceReport& report = nullptr);
+                                             const TraceReport& report = nullptr,
+                                             const Turntable& table = {});
 
 }  // namespace glasswing

@@ -15,6 +15,7 @@
 #include "server/capture/capture_check.h"
 #include "server/capture/group_capture.h"
 #include "server/rig/embed_calibrations.h"
+#include "server/rig/stage_axes.h"
 #include "server/sessions/session_state.h"
 #include "server/storage/image_name.h"
 
@@ -74,13 +75,14 @@ absl::Status Capture::capture(std::stop_token stop) {
 absl::StatusOr<bool> Capture::capture_pending(std::optional<bool>& object_at, std::stop_token stop) {
   for (const Group& group : pending_groups()) {
     if (object_at != group.object) {
-      GW_ASSIGN_OR_RETURN(const bool moved, move_object(group.object, stop));
+      GW_ASSIGN_OR_RETURN(const bool moved, move_object(object_at, group.object, stop));
       if (!moved) {
         object_wanted_ = group.object;
         return false;
       }
       object_at = group.object;
     }
+    if (group.object) GW_RETURN_IF_ERROR(place_object(stop));
     GW_RETURN_IF_ERROR(capture_group(group, stop));
   }
   return true;
@@ -156,6 +158,10 @@ absl::Status Capture::open_archive(std::stop_token stop) {
     progress_.note_dropped();
     GW_ASSIGN_OR_RETURN(manifest, archive_->open(header, stop));
   }
+  if (const std::string& from = session.empty_stage_of(); !from.empty() && manifest.frames().empty()) {
+    GW_RETURN_IF_ERROR(archive_->share(from, stop));
+    GW_ASSIGN_OR_RETURN(manifest, archive_->open(header, stop));
+  }
   // A resumed session keeps the calibrations with which its archive was created.
   setup_.header = manifest;
   setup_.header.clear_frames();
@@ -216,7 +222,7 @@ std::vector<Capture::Group> Capture::pending_groups() const {
   return groups;
 }
 
-absl::StatusOr<bool> Capture::move_object(bool present, std::stop_token stop) {
+absl::StatusOr<bool> Capture::move_object(std::optional<bool> at, bool present, std::stop_token stop) {
   v1::MoveObjectRequest request;
   request.set_present(present);
   request.set_request_id(random_token());
@@ -226,7 +232,19 @@ absl::StatusOr<bool> Capture::move_object(bool present, std::stop_token stop) {
   GW_RETURN_IF_ERROR(camera.call("move the object", std::move(stop), [&](grpc::ClientContext& context) {
     return stage->MoveObject(&context, request, &response);
   }));
-  return !response.needs_operator();
+  // In a series the object stands where the session before left it.
+  const bool stands = present && !at && !progress_.session().empty_stage_of().empty();
+  return stands || !response.needs_operator();
+}
+
+absl::Status Capture::place_object(std::stop_token stop) {
+  const AxisPositions& pose = progress_.session().axes();
+  if (pose.empty() || object_placed_) return absl::OkStatus();
+  v1::MoveAxesRequest request;
+  *request.mutable_positions() = pose;
+  GW_RETURN_IF_ERROR(move_axes(*setup_.links.camera, std::move(request), std::move(stop)).status());
+  object_placed_ = true;
+  return absl::OkStatus();
 }
 
 absl::Status Capture::capture_group(const Group& group, std::stop_token stop) {

@@ -78,8 +78,10 @@ class Capture {
   // The steps to capture, split where the stage or the exposure changes.
   std::vector<Group> pending_groups() const;
   bool is_pending(const Step& step, bool video_has_run) const;
-  // False: a person has to move it.
-  absl::StatusOr<bool> move_object(bool present, std::stop_token stop);
+  // `at`: on the stage or off it; none: unknown. False: a person has to move it.
+  absl::StatusOr<bool> move_object(std::optional<bool> at, bool present, std::stop_token stop);
+  // Moves the stage's axes to the session's pose, unless this capture has.
+  absl::Status place_object(std::stop_token stop);
   absl::Status capture_group(const Group& group, std::stop_token stop);
 
   const NodeRegistry& rig_;
@@ -95,6 +97,7 @@ class Capture {
   RigWatch watch_;
   std::optional<CaptureArchive> archive_;   // once the rig is found
   std::set<std::string> patches_given_up_;  // monitors whose steps are proven by time alone
+  bool object_placed_ = false;              // in the session's pose
   std::optional<bool> object_wanted_;  // on the stage or off it, by a person; none: nobody has to move it
 };
 

@@ -37,6 +37,15 @@ absl::StatusOr<v1::CaptureManifest> CaptureArchive::open(const v1::CaptureManife
   return std::move(*got.mutable_manifest());
 }
 
+absl::Status CaptureArchive::share(const std::string& from_session, std::stop_token stop) {
+  v1::ShareFramesRequest request;
+  request.set_session(session_);
+  request.set_from_session(from_session);
+  v1::ShareFramesResponse shared;
+  return store("share the empty stage's frames", std::move(stop),
+               [&](grpc::ClientContext& context) { return stub_->ShareFrames(&context, request, &shared); });
+}
+
 absl::Status CaptureArchive::check_room(std::int64_t frame_count, std::stop_token stop) {
   const std::int64_t needed_bytes =
       frame_count * static_cast<std::int64_t>(tiff_size_bytes(shape_of(links_.camera_info.camera())));

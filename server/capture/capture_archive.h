@@ -25,6 +25,9 @@ class CaptureArchive {
   // Creates the archive if it does not exist, and returns its manifest. The header of an existing one is
   // kept.
   absl::StatusOr<v1::CaptureManifest> open(const v1::CaptureManifest& header, std::stop_token stop);
+  // Takes the frames of the empty stage that another session's archive has. Errors are
+  // ArchiveService.ShareFrames'.
+  absl::Status share(const std::string& from_session, std::stop_token stop);
   // RESOURCE_EXHAUSTED: less free disk space than this many frames need.
   absl::Status check_room(std::int64_t frame_count, std::stop_token stop);
   // Returns when all frames that are proven are durable.

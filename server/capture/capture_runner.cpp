@@ -1,6 +1,7 @@
 #include "server/capture/capture_runner.h"
 
 #include <fmt/format.h>
+#include <google/protobuf/util/message_differencer.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include "core/base/time.h"
 #include "server/archives/session_archive.h"
 #include "server/capture/capture_check.h"
+#include "server/rig/stage_axes.h"
 #include "server/sessions/session_state.h"
 
 namespace glasswing {
@@ -73,6 +75,24 @@ absl::Status CaptureRunner::check_images(const std::vector<Step>& steps) const {
   return absl::OkStatus();
 }
 
+absl::Status CaptureRunner::check_pose(const v1::CreateSessionRequest& request) const {
+  if (!request.axes().empty()) {
+    GW_ASSIGN_OR_RETURN(const v1::Node node, nodes_.camera(request.plan().camera()));
+    NodeLink camera(node);
+    GW_RETURN_IF_ERROR(check_axes(camera, request.axes()));
+  }
+  if (request.empty_stage_of().empty()) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(const v1::Session before, sessions_.stored(request.empty_stage_of()));
+  const bool captured = before.step_count() > 0 && before.proven_count() == before.step_count();
+  v1::Plan plan = before.plan();
+  plan.clear_rounds();
+  if (captured && google::protobuf::util::MessageDifferencer::Equals(plan, request.plan()))
+    return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("the empty stage of session \"{}\" cannot be taken: {}", before.name(),
+                  captured ? "it is of another plan" : "its capture is not complete"));
+}
+
 // "20261101-120000", with a number appended if that session exists.
 std::string CaptureRunner::chosen_name(const std::string& created) {
   std::string stamp = created;
@@ -104,6 +124,9 @@ absl::StatusOr<v1::Session> CaptureRunner::create(const v1::CreateSessionRequest
   session.set_step_count(static_cast<int>(checked.steps.size()));
   GW_ASSIGN_OR_RETURN(*session.mutable_rail_mm(),
                       positions_of(checked.estimate.monitors(), request.rail_mm()));
+  GW_RETURN_IF_ERROR(check_pose(request));
+  *session.mutable_axes() = request.axes();
+  session.set_empty_stage_of(request.empty_stage_of());
   const v1::Camera& camera = checked.estimate.camera();
   session.set_pixel_count(static_cast<std::int64_t>(camera.width_px()) * camera.height_px());
   session.set_state(v1::SESSION_STATE_CREATED);

@@ -71,6 +71,8 @@ class CaptureRunner {
  private:
   absl::Status check_new_name(const std::string& name);
   absl::Status check_images(const std::vector<Step>& steps) const;
+  // The axes, and the session whose empty stage is taken.
+  absl::Status check_pose(const v1::CreateSessionRequest& request) const;
   std::string chosen_name(const std::string& created);
   absl::StatusOr<RigLock::Drive> drive_for(const std::string& session, const Caller& caller);
   v1::Session start(SessionStore::Edit& edit, v1::Session session, RigLock::Drive drive);

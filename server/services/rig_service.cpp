@@ -16,6 +16,7 @@
 #include "server/rig/ramp_show.h"
 #include "server/rig/rig_check.h"
 #include "server/rig/rig_findings.h"
+#include "server/rig/stage_axes.h"
 #include "server/rig/sync_calibration.h"
 #include "server/services/pages.h"
 
@@ -243,6 +244,30 @@ grpc::Status RigServiceImpl::PlaceMonitor(grpc::ServerContext* context,
     }
     return absl::OkStatus();
   });
+}
+
+grpc::Status RigServiceImpl::PlaceObject(grpc::ServerContext* context, const v1::PlaceObjectRequest* request,
+                                         v1::PlaceObjectResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  return run(context, "moving the stage", [&](std::stop_token stop) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const v1::Node node, server_.rig().camera(request->camera()));
+    NodeLink camera(node);
+    v1::MoveAxesRequest move;
+    *move.mutable_home() = request->home();
+    *move.mutable_positions() = request->positions();
+    GW_ASSIGN_OR_RETURN(v1::MoveAxesResponse moved, move_axes(camera, std::move(move), stop));
+    *response->mutable_axes() = std::move(*moved.mutable_axes());
+    return absl::OkStatus();
+  });
+}
+
+// Not by run(): it must work whoever drives the rig.
+grpc::Status RigServiceImpl::StopObject(grpc::ServerContext*, const v1::StopObjectRequest* request,
+                                        v1::StopObjectResponse*) {
+  GW_CHECK_LIMITS(*request);
+  const absl::StatusOr<v1::Node> node = server_.rig().camera(request->camera());
+  if (!node.ok()) return to_grpc(node.status());
+  return to_grpc(stop_axes(NodeLink(*node)));
 }
 
 namespace {

@@ -38,6 +38,10 @@ class RigServiceImpl final : public v1::RigService::Service {
                           v1::ReleaseRigResponse*) override;
   grpc::Status PlaceMonitor(grpc::ServerContext*, const v1::PlaceMonitorRequest*,
                             v1::PlaceMonitorResponse*) override;
+  grpc::Status PlaceObject(grpc::ServerContext*, const v1::PlaceObjectRequest*,
+                           v1::PlaceObjectResponse*) override;
+  grpc::Status StopObject(grpc::ServerContext*, const v1::StopObjectRequest*,
+                          v1::StopObjectResponse*) override;
 
  private:
   // Drives the rig with `work` while the call is open; stops it when the caller leaves or the daemon stops.

@@ -14,6 +14,7 @@
 #include "core/security/tls.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
+#include "glasswing/v1/axis_service.grpc.pb.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
@@ -43,16 +44,16 @@ using Services =
                v1::ConsoleService::Service, v1::DisplayService::Service, v1::EmissionService::Service,
                v1::FleetService::Service, v1::JobService::Service, v1::LiveService::Service,
                v1::MatteService::Service, v1::NodeService::Service, v1::QueueService::Service,
-               v1::RigService::Service, v1::SessionService::Service, v1::StageService::Service,
-               v1::WorkService::Service>;
+               v1::RigService::Service, v1::SessionService::Service, v1::AxisService::Service,
+               v1::StageService::Service, v1::WorkService::Service>;
 
 // "WorkService/ClaimTile" and so on, from all proto files that are linked here.
 std::set<std::string> all_methods() {
   (void)v1::RunLiveRequest::descriptor();  // links its file
   std::set<std::string> methods;
   for (const char* name :
-       {"archive", "calibration", "camera", "clock", "console", "display", "emission", "fleet", "job", "live",
-        "log", "matte", "node", "queue", "rig", "session", "stage", "work"}) {
+       {"archive", "axis", "calibration", "camera", "clock", "console", "display", "emission", "fleet",
+        "job", "live", "log", "matte", "node", "queue", "rig", "session", "stage", "work"}) {
     const auto* file = google::protobuf::DescriptorPool::generated_pool()->FindFileByName(
         fmt::format("glasswing/v1/{}_service.proto", name));
     EXPECT_NE(file, nullptr) << name;
@@ -242,9 +243,9 @@ TEST_F(Roles, AConsoleAloneKnowsLoginsAndLooksAtNodes) {
   EXPECT_EQ(may, (std::set<std::string>{
                      "ArchiveService/GetManifest", "ArchiveService/GetSpace", "ArchiveService/ListArchives",
                      "ArchiveService/PutFrame", "ArchiveService/ReadFile", "ArchiveService/ReadRows",
-                     "CameraService/GetCamera", "CameraService/Preview", "ConsoleService/Announce",
-                     "ConsoleService/GetPrincipal", "ConsoleService/LogIn", "ConsoleService/LogOut",
-                     "DisplayService/GetDisplay", "LogService/ListWarnings"}));
+                     "AxisService/GetAxes", "CameraService/GetCamera", "CameraService/Preview",
+                     "ConsoleService/Announce", "ConsoleService/GetPrincipal", "ConsoleService/LogIn",
+                     "ConsoleService/LogOut", "DisplayService/GetDisplay", "LogService/ListWarnings"}));
 }
 
 TEST_F(Roles, WithALoginAConsoleMayWhatItsOwnerMay) {
