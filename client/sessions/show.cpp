@@ -17,10 +17,61 @@
 namespace glasswing {
 namespace {
 
+void row(const char* label, const std::string& value) {
+  if (!value.empty()) std::cout << fmt::format("{:9} {}\n", label, printable(value));
+}
+
+void print_capture(const v1::Session& session) {
+  row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
+                           session.step_count(), session.retaken_count(), session.frames_taken(),
+                           seconds_text(session.capture_seconds())));
+  std::string causes;
+  for (const v1::RetakeCount& retakes : session.retakes())
+    causes += fmt::format("{}{} {}", causes.empty() ? "" : ", ", retakes.count(), describe(retakes.cause()));
+  row("retakes", causes);
+  if (session.frames_taken() > 0) {
+    row("proof", fmt::format("{} by time and id patch, {} by time alone; {} rejected for their pixels",
+                             session.patch_proven_count(),
+                             session.proven_count() - session.patch_proven_count(), session.refused_count()));
+  }
+  for (const v1::UnprovenStep& step : session.unproven())
+    row(&step == &session.unproven(0) ? "unproven" : "", fmt::format("{:5}  {}", step.step(), step.what()));
+}
+
+void print_video(const v1::Session& session) {
+  if (session.frame_count() == 0) return;
+  row("video", fmt::format("{} frames", session.frame_count()));
+  if (!session.lost_frames().empty())
+    row("lost",
+        fmt::format("{} of them: {}", session.lost_frames_size(), ranges_text(session.lost_frames())));
+  if (!session.refused_frames().empty())
+    row("refused", fmt::format("{} of them: {}; {}", session.refused_frames_size(),
+                               ranges_text(session.refused_frames()), session.refusal()));
+  if (!session.solved_frames().empty())
+    row("solved",
+        fmt::format("{} of them: {}", session.solved_frames_size(), ranges_text(session.solved_frames())));
+}
+
+void print_solve(const v1::Session& session) {
+  if (session.job() != 0) {
+    row("solving", fmt::format("{}, {}, {}", session.method(), tiles_text(session),
+                               seconds_text(session.solve_seconds())));
+    for (const auto& [key, value] : session.options()) row("", key + "=" + value);
+  }
+  for (const v1::QuarantinedTile& tile : session.quarantined())
+    row(&tile == &session.quarantined(0) ? "failed" : "",
+        fmt::format("tile {}, {} {} to {}: {}", tile.tile(), is_video(session) ? "frames" : "rows",
+                    tile.first(), tile.first() + tile.count() - 1, tile.error()));
+  for (const std::string& warning : session.matte_warnings()) row("warning", warning);
+  if (session.matte_ready() && session.state() != v1::SESSION_STATE_DONE)
+    row("matte", "the matte of the previous solve can be fetched");
+  row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged{}", session.pixel_count(),
+                            is_video(session) ? " a frame" : "", session.object_pixel_count(),
+                            is_video(session) ? " in all frames" : "", session.flagged_pixel_count(),
+                            unsolved_text(session.unsolved_pixel_count())));
+}
+
 void print_details(const v1::Session& session) {
-  const auto row = [](const char* label, const std::string& value) {
-    if (!value.empty()) std::cout << fmt::format("{:9} {}\n", label, printable(value));
-  };
   row("session", session.name());
   row("state", state_name(session.state()));
   if (session.has_waiting()) {
@@ -52,32 +103,8 @@ void print_details(const v1::Session& session) {
   for (const auto& [axis, position] : axes)
     row(axis == axes.begin()->first ? "pose" : "", fmt::format("{} at {}", axis, position));
   if (!session.empty_stage_of().empty()) row("stage", "the empty one of session " + session.empty_stage_of());
-  row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
-                           session.step_count(), session.retaken_count(), session.frames_taken(),
-                           seconds_text(session.capture_seconds())));
-  std::string causes;
-  for (const v1::RetakeCount& retakes : session.retakes())
-    causes += fmt::format("{}{} {}", causes.empty() ? "" : ", ", retakes.count(), describe(retakes.cause()));
-  row("retakes", causes);
-  if (session.frames_taken() > 0) {
-    row("proof", fmt::format("{} by time and id patch, {} by time alone; {} rejected for their pixels",
-                             session.patch_proven_count(),
-                             session.proven_count() - session.patch_proven_count(), session.refused_count()));
-  }
-  for (const v1::UnprovenStep& step : session.unproven())
-    row(&step == &session.unproven(0) ? "unproven" : "", fmt::format("{:5}  {}", step.step(), step.what()));
-  if (session.frame_count() > 0) {
-    row("video", fmt::format("{} frames", session.frame_count()));
-    if (!session.lost_frames().empty())
-      row("lost",
-          fmt::format("{} of them: {}", session.lost_frames_size(), ranges_text(session.lost_frames())));
-    if (!session.refused_frames().empty())
-      row("refused", fmt::format("{} of them: {}; {}", session.refused_frames_size(),
-                                 ranges_text(session.refused_frames()), session.refusal()));
-    if (!session.solved_frames().empty())
-      row("solved",
-          fmt::format("{} of them: {}", session.solved_frames_size(), ranges_text(session.solved_frames())));
-  }
+  print_capture(session);
+  print_video(session);
   row("warning", session.warning());
   for (const v1::RigChange& change : session.rig_changes()) {
     row("rig", describe(change));
@@ -86,22 +113,7 @@ void print_details(const v1::Session& session) {
   for (const v1::AdaptedRound& round : session.adapted())
     row(&round == &session.adapted(0) ? "adapted" : "", describe(round));
   if (session.has_draft()) row("draft", describe(session.draft()) + "; fetch it with --partial");
-  if (session.job() != 0) {
-    row("solving", fmt::format("{}, {}, {}", session.method(), tiles_text(session),
-                               seconds_text(session.solve_seconds())));
-    for (const auto& [key, value] : session.options()) row("", key + "=" + value);
-  }
-  for (const v1::QuarantinedTile& tile : session.quarantined())
-    row(&tile == &session.quarantined(0) ? "failed" : "",
-        fmt::format("tile {}, {} {} to {}: {}", tile.tile(), is_video(session) ? "frames" : "rows",
-                    tile.first(), tile.first() + tile.count() - 1, tile.error()));
-  for (const std::string& warning : session.matte_warnings()) row("warning", warning);
-  if (session.matte_ready() && session.state() != v1::SESSION_STATE_DONE)
-    row("matte", "the matte of the previous solve can be fetched");
-  row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged{}", session.pixel_count(),
-                            is_video(session) ? " a frame" : "", session.object_pixel_count(),
-                            is_video(session) ? " in all frames" : "", session.flagged_pixel_count(),
-                            unsolved_text(session.unsolved_pixel_count())));
+  print_solve(session);
 }
 
 absl::Status show(const Client& client, const std::string& name) {

@@ -109,6 +109,7 @@ absl::StatusOr<Matte> crop_matte(std::string_view file, const MatteRegion& regio
     return absl::OkStatus();
   }));
   part.metadata = outline.metadata;
+  part.drop_pyramids();
   part.metadata.set_width_px(region.width_px);
   part.metadata.set_height_px(region.height_px);
   shift_mosaic(part.metadata, region.x_px, region.y_px);

@@ -97,7 +97,7 @@ std::vector<MethodOption> alpha_options() {
   };
 }
 
-std::vector<MethodOption> ramp_options() {
+std::vector<MethodOption> ramp_silhouette_options() {
   return {
       {.name = "threshold_sd",
        .usual = "5.5",
@@ -128,6 +128,11 @@ std::vector<MethodOption> ramp_options() {
        .help = "width of the object's edge, where alpha may lie between 0 and 1",
        .high = 20.0,
        .whole = true},
+  };
+}
+
+std::vector<MethodOption> ramp_highlight_options() {
+  return {
       {.name = "highlights",
        .usual = "1",
        .help = "0: the ramp is the only light",
@@ -157,6 +162,14 @@ std::vector<MethodOption> ramp_options() {
        .usual = "1",
        .help = "least value of a highlight that clips all channels; 0: as measured",
        .high = 100.0},
+  };
+}
+
+std::vector<MethodOption> ramp_options() {
+  std::vector<MethodOption> options = ramp_silhouette_options();
+  const std::vector<MethodOption> highlights = ramp_highlight_options();
+  options.insert(options.end(), highlights.begin(), highlights.end());
+  const std::vector<MethodOption> smoothing = {
       {.name = "smoothing",
        .usual = "adaptive",
        .help = "how noise is smoothed in space and time",
@@ -182,6 +195,8 @@ std::vector<MethodOption> ramp_options() {
        .help = "of perona-malik",
        .choices = {"exponential", "rational"}},
   };
+  options.insert(options.end(), smoothing.begin(), smoothing.end());
+  return options;
 }
 
 bool takes(const MethodOption& option, const std::string& value) {

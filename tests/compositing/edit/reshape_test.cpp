@@ -119,6 +119,18 @@ TEST(Flipped, TheCompositeIsFlipped) {
   }
 }
 
+TEST(Crop, KeepsModesAloneAndFlagsPixelsThatHadPyramids) {
+  Matte matte = random_object(8, 6, 2, 11);
+  matte.metadata.set_footprint(std::string(kPyramidFootprint));
+  matte.add_pyramid(4, 2, 1, {.noise_sd = 0.01f, .prior_sd = 0.01f, .coefficients = {{.weight = 0.2f}}});
+  const Matte part =
+      crop_matte(encode_matte(matte).value(), {.x_px = 3, .y_px = 1, .width_px = 4, .height_px = 4}).value();
+  EXPECT_EQ(part.flags(1, 1) & kFlagPoorFit, kFlagPoorFit);
+  EXPECT_EQ(part.flags(2, 1) & kFlagPoorFit, matte.flags(5, 2) & kFlagPoorFit);
+  EXPECT_EQ(part.metadata.footprint(), "");
+  EXPECT_OK(decode_matte(encode_matte(part).value()));
+}
+
 TEST(Crop, TheCompositeIsCropped) {
   const Matte matte = random_object(8, 40, 2, 10);  // more rows than a block of the file
   const RadianceImage whole = seen(matte);
