@@ -6,6 +6,7 @@
 #include "client/queue/commands.h"
 #include "client/queue/queue_text.h"
 #include "client/queue/wish_options.h"
+#include "client/sessions/stage_axes.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
@@ -45,18 +46,47 @@ absl::StatusOr<v1::QueueItem> item_of(const QueuePeer& server, Number number) {
   return std::move(*found.mutable_item());
 }
 
-absl::Status add_items(const Client& client, const std::string& plan, int times, const WishOptions& options) {
+struct AddArguments {
+  std::string plan, turn;
+  int times = 1;
+};
+
+// The wishes of a series of poses: one session each, the empty stage from the first.
+absl::StatusOr<std::vector<v1::QueueWish>> poses_of(const Client& client, const std::string& turn,
+                                                    const v1::QueueWish& wish) {
+  GW_RETURN_IF_ERROR(check_name("session", wish.session()));  // names the series
+  GW_ASSIGN_OR_RETURN(const Poses poses, parse_poses("--turn", turn));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Axis> axes, read_axes(client, wish.plan().camera()));
+  GW_ASSIGN_OR_RETURN(const v1::Axis axis, find_axis(poses.axis, axes, "deg"));
+  GW_RETURN_IF_ERROR(check_poses("--turn", poses, axis));
+  const std::vector<std::string> names = names_of_poses(wish.session(), poses.positions);
+  std::vector<v1::QueueWish> wishes(names.size(), wish);
+  for (size_t i = 0; i < names.size(); ++i) {
+    wishes[i].set_session(names[i]);
+    wishes[i].add_tags(wish.session());
+    (*wishes[i].mutable_axes())[axis.name()] = poses.positions[i];
+    if (i > 0 && !wish.plan().skip_empty_stage()) wishes[i].set_empty_stage_of(names.front());
+  }
+  return wishes;
+}
+
+absl::Status add_items(const Client& client, const AddArguments& arguments, const WishOptions& options) {
   v1::AddQueueItemRequest request;
   v1::QueueWish& wish = *request.mutable_wish();
-  GW_ASSIGN_OR_RETURN(*wish.mutable_plan(), read_plan(plan));
+  GW_ASSIGN_OR_RETURN(*wish.mutable_plan(), read_plan(arguments.plan));
   wish.set_retries(kRetries);
   wish.set_retry_wait_s(kRetryWait_s);
   GW_RETURN_IF_ERROR(enter_wish(options, wish));
-  if (times > 1 && !wish.session().empty() && wish.session().find("{item}") == std::string::npos)
+  if (arguments.times > 1 && !wish.session().empty() && wish.session().find("{item}") == std::string::npos)
     return absl::InvalidArgumentError(
         "--times makes several items; --session must tell them apart, as vase-{item}");
   const QueuePeer server = server_of(client);
-  for (int i = 0; i < times; ++i) {
+  std::vector<v1::QueueWish> wishes(arguments.times, wish);
+  if (!arguments.turn.empty()) {
+    GW_ASSIGN_OR_RETURN(wishes, poses_of(client, arguments.turn, wish));
+  }
+  for (const v1::QueueWish& each : wishes) {
+    *request.mutable_wish() = each;
     GW_ASSIGN_OR_RETURN(const v1::AddQueueItemResponse added,
                         call_once(server, &Stub::AddQueueItem, request));
     print_item(client, added.item());
@@ -139,17 +169,25 @@ void add_add_verb(CLI::App& queue, Client& client) {
       queue, "add", "Add a capture to the end of the queue.",
       "  glasswing queue add deploy/plans/crystal.txtpb --session vase --solve\n"
       "  glasswing queue add deploy/plans/crystal.txtpb --session 'vase-{item}' --times 8 --approval\n"
+      "  glasswing queue add deploy/plans/crystal.txtpb --session vase --turn 0:350:10 --solve\n"
       "  glasswing queue add vase.txtpb --session vase-200 --rail-mm back:200 --doctor --retries 5\n"
       "  glasswing queue add vase.txtpb --session night --not-before \"$(date -d 20:00 +%FT%T%:z)\"");
-  auto plan = std::make_shared<std::string>();
-  auto times = std::make_shared<int>(1);
+  auto arguments = std::make_shared<AddArguments>();
   auto options = std::make_shared<WishOptions>();
-  command.add_option("plan", *plan, "the plan, a .txtpb file without photos")->required();
-  command.add_option("--times", *times, "add as many such items; the session needs {item} then")
-      ->check(CLI::Range(1, 1000));
+  command.add_option("plan", arguments->plan, "the plan, a .txtpb file without photos")->required();
+  CLI::Option* times =
+      command
+          .add_option("--times", arguments->times, "add as many such items; the session needs {item} then")
+          ->check(CLI::Range(1, 1000));
+  command
+      .add_option("--turn", arguments->turn,
+                  "an item for each of these poses of a turntable, as capture --turn: 0:350:10, or 0,90,180; "
+                  "--session names the series")
+      ->type_name("[AXIS=]POSES")
+      ->excludes(times);
   add_wish_options(command, options);
-  command.callback([&client, plan, times, options] {
-    client.run = [&client, plan, times, options] { return add_items(client, *plan, *times, *options); };
+  command.callback([&client, arguments, options] {
+    client.run = [&client, arguments, options] { return add_items(client, *arguments, *options); };
   });
 }
 

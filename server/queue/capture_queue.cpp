@@ -501,6 +501,12 @@ absl::StatusOr<v1::Session> CaptureQueue::created(const v1::QueueItem& item, con
                       session_name(wish.session(), item.number(), time_of(item.began())));
   *request.mutable_plan() = wish.plan();
   request.set_solve(wish.solve());
+  *request.mutable_axes() = wish.axes();
+  if (!wish.empty_stage_of().empty()) {
+    const absl::StatusOr<v1::Session> before = parts_.sessions.find(wish.empty_stage_of());
+    if (before.ok() && before->step_count() > 0 && before->proven_count() == before->step_count())
+      request.set_empty_stage_of(wish.empty_stage_of());
+  }
   if (!wish.rail_mm().empty()) {
     GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(parts_.nodes, parts_.calibrations, {}, stop));
     for (const auto& display : rig.displays) {

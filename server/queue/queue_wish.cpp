@@ -60,6 +60,12 @@ absl::Status check_wish(const v1::QueueWish& wish) {
     return absl::InvalidArgumentError(
         fmt::format("rail_mm of monitor \"{}\" is {}; it must be a number of mm", monitor, position_mm));
   }
+  for (const auto& [axis, position] : wish.axes()) {
+    if (std::isfinite(position)) continue;
+    return absl::InvalidArgumentError(
+        fmt::format("axis \"{}\" is at {}; it must be a number of degrees or mm", axis, position));
+  }
+  if (!wish.empty_stage_of().empty()) GW_RETURN_IF_ERROR(check_name("session", wish.empty_stage_of()));
   GW_RETURN_IF_ERROR(check_range("retries", wish.retries(), 100));
   GW_RETURN_IF_ERROR(check_range("retry_wait_s", wish.retry_wait_s(), 86400));
   GW_RETURN_IF_ERROR(check_range("give_up_s", wish.give_up_s(), 1e7));

@@ -92,6 +92,8 @@ class CaptureQueue:
         tags: Sequence[str] = (),
         note: str = "",
         rail_mm: Mapping[str, float] | None = None,
+        axes: Mapping[str, float] | None = None,
+        empty_stage_of: str = "",
         retries: int = 3,
         retry_wait: float = 60.0,
         approval: bool = False,
@@ -105,11 +107,13 @@ class CaptureQueue:
         """Adds a capture to the end of the queue.
 
         ``session``: the name, in which {item} becomes the item's number, {date} and {time} those of its start. ``rail_mm``:
-        where monitors shall stand. ``retries``: how often a capture that broke off is tried again, ``retry_wait`` seconds
-        later. It waits for an ``approval`` by a person; where the capture before saw the rig drift or touched, also with
-        ``steady``; and until ``not_before`` (a time without a zone is local). ``doctor`` tests the rig before it, and
-        ``no_warnings`` makes a dry run: what they find counts as a capture that broke off. ``give_up``: seconds to wait for
-        people, until the next one runs; 0: for ever. ``pause_after``: the queue pauses then.
+        where monitors shall stand. ``axes``: where the stage's axes put the object, degrees or mm. ``empty_stage_of``: a
+        session of the same plan, whose frames of the empty stage are used if it is captured by then. ``retries``: how often
+        a capture that broke off is tried again, ``retry_wait`` seconds later. It waits for an ``approval`` by a person;
+        where the capture before saw the rig drift or touched, also with ``steady``; and until ``not_before`` (a time without
+        a zone is local). ``doctor`` tests the rig before it, and ``no_warnings`` makes a dry run: what they find counts as a
+        capture that broke off. ``give_up``: seconds to wait for people, until the next one runs; 0: for ever.
+        ``pause_after``: the queue pauses then.
         InvalidInput: the plan or another argument; the message names it.
         """
         wish = pb.QueueWish(
@@ -119,6 +123,8 @@ class CaptureQueue:
             tags=list(tags),
             note=note,
             rail_mm=dict(rail_mm or {}),
+            axes=dict(axes or {}),
+            empty_stage_of=empty_stage_of,
             retries=retries,
             retry_wait_s=retry_wait,
             approval=approval,

@@ -130,6 +130,19 @@ class TurnTest(unittest.TestCase):
                     self.assertLess(np.abs(there - here).mean(), apart / 2, session)
             self.assertGreater(told, 5, session)
 
+    def test_the_queue_captures_each_pose_once_though_the_server_is_killed(self):
+        self.rig.glasswing("queue", "add", str(self.plan), "--session", "night", "--turn", "0:60:20", "--retry-wait", "1")
+        self.rig.glasswing("queue", "start")
+        self.wait_for("night-20")
+        self.rig.kill("server")
+        self.rig.start_again()
+        for _ in range(2000):
+            if not json.loads(self.rig.glasswing("queue", "list", "--json")).get("items"):
+                break
+        else:
+            self.fail(self.rig.glasswing("queue", "list"))
+        self.check_series("night", [0.0, 20.0, 40.0, 60.0])
+
     def wait_for(self, session: str) -> None:
         """Until some of its steps are proven, or all."""
         command = [simulated_rig.BIN / "glasswing", "show", session, "--json"]
