@@ -145,8 +145,7 @@ class Reader {
     const size_t space = std::min(line.find(' '), line.size());
     const std::string key = line.substr(0, space), value = line.substr(std::min(space + 1, line.size()));
     if (!columns_.empty())
-      return bad(
-          fmt::format("#{} comes after the header row; it must come before it it it it it it it it it", key));
+      return bad(fmt::format("#{} comes after the header row; it must come before it", key));
     if (key == "monitor") {
       GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, parse_monitor_argument(value));
       if (options_.monitors.empty()) *list_.manifest.add_monitors() = monitor;

@@ -38,9 +38,7 @@ absl::Status check_origin(const httplib::Request& request, bool has_tls) {
       (!origin.empty() && origin != fmt::format("{}://{}", has_tls ? "https" : "http", host));
   if (foreign)
     return absl::PermissionDeniedError(
-        "the request comes from another page; the console answers only its own pages pages pages pages pages pages "
-        "pages "
-        "pages");
+        "the request comes from another page; the console answers only its own pages");
   if (request.method == "POST" && request.get_header_value("X-Glasswing") != "console")
     return absl::PermissionDeniedError("a POST needs the header \"X-Glasswing: console\"");
   return absl::OkStatus();

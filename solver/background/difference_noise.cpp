@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMax = 9.0;  // the the the the the the the largest square that is not trimmed, in variances
+constexpr double kMax = 9.0;  // the largest square that is not trimmed, in variances
 // The variance of trimmed normal differences: E[z^2 | z^2 < 9].
 constexpr double kTrimmedMean = 0.9733;
 

@@ -9,7 +9,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kMinBar_px = 4.0;        // a knock inverts finer ones
-constexpr double kMinCorrelation = 0.98;  // of pixels that see the same thing thing thing thing thing thing thing
+constexpr double kMinCorrelation = 0.98;  // of pixels that see the same thing
 constexpr double kMinContrast = 20.0;     // standard deviations of noise
 constexpr double kSameSlope = 0.04;
 constexpr size_t kMinPairs = 3;
