@@ -14,7 +14,7 @@ judged() { [[ -n $(images "$1") ]]; }
 
 echo "== what cannot be asked for"
 refused '--target-error is "much"' glasswing capture "$plan" --adapt --target-error much
-refused 'go with --adapt' glasswing capture "$plan" --at-most 40
+refused 'need --adapt' glasswing capture "$plan" --at-most 40
 refused 'target_db is 90' glasswing capture "$plan" --adapt --target-error 90dB
 refused 'name a plan' glasswing capture
 

@@ -73,7 +73,7 @@ TEST_F(CommandLine, EndingsOfOutputsAreTheirFormats) {
   EXPECT_THAT(said({"web", "vase.exr", "-o", "-"}), testing::HasSubstr("it must be a directory"));
   EXPECT_THAT(said({"convert", "a.png", "-"}), testing::HasSubstr("the output is -; its name must end in"));
   const std::string file = write("file", "");
-  EXPECT_THAT(said({"web", "vase.exr", "-o", file + "/web"}), testing::HasSubstr(file + " is none"));
+  EXPECT_THAT(said({"web", "vase.exr", "-o", file + "/web"}), testing::HasSubstr(file + " is not one"));
 }
 
 TEST_F(CommandLine, APictureIsNoPlanAndNoMatte) {

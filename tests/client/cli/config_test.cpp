@@ -73,7 +73,7 @@ TEST_F(Configuration, ValuesAreWhatStandsBetweenTheQuotes) {
 
 TEST_F(Configuration, NamesTheLineThatIsWrong) {
   const std::pair<const char*, const char*> kCases[] = {
-      {"\nsever = \"a:1\"\n", ":2: there is no key sever; there are server, ca, certificate, key, color"},
+      {"\nsever = \"a:1\"\n", ":2: there is no key sever; the keys are server, ca, certificate, key, color"},
       {"server = a:1\n", ":1: it is server = a:1; it must be KEY = \"VALUE\""},
       {"server\n", ":1: it is server; it must be"},
       {"server = \"a:1\n", "it must be KEY"},

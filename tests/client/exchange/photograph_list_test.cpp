@@ -119,7 +119,7 @@ TEST_F(PhotographLists, ComplaintsNameLineValueAndWhatIsAccepted) {
             ":3: there is no column \"bar\"; columns are file, object, time_s"},
            {kHeaders + "file\tobject\tkind\tkind\n", ":3: column \"kind\" is there twice"},
            {columns + "#response srgb\n", ":4: #response comes after the header row"},
-           {columns + "a\ttrue\tsolid\n", ":4: it has 3 cells; the header row has 9"},
+           {columns + "a\ttrue\tsolid\n", ":4: it has 3 tab-separated cells; the header row has 9"},
            {columns + "a\tyes\tsolid\t\t\t\t\t\t\n", ":4: object is \"yes\"; it must be true or false"},
            {columns + "a\ttrue\tsolid\t\t\t\t\tno\t\n", ":4: inverse is \"no\"; it must be true or false"},
            {columns + "a\ttrue\tsolid\t\t\t1,2x,3\t\t\t\n",

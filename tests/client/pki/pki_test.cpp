@@ -145,16 +145,16 @@ TEST_F(Pki, WhatIsNoRequestMakesNothing) {
       {"rig", "rig: it must be ROLE:NAME or ROLE:NAME=HOST,HOST..."},
       {"admin:rig",
        "\"admin\" is not a role; the roles are operator, viewer, server, display, camera, solver, console"},
-      {"server+:rig", "\"\" is no role"},
+      {"server+:rig", "\"\" is not a role"},
       {"server+server:rig", "\"server\" is there twice"},
       {"server:", "the name is \"\""},
       {"server:../rig", "the name is \"../rig\"; it must be"},
       {"server:ca", "and not ca"},
-      {"server:rig=", "\"\" is no host"},
+      {"server:rig=", "\"\" is not a host"},
       {"server:rig=a,a", "\"a\" is there twice"},
       {"server:rig=10.0.0.256", "\"10.0.0.256\" is not a host; it must be"},
-      {"server:rig=*.lab", "\"*.lab\" is no host"},
-      {"server:rig=rig.lab\nURI:urn:glasswing:role:operator", "is no host"}};
+      {"server:rig=*.lab", "\"*.lab\" is not a host"},
+      {"server:rig=rig.lab\nURI:urn:glasswing:role:operator", "is not a host"}};
   for (const auto& [request, words] : kCases) refused("issue", {"solver:good", request}, words);
   refused("issue", {"solver:good", "--days", "4000"}, "4000");
 }

@@ -134,7 +134,7 @@ class ArchivesTest(unittest.TestCase):
     def test_damage_on_the_way_is_noticed(self) -> None:
         frames = self.session.frames()
         self.server.flip = 1
-        with self.assertRaisesRegex(glasswing.Damaged, "rows of session vase came damaged"):
+        with self.assertRaisesRegex(glasswing.Damaged, "rows of session vase arrived damaged"):
             frames.pixel(0, 0)
         self.server.flip, self.server.cut = 0, 7
         with self.assertRaisesRegex(glasswing.Damaged, "of 90 bytes of session vase's rows"):
@@ -144,7 +144,7 @@ class ArchivesTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as work:
             target = pathlib.Path(work, "vase")
             self.server.flip = 1
-            with self.assertRaisesRegex(glasswing.Damaged, "frames/0.tif came damaged"):
+            with self.assertRaisesRegex(glasswing.Damaged, "frames/0.tif arrived damaged"):
                 self.session.export(target)
             self.server.flip, self.server.file_name = 0, "../{}.tif"
             with self.assertRaisesRegex(glasswing.Damaged, "must be in frames/"):

@@ -85,7 +85,7 @@ class ExamplesTest(unittest.TestCase):
     def test_turntable_does_not_mix_series(self):
         self.rig.capture(WAVES, name="mug-000").wait()
         other = ("turntable.py", "mug", "--views", "1", "--turn-command", "true")
-        self.assertIn("mug-000 has another plan", self.run_script(*other, status=1))
+        self.assertIn("mug-000 has a different plan", self.run_script(*other, status=1))
 
     def test_exposure_sweep_finds_the_longest_that_does_not_clip(self):
         said = self.run_script("exposure_sweep.py", "bowl", "--exposures", "6", "4", "50", "--plan", str(self.slow_plan))

@@ -83,7 +83,7 @@ TEST_F(CalibrateGeometry, WritesWhatRaysReads) {
 
 TEST_F(CalibrateGeometry, RefusesWhatIsMissing) {
   expect_one_line_error(run_glasswing(command({"tilt0.exr", "tilt1.exr"})),
-                        "there are 2 poses; a lens needs 3");
+                        "there are 2 poses; a lens needs at least 3");
   expect_one_line_error(run_glasswing({"calibrate", "geometry", path("tilt0.exr"), "--pitch-mm", "side:0.3",
                                        "-o", path("rig.txtpb")}),
                         "add --pitch-mm back:MM");

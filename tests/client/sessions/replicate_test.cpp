@@ -60,7 +60,7 @@ TEST_F(ReplicateCommand, SaysWhatIsThere) {
 TEST_F(ReplicateCommand, SaysWhatWentWrong) {
   sessions_.answer =
       grpc::Status(grpc::StatusCode::UNAVAILABLE, "node \"solver-2\" does not answer; start it again");
-  expect_one_line_error(run({"replicate", "vase", "solver-2"}), "node \"solver-2\" is away");
+  expect_one_line_error(run({"replicate", "vase", "solver-2"}), "node \"solver-2\" does not answer");
   sessions_.answer = grpc::Status(grpc::StatusCode::NOT_FOUND, "there is no node \"nobody\"");
   expect_one_line_error(run({"replicate", "vase", "nobody"}), "there is no node \"nobody\"");
   expect_one_line_error(run({"replicate", "vase"}), "node is required");

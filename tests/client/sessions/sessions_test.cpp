@@ -230,7 +230,7 @@ TEST_F(SessionCommands, FetchWritesOnlyAWholeMatte) {
 
   server_.sessions_.matte.resize(server_.sessions_.matte.size() / 2);
   const std::string other = (scratch_ / "other.exr").string();
-  expect_one_line_error(run({"fetch", "vase", "-o", other}), "session vase came damaged");
+  expect_one_line_error(run({"fetch", "vase", "-o", other}), "session vase arrived damaged");
   EXPECT_FALSE(std::filesystem::exists(other));
 }
 

@@ -226,7 +226,7 @@ TEST_F(CompositeVideo, BadInputIsNamedAndFramesThatAreWrittenStay) {
   expect_one_line_error(run(path("behind"), path("behind/1.exr"), path("none.png")),
                         "it must be a directory");
   std::filesystem::create_directories(path("empty"));
-  expect_one_line_error(run(path("empty"), path("behind/1.exr"), path("out")), "holds no mattes");
+  expect_one_line_error(run(path("empty"), path("behind/1.exr"), path("out")), "contains no mattes");
   expect_one_line_error(run(path("pour"), path("empty"), path("out")), "contains no picture");
   std::filesystem::resize_file(path("pour/0002.exr"), 1000);
   expect_one_line_error(run(path("pour"), path("behind/1.exr"), path("out")), path("pour/0002.exr"));

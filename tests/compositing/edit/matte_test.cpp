@@ -131,7 +131,7 @@ TEST_F(MatteCommand, BadInputIsNamedAndNothingIsWritten) {
   refused({"resize", vase, "4"}, "the size is \"4\"; it must be WIDTHxHEIGHT");
   refused({"resize", vase, "4x3y"}, "the size is \"4x3y\"");
   refused({"resize", vase, "0x3"}, vase + ": the width is 0 px");
-  refused({"resize", vase, "4x3", "--modes", "1"}, "a matte of 2 monitors has 2 to 8");
+  refused({"resize", vase, "4x3", "--modes", "1"}, "a matte with 2 monitors has 2 to 8");
   refused({"flip", vase, "z"}, "z");
   refused({"grade", vase, "--gain", "1,2"}, "--gain");
   refused({"fill", path("nowhere.exr")}, path("nowhere.exr"));

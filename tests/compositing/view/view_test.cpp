@@ -282,7 +282,7 @@ TEST_F(ViewCommand, BadInputIsNamedAndNothingIsWritten) {
   expect_one_line_error(run_glasswing({"view", scratch_.string(), "-o", path("sheet.png")}),
                         scratch_.string());
   ASSERT_OK(write_file_durably(path("text.exr"), "no matte at all"));
-  expect_one_line_error(run_glasswing({"view", path("text.exr"), "-o", path("sheet.png")}), "no matte");
+  expect_one_line_error(run_glasswing({"view", path("text.exr"), "-o", path("sheet.png")}), "not a matte");
   expect_one_line_error(run_glasswing({"view", matte_, "-o", path("nowhere/sheet.png")}), path("nowhere"));
   EXPECT_FALSE(std::filesystem::exists(path("sheet.png")));
 }

@@ -258,7 +258,7 @@ TEST(GeometryFit, RefusesFewOrMirroredViews) {
   Made made;
   made.poses.resize(2);
   EXPECT_THAT(std::string(made.fit(made.views(0.0, 1)).status().message()),
-              HasSubstr("there are 2 poses; a lens needs 3"));
+              HasSubstr("there are 2 poses; a lens needs at least 3"));
   made.poses = good_poses();
   std::vector<MonitorView> views = made.views(0.0, 1);
   views[1].session = views[0].session;

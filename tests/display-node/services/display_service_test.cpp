@@ -357,7 +357,7 @@ TEST_F(DisplayServiceTest, AMonitorThatCannotBeMovedStaysWhereItIs) {
   refused("side", 200.0, absl::StatusCode::kInvalidArgument, "there is no monitor \"side\"; there are: back");
   for (const double position_mm : {99.9, 300.1, std::numeric_limits<double>::quiet_NaN()})
     refused("back", position_mm, absl::StatusCode::kInvalidArgument,
-            "the rail of monitor \"back\" takes 100 to 300");
+            "the rail of monitor \"back\" goes from 100 to 300");
   ASSERT_OK(load(program("long", 20000, 2)));
   Play play = start("long");
   ASSERT_TRUE(play.next());
@@ -385,7 +385,7 @@ TEST_F(DisplayServiceTest, AStoppedMoveLeavesARailThatCanBeMoved) {
   rail_begun_.acquire();
   EXPECT_EQ(stop_move("another"), absl::OkStatus());
   const absl::Status busy = move("back", 260.0, "second").status();
-  EXPECT_NE(std::string(busy.message()).find("moves a monitor"), std::string::npos) << busy;
+  EXPECT_NE(std::string(busy.message()).find("moving a monitor"), std::string::npos) << busy;
   EXPECT_EQ(stop_move("first"), absl::OkStatus());
   const absl::Status stopped = first.get();
   EXPECT_TRUE(absl::IsFailedPrecondition(stopped)) << stopped;

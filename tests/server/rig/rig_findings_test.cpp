@@ -123,7 +123,7 @@ TEST(RigFindings, ThePatchIsReadOrElseWhy) {
   monitor.set_patch_rows(8);
   EXPECT_EQ(judge_patch(monitor, 10, {}).level(), v1::FINDING_LEVEL_OK);
   EXPECT_EQ(judge_patch(monitor, 9, {}).level(), v1::FINDING_LEVEL_WARNING);
-  EXPECT_NE(judge_patch(monitor, 9, {}).text().find("9 of the 10"), std::string::npos);
+  EXPECT_NE(judge_patch(monitor, 9, {}).text().find("only 9 of its 10"), std::string::npos);
   v1::UnseenPatch patch;
   patch.set_reason("the camera does not see it");
   const v1::Finding unseen = judge_patch(monitor, 10, patch);

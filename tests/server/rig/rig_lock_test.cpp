@@ -100,7 +100,7 @@ TEST(RigLock, AnAbandonedHoldLingersUntilItIsJoinedOrItsTimeIsOver) {
 
 TEST(RigLock, AReleasedHoldEndsForAllItsCalls) {
   RigLock lock;
-  EXPECT_TRUE(says(lock.release(kAnna), "no hold"));
+  EXPECT_TRUE(says(lock.release(kAnna), "does not belong to a hold"));
   absl::StatusOr<RigLock::Hold> hold = lock.hold(kAnna, "series", std::chrono::hours(1));
   const Caller member{.client = "anna@lab3", .hold = hold->get_deleter().token};
   EXPECT_TRUE(says(lock.release({.client = "ben@lab4", .hold = "guessed"}), "has ended"));

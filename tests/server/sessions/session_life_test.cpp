@@ -442,7 +442,7 @@ TEST_F(SessionLife, ASpoiledTileIsSolvedAgainAndASolverThatSpoilsTwiceGetsNoMore
     std::fill(matte.end() - 64, matte.end(), '\xff');
     const grpc::Status sent = solver_->complete_rows(tile, matte);
     EXPECT_EQ(sent.error_code(), grpc::StatusCode::ABORTED) << sent.error_message();
-    EXPECT_NE(sent.error_message().find("spoiled"), std::string::npos) << sent.error_message();
+    EXPECT_NE(sent.error_message().find("corrupt"), std::string::npos) << sent.error_message();
   }
   v1::ClaimTileResponse none;
   const grpc::Status refused = solver_->try_to_claim(IdleSolver::request(), none);

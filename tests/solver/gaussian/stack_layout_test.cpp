@@ -76,7 +76,7 @@ TEST(LayOut, SaysWhatIsMissing) {
   for (const double bad : std::initializer_list<double>{NAN, INFINITY, -1.0}) {
     manifest = good_manifest();
     manifest.mutable_frames(3)->set_exposure_ms(bad);
-    refused(manifest, "it must be a number");
+    refused(manifest, "it must be 0 or more");
     manifest = good_manifest();
     manifest.mutable_frames(3)->mutable_stimulus()->set_sigma_px(bad);
     refused(manifest, "shows a stripe of sigma");

@@ -369,7 +369,7 @@ TEST(RampExtractor, AnObjectOverEverythingIsSolvedWithAWarning) {
   ASSERT_OK(frame);
   const Matte matte = extractor->matte(*frame);
   ASSERT_EQ(matte.metadata.warnings_size(), 1);
-  EXPECT_NE(matte.metadata.warnings(0).find("covers all"), std::string::npos);
+  EXPECT_NE(matte.metadata.warnings(0).find("covers the whole background"), std::string::npos);
 }
 
 TEST(RampExtractor, FootprintsAreAsWideAsTheStepsOfTheWarp) {

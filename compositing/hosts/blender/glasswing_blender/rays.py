@@ -62,8 +62,8 @@ def read_rays(path):
     parts = exr.read_parts(path, lambda name: name == "foreground" or re.fullmatch(r"ray\d+", name))
     text = parts[0][0].text
     if "glasswing:rays" not in text:
-        what = "a matte; glasswing rays makes rays from it" if "glasswing" in text else "not a file of glasswing rays"
-        raise ValueError(f"{path} holds {what}")
+        what = "holds a matte; glasswing rays makes rays from it" if "glasswing" in text else "is not a file of glasswing rays"
+        raise ValueError(f"{path} {what}")
     metadata = json.loads(text["glasswing:rays"])
     if metadata.get("format_version") != 1:
         raise ValueError(f"{path} has format {metadata.get('format_version')}; this add-on reads 1")

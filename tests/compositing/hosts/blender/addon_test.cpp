@@ -219,7 +219,7 @@ TEST_F(BlenderAddOn, SaysWhatIsWrong) {
   run();
   for (const auto& [name, words] : {std::pair{"none", "No such file"},
                                     {"text", "text.exr is not an OpenEXR file"},
-                                    {"rays", "rays.exr holds rays"},
+                                    {"rays", "rays.exr contains rays"},
                                     {"short", "truncated"},
                                     {"picture", "picture.exr is not a matte"},
                                     {"no picture", "the first monitor needs a picture"}})

@@ -310,7 +310,7 @@ TEST_F(BlenderCard, SaysWhatIsWrong) {
   for (const auto& [name, words] : {std::pair{"none", "No such file"},
                                     {"matte", "matte.exr holds a matte; glasswing rays makes rays from it"},
                                     {"empty", "no pixel is inside the object"},
-                                    {"picture", "picture.exr holds no rays"}})
+                                    {"picture", "picture.exr is not a file of glasswing rays"}})
     EXPECT_NE(error_of(name).find(words), std::string::npos) << name << ": " << error_of(name);
 }
 

@@ -146,7 +146,7 @@ TEST_F(ObjectInFrameTest, SaysWhatIsWrong) {
 TEST_F(ObjectInFrameTest, RefusesRays) {
   RayMatte rays = RayMatte(8, 8, 1);
   EXPECT_OK(write_file_durably(path_, encode_rays(rays).value()));
-  EXPECT_NE(ObjectInFrame::open(path_).status().message().find("it holds rays"), std::string::npos);
+  EXPECT_NE(ObjectInFrame::open(path_).status().message().find("it contains rays"), std::string::npos);
 }
 
 }  // namespace

@@ -112,7 +112,7 @@ TEST_F(Nuke, SaysWhatIsWrong) {
   expect_one_line_error(run_glasswing({"nuke", path("va[se].exr"), "-o", path("vase.nk")}),
                         "has a special meaning in Nuke scripts");
   expect_one_line_error(run_glasswing({"nuke", path("text.exr"), "-o", path("vase.nk")}), "text.exr");
-  expect_one_line_error(run_glasswing({"nuke", path("rays.exr"), "-o", path("vase.nk")}), "holds rays");
+  expect_one_line_error(run_glasswing({"nuke", path("rays.exr"), "-o", path("vase.nk")}), "contains rays");
   EXPECT_FALSE(std::filesystem::exists(path("vase.nk")));
 }
 
