@@ -39,7 +39,7 @@ for command in "${commands[@]}"; do
     "glasswing nodes") for node in display-1 camera-1 solver-1 solver-2; do says "$node"; done ;;
     "glasswing doctor") says "proof" ;;
     "glasswing preview"*) says "; focus " ;;
-    *"calibrate all"*) says "back has codes of 16 bits" ;;
+    *"calibrate all"*) says "back uses linear 16-bit codes" ;;
     "glasswing plan make"*) says "images with the object" ;;
     *--dry-run) says "rig       free" && steps=$(sed -n 's/^steps  *\([0-9]*\).*/\1/p' "$work/printed") ;;
     "glasswing capture"*) says "session vase is captured: $steps steps" ;;

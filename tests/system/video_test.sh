@@ -16,7 +16,7 @@ sed 's/frames: 300/frames: 40/; s/levels: 7/levels: 4/' "$root/deploy/plans/vide
 echo "== plan check and estimate of a video"
 glasswing plan check "$work/plan.txtpb" | grep -q "a video of 40 frames, 16 frames of the empty stage" || fail "plan check"
 glasswing plan estimate "$work/plan.txtpb" | tee "$work/estimate"
-grep -q "^video     1.3 s at 30 frames a second" "$work/estimate" || fail "plan estimate"
+grep -q "^video     1.3 s at 30 frames per second" "$work/estimate" || fail "plan estimate"
 
 echo "== from capture to mattes"
 glasswing capture "$work/plan.txtpb" --session pour --watch || fail "not captured"

@@ -164,7 +164,7 @@ class RailTest(unittest.TestCase):
     def test_an_object_stands_before_a_picture_at_a_depth_that_was_not_captured(self):
         geometry = self.calibrated()
         self.assertEqual(self.doctor(geometry, f"bare-{FAR_MM:g}")["level"], "ok")
-        with self.assertRaisesRegex(AssertionError, "--rail-mm has 500; the rail of monitor \"back\" takes 192 to 384 mm"):
+        with self.assertRaisesRegex(AssertionError, "--rail-mm has 500; the rail of monitor \"back\" goes from 192 to 384 mm"):
             self.capture(self.bare, "beyond", NEAR_MM, 500)
         with self.assertRaisesRegex(AssertionError, 'session "bare-232" already exists'):
             self.capture(self.bare, "bare", BETWEEN_MM, FAR_MM)
