@@ -112,7 +112,8 @@ absl::StatusOr<PackedMatteReader> PackedMatteReader::open(const PositionedFile& 
   if (head.bytes.size() - head.tables_at < table_bytes)
     return absl::DataLossError("it is damaged or not a matte: it lacks the positions of its rows");
   std::memcpy(reader.table_.data(), head.bytes.data() + head.tables_at, table_bytes);
-  for (const ExrPart& part : matte_parts(reader.outline_.modes_per_channel, reader.outline_.colourless, reader.outline_.pyramids)) {
+  for (const ExrPart& part :
+       matte_parts(reader.outline_.modes_per_channel, reader.outline_.colourless, reader.outline_.pyramids)) {
     // A row that deflating would enlarge is stored plain.
     reader.max_row_bytes_.push_back(static_cast<std::uint32_t>(
         part.channels.size() * sizeof(float) * static_cast<size_t>(reader.outline_.width_px)));
