@@ -91,13 +91,13 @@ class AxisServiceTest : public testing::Test {
   std::optional<double> position(int axis) {
     grpc::ClientContext context;
     v1::GetAxesResponse response;
-    EXPECT_TRUE(stub_->GetAxes(&context, {}, &response).ok());
+    EXPECT_OK(from_grpc(stub_->GetAxes(&context, {}, &response)));
     return response.axes(axis).has_position() ? std::optional(response.axes(axis).position()) : std::nullopt;
   }
   void stop() {
     grpc::ClientContext context;
     v1::StopAxesResponse response;
-    EXPECT_TRUE(stub_->StopAxes(&context, {}, &response).ok());
+    EXPECT_OK(from_grpc(stub_->StopAxes(&context, {}, &response)));
   }
 
   Motors motors_;
