@@ -83,7 +83,7 @@ absl::Status CaptureRunner::check_pose(const v1::CreateSessionRequest& request) 
   }
   if (request.empty_stage_of().empty()) return absl::OkStatus();
   GW_ASSIGN_OR_RETURN(const v1::Session before, sessions_.stored(request.empty_stage_of()));
-  const bool captured = before.step_count() > 0 && before.proven_count() == before.step_count();
+  const bool captured = is_wholly_proven(before);
   v1::Plan plan = before.plan();
   plan.clear_rounds();
   if (captured && google::protobuf::util::MessageDifferencer::Equals(plan, request.plan()))

@@ -504,8 +504,7 @@ absl::StatusOr<v1::Session> CaptureQueue::created(const v1::QueueItem& item, con
   *request.mutable_axes() = wish.axes();
   if (!wish.empty_stage_of().empty()) {
     const absl::StatusOr<v1::Session> before = parts_.sessions.find(wish.empty_stage_of());
-    if (before.ok() && before->step_count() > 0 && before->proven_count() == before->step_count())
-      request.set_empty_stage_of(wish.empty_stage_of());
+    if (before.ok() && is_wholly_proven(*before)) request.set_empty_stage_of(wish.empty_stage_of());
   }
   if (!wish.rail_mm().empty()) {
     GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(parts_.nodes, parts_.calibrations, {}, stop));

@@ -131,7 +131,7 @@ std::optional<v1::Waiting> solver_waiting(const v1::GetFleetResponse& fleet) {
 // A draft of its images decides whether it continues.
 bool awaits_draft(const v1::Session& session) {
   return session.state() == v1::SESSION_STATE_CAPTURING && session.plan().has_adapt() &&
-         session.step_count() > 0 && session.proven_count() == session.step_count();
+         is_wholly_proven(session);
 }
 
 bool is_own(const v1::FleetSolve& solve, const v1::Session& session) {

@@ -169,6 +169,10 @@ bool allows(const v1::Session& session, v1::SessionAction action) {
   return std::ranges::count(allowed_actions(session), action) > 0;
 }
 
+bool is_wholly_proven(const v1::Session& session) {
+  return session.step_count() > 0 && session.proven_count() == session.step_count();
+}
+
 bool is_already(const v1::Session& session, v1::SessionAction action) {
   return std::ranges::any_of(
       kReached, [&](const auto& row) { return row.action == action && row.state == session.state(); });

@@ -49,6 +49,8 @@ bool waits_for_person(const v1::Session& session);
 // other activity: the rig is busy, the session is being replicated or deleted, a node does not answer.
 std::vector<v1::SessionAction> allowed_actions(const v1::Session& session);
 bool allows(const v1::Session& session, v1::SessionAction action);
+// Every step of its capture has a proven frame.
+bool is_wholly_proven(const v1::Session& session);
 // True if the session is already in the requested state: a repeated call is not an error.
 bool is_already(const v1::Session& session, v1::SessionAction action);
 // FAILED_PRECONDITION: "session "vase" is paused; it cannot be ...". ResumeSession requests RESUME, which
