@@ -7,14 +7,14 @@
 namespace glasswing {
 namespace {
 
-constexpr double kPointsAPeriod = 5.0;  // of the finest sinusoid, or of a stripe's width
-constexpr double kMaxPoints = 64.0;     // along the longer side
+constexpr double kPointsAPeriod = 5.0;               // of the finest sinusoid, or of a stripe's width
+constexpr double kMaxPoints = 64.0;                  // along the longer side
 constexpr double kWide[] = {1.0 / 20.0, 1.0 / 7.0};  // sigmas of wide footprints, of the longer side
 constexpr int kFirstSteps = 2, kFurther = 3, kFurtherSteps = 6, kSteps = 60;
-constexpr int kNearSteps = 8;        // from a neighbour's footprints
+constexpr int kNearSteps = 8;  // from a neighbour's footprints
 constexpr double kNearEnough =
-    0.5;  // whether they explain the samples is judged then; MixtureSolver continues
-constexpr int kSplits = 2;           // of the strongest modes
+    0.5;                    // whether they explain the samples is judged then; MixtureSolver continues
+constexpr int kSplits = 2;  // of the strongest modes
 
 // The period of the finest pattern.
 double finest_px(const PatternAnswers& answers) {

@@ -11,9 +11,9 @@
 namespace glasswing {
 namespace {
 
-constexpr double kLeastNoise = 1e-4;  // the shape of pixels and footprints leaves as much
-constexpr int kRounds = 3;            // of reweighting white and bars, and samples clipped at black
-constexpr int kPolish = 20;           // steps of a round
+constexpr double kLeastNoise = 1e-4;          // the shape of pixels and footprints leaves as much
+constexpr int kRounds = 3;                    // of reweighting white and bars, and samples clipped at black
+constexpr int kPolish = 20;                   // steps of a round
 constexpr double kQuarterOfNormal = 0.31864;  // of |x|, in standard deviations
 constexpr int kNoiseFits = 9;                 // pixels of a row, of one channel each
 constexpr double kPoorFit = 0.1;              // of the strongest weight: rms of the residual
