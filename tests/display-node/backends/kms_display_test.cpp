@@ -362,7 +362,7 @@ TEST_F(KmsDisplayTest, SaysWhatIsWrong) {
       KmsDisplay::open({.monitors = {{.name = "back", .connector = connector}}, .bits = 10}).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(deep)) << deep;
   says(deep, "codes of 10 bits");
-  says(deep, "there is: 8");
+  says(deep, "available: 8");
 
   const std::unique_ptr<KmsDisplay> holder = KmsDisplay::open(small_monitors()).value();
   const absl::Status held = error_of({{.name = "back", .connector = connector}});
