@@ -4,10 +4,10 @@
 
 #include <utility>
 
-#include "core/base/file.h"
 #include "core/base/name.h"
-#include "core/base/pause.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
+#include "core/process/pause.h"
 #include "server/jobs/timed_job_store.h"
 
 namespace glasswing {

@@ -8,12 +8,12 @@
 #include <utility>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
-#include "core/base/mapped_file.h"
-#include "core/base/pause.h"
 #include "core/base/status.h"
-#include "core/frame/mosaic.h"
+#include "core/file/file.h"
+#include "core/file/mapped_file.h"
+#include "core/image/mosaic.h"
 #include "core/matte/matte_file.h"
+#include "core/process/pause.h"
 #include "server/archives/session_archive.h"
 #include "server/solve/join_tiles.h"
 

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 
-#include "core/base/fault_point.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/base/version.h"
+#include "core/file/fault_point.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 #include "core/method/methods.h"
 #include "core/pattern/plan.h"
