@@ -65,7 +65,7 @@ class StepPlayer {
   absl::StatusOr<std::vector<v1::Frame>> records_of(const std::vector<FrameMatcher::Match>& matches,
                                                     const Watching& camera) const;
   std::string next_program();
-  const RigLinks& displays() const { return views_.front()->setup.links; }
+  RigLinks& displays() const { return views_.front()->setup.links; }
   int hold_refreshes() const { return hold_refreshes_of(views_.front()->progress.session().plan()); }
 
   const CameraViews& views_;
