@@ -18,8 +18,9 @@ void add_view_option(CLI::App& command, std::string& camera) {
 
 void add_cameras_option(CLI::App& command, std::vector<std::string>& cameras) {
   command
-      .add_option("--camera", cameras,
-                  "the camera node, in place of the plan's; repeat it for several, which see each step together")
+      .add_option(
+          "--camera", cameras,
+          "the camera node, in place of the plan's; repeat it for several, which see each step together")
       ->type_name("NODE")
       ->allow_extra_args(false);
 }
@@ -45,8 +46,7 @@ absl::StatusOr<v1::Session> session_of(const Client& client, const std::string& 
   request.set_name(session);
   GW_ASSIGN_OR_RETURN(v1::GetSessionResponse found,
                       call(server, &v1::SessionService::Stub::GetSession, request));
-  if (camera.empty() || found.session().plan().camera() == camera)
-    return std::move(*found.mutable_session());
+  if (camera.empty() || found.session().plan().camera() == camera) return std::move(*found.mutable_session());
   std::vector<std::string> cameras;
   for (const v1::Session& view : found.session().views()) {
     cameras.push_back(view.view_camera());

@@ -14,7 +14,8 @@ namespace glasswing {
 
 void add_view_option(CLI::App& command, std::string& camera);
 
-// --camera of verbs with a plan, once or several times; use_cameras() puts them in the plan, in place of its own.
+// --camera of verbs with a plan, once or several times; use_cameras() puts them in the plan, in place of its
+// own.
 void add_cameras_option(CLI::App& command, std::vector<std::string>& cameras);
 void use_cameras(const std::vector<std::string>& cameras, v1::Plan& plan);
 

@@ -164,7 +164,8 @@ void add_export_command(CLI::App& app, Client& client) {
   add_view_option(command, arguments->camera);
   command.callback([&client, arguments] {
     client.run = [&client, arguments]() -> absl::Status {
-      GW_ASSIGN_OR_RETURN(const v1::Session session, session_of(client, arguments->session, arguments->camera));
+      GW_ASSIGN_OR_RETURN(const v1::Session session,
+                          session_of(client, arguments->session, arguments->camera));
       return export_session(client, session, arguments->directory);
     };
   });

@@ -37,9 +37,9 @@ absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Client& client
   for (const std::string& name : arguments.sessions) {
     GW_ASSIGN_OR_RETURN(v1::Session found, session_of(client, name, arguments.camera));
     if (!allows(found, v1::SESSION_ACTION_DELETE)) {
-      return absl::FailedPreconditionError(
-          fmt::format("session {0} is {1}; wait for it, or cancel it first: glasswing cancel {0}; nothing was deleted",
-                      found.name(), state_name(found.state())));
+      return absl::FailedPreconditionError(fmt::format(
+          "session {0} is {1}; wait for it, or cancel it first: glasswing cancel {0}; nothing was deleted",
+          found.name(), state_name(found.state())));
     }
     sessions.push_back(std::move(found));
   }

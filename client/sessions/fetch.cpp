@@ -263,7 +263,8 @@ absl::Status fetch_one(const Client& client, const Sessions& server, const v1::S
   return fetch_file(client, server, still);
 }
 
-// "vase.exr" for camera left: "vase.left.exr"; "vase/": "vase/left", with the ending of what is written there.
+// "vase.exr" for camera left: "vase.left.exr"; "vase/": "vase/left", with the ending of what is written
+// there.
 std::string output_of(const std::string& output, const v1::Session& view) {
   if (output.ends_with('/') || fs::is_directory(output))
     return (fs::path(output) / view.view_camera()).string() + (is_video(view) ? "/" : ".exr");

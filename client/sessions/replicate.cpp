@@ -50,9 +50,8 @@ absl::Status replicate(const Client& client, const ReplicateArguments& arguments
                                            {"bytes", copied.byte_count()}};
     std::cout << answer.dump(1) << "\n";
   } else {
-    std::cout << fmt::format("session {} is on node {} too: {} frames, {}\n", request.name(),
-                             arguments.node, copied.frame_count(),
-                             bytes_text(static_cast<double>(copied.byte_count())));
+    std::cout << fmt::format("session {} is on node {} too: {} frames, {}\n", request.name(), arguments.node,
+                             copied.frame_count(), bytes_text(static_cast<double>(copied.byte_count())));
   }
   return absl::OkStatus();
 }

@@ -55,8 +55,7 @@ absl::Status Replicator::replicate(const v1::ReplicateSessionRequest& request, c
   if (each.size() > 1) {
     // The node may be the one that captured a view.
     GW_ASSIGN_OR_RETURN(const std::string address, keeper_address(request.node(), nodes_));
-    for (const v1::Session& view : each)
-      GW_RETURN_IF_ERROR(check_allows(view, v1::SESSION_ACTION_REPLICATE));
+    for (const v1::Session& view : each) GW_RETURN_IF_ERROR(check_allows(view, v1::SESSION_ACTION_REPLICATE));
     std::erase_if(each, [&](const v1::Session& view) { return view.archive_address() == address; });
   }
   v1::ReplicateSessionResponse before;  // of the views that are done

@@ -22,9 +22,7 @@ namespace glasswing {
 struct CameraView {
   // `by_hand`: RigWatch's. `log`, `report`: CaptureProgress'.
   CameraView(v1::Session session, StepLog& log, std::function<void(const v1::Session&)> report, bool by_hand)
-      : progress(std::move(session), log, std::move(report)),
-        video(setup, progress),
-        watch(setup, by_hand) {}
+      : progress(std::move(session), log, std::move(report)), video(setup, progress), watch(setup, by_hand) {}
   // The numbers of the steps to capture.
   std::set<int> pending() const {
     std::set<int> numbers;

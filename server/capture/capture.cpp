@@ -84,6 +84,12 @@ absl::Status Capture::capture(std::stop_token stop) {
 
 absl::StatusOr<bool> Capture::capture_pending(std::optional<bool>& object_at, std::stop_token stop) {
   for (const Group& group : pending_groups()) {
+    const bool is_needed = std::ranges::any_of(views_, [&](const auto& view) {
+      const std::set<int> pending = view->pending();
+      return std::ranges::any_of(group.steps,
+                                 [&](const Step& step) { return pending.contains(step.number); });
+    });
+    if (!is_needed) continue;  // any more: those that did have left the capture
     if (object_at != group.object) {
       GW_ASSIGN_OR_RETURN(const bool moved, move_object(object_at, group.object, stop));
       if (!moved) {
@@ -120,8 +126,7 @@ CaptureOutcome Capture::outcome_of(const CameraView& view, const absl::Status& s
   using Kind = CaptureOutcome::Kind;
   if (!view.failure.ok()) return {Kind::kFailed, std::string(view.failure.message())};
   if (stopped)
-    return {Kind::kStopped,
-            view.video.has_run() ? "the video is over; what was recorded of it is kept" : ""};
+    return {Kind::kStopped, view.video.has_run() ? "the video is over; what was recorded of it is kept" : ""};
   if (object_wanted_) {
     const std::string what = !*object_wanted_ ? fmt::format("{} off the stage, then", kTakeObject)
                              : is_video(session().plan())
@@ -131,8 +136,8 @@ CaptureOutcome Capture::outcome_of(const CameraView& view, const absl::Status& s
   }
   if (status.ok()) return {Kind::kCaptured, ""};
   const std::string reason(status.message());
-  const bool no_room = std::ranges::any_of(
-      views_, [](const auto& each) { return each->archive && each->archive->no_room(); });
+  const bool no_room =
+      std::ranges::any_of(views_, [](const auto& each) { return each->archive && each->archive->no_room(); });
   if (no_room) return {Kind::kNoRoom, reason};
   // ABORTED: another program took over the screens, for example after a display node was restarted.
   const bool lost =
@@ -200,10 +205,11 @@ absl::Status Capture::check_same_displays() const {
   };
   for (const auto& view : views_) {
     if (calibrations(*view) == calibrations(*views_.front())) continue;
-    return absl::FailedPreconditionError(fmt::format(
-        "a monitor was calibrated between the beginnings of sessions \"{}\" and \"{}\", which can therefore not "
-        "be captured together: finish each by its own name",
-        session().name(), view->progress.session().name()));
+    return absl::FailedPreconditionError(
+        fmt::format("a monitor was calibrated between the beginnings of sessions \"{}\" and \"{}\", which "
+                    "can therefore not "
+                    "be captured together: finish each by its own name",
+                    session().name(), view->progress.session().name()));
   }
   return absl::OkStatus();
 }

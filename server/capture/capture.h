@@ -1,19 +1,19 @@
 // One capture, from the first step without a proof to the sealed archives: connects to the rig, opens each
-// camera's archive, shows the groups of steps in order, and seals. Each camera has a session, its own proofs and
-// its own retakes: a step is shown until every camera has its frame, and those that have one ignore it.
+// camera's archive, shows the groups of steps in order, and seals. Each camera has a session, its own proofs
+// and its own retakes: a step is shown until every camera has its frame, and those that have one ignore it.
 //
 // The rest is split by duty: StepPlayer shows steps; of each camera GroupCapture proves them, Recording pairs
-// frames with them, PatchLearning decides what can be judged from pixels, CaptureArchive makes the camera node
-// store proven frames, VideoCapture handles the steps that run only once. No RPC is made between one step and
-// the next.
+// frames with them, PatchLearning decides what can be judged from pixels, CaptureArchive makes the camera
+// node store proven frames, VideoCapture handles the steps that run only once. No RPC is made between one
+// step and the next.
 #pragma once
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include <functional>
-#include <optional>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <utility>

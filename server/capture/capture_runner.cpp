@@ -185,8 +185,8 @@ absl::StatusOr<RigLock::Drive> CaptureRunner::drive_for(const std::string& sessi
   return rig_lock_.drive(caller, "session " + session, "glasswing cancel " + session);
 }
 
-void CaptureRunner::start(SessionStore::Edit& edit, const std::string& name, std::vector<v1::Session> sessions,
-                          RigLock::Drive drive) {
+void CaptureRunner::start(SessionStore::Edit& edit, const std::string& name,
+                          std::vector<v1::Session> sessions, RigLock::Drive drive) {
   const std::lock_guard lock(mutex_);
   std::optional<bool> confirmed;
   if (const auto asked = operator_asked_.find(name); asked != operator_asked_.end()) {
@@ -251,9 +251,9 @@ void CaptureRunner::capture_until_done(const std::string& name, std::vector<v1::
     for (int i = 0; i < std::ssize(sessions); ++i) {
       if (waits(outcomes[i])) left.push_back(sessions[i]);
     }
-    const std::vector<CaptureOutcome> ended = Capture(nodes_, calibrations_, images_, name, left,
-                                                      object_confirmed, steps_, report, next_round)
-                                                  .run(stop);
+    const std::vector<CaptureOutcome> ended =
+        Capture(nodes_, calibrations_, images_, name, left, object_confirmed, steps_, report, next_round)
+            .run(stop);
     for (int i = 0, k = 0; i < std::ssize(sessions); ++i) {
       if (waits(outcomes[i])) outcomes[i] = ended[k++];
     }
@@ -349,9 +349,9 @@ absl::StatusOr<v1::Session> CaptureRunner::stop(const std::string& name, Wish wi
     {
       const std::lock_guard lock(mutex_);
       if (capturing_ != name && views_.contains(name)) {
-        return absl::FailedPreconditionError(
-            fmt::format("session \"{0}\" is being captured with the other cameras of \"{1}\"; name session \"{1}\"",
-                        name, capturing_));
+        return absl::FailedPreconditionError(fmt::format(
+            "session \"{0}\" is being captured with the other cameras of \"{1}\"; name session \"{1}\"", name,
+            capturing_));
       }
       if (capturing_ == name) {
         if (wish_ != Wish::kCancel) wish_ = wish;

@@ -57,7 +57,8 @@ class CaptureRunner {
   absl::StatusOr<v1::EstimateSessionResponse> estimate(const v1::EstimateSessionRequest& request);
   // Of a plan with several cameras a session with a view for each (server/sessions/views).
   absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request, const Caller& caller);
-  // Continues a paused or failed capture (session_state.h); of a session with views those that rest in theirs, together.
+  // Continues a paused or failed capture (session_state.h); of a session with views those that rest in
+  // theirs, together.
   absl::StatusOr<v1::Session> resume(SessionStore::Edit& edit, v1::Session session,
                                      const v1::ResumeSessionRequest& request, const Caller& caller);
   // Cancels a capture that is paused or was not started.
@@ -104,12 +105,13 @@ class CaptureRunner {
   const std::function<void(const std::string&)> captured_;
   StepLog steps_;
 
-  std::mutex mutex_;                            // guards all below; taken after an Edit, never before
-  std::string capturing_;                       // the session that drives the rig; empty: none
-  std::set<std::string> views_;                 // meanwhile: it, or its views that are being captured
-  RigLock::Drive drive_;                        // meanwhile
-  Wish wish_ = Wish::kNone;                     // how the capture shall be stopped
-  std::map<std::string, bool> operator_asked_;  // by what is captured and waits for a person: to place the object?
+  std::mutex mutex_;             // guards all below; taken after an Edit, never before
+  std::string capturing_;        // the session that drives the rig; empty: none
+  std::set<std::string> views_;  // meanwhile: it, or its views that are being captured
+  RigLock::Drive drive_;         // meanwhile
+  Wish wish_ = Wish::kNone;      // how the capture shall be stopped
+  std::map<std::string, bool>
+      operator_asked_;  // by what is captured and waits for a person: to place the object?
   std::jthread thread_;
 };
 

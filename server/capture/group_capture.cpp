@@ -94,9 +94,9 @@ absl::StatusOr<std::vector<Step>> GroupCapture::next_showing(std::stop_token sto
   const int retries = retries_of(progress_.session().plan());
   if (showings_ - learning_.unseen_showings() > retries) {
     progress_.note_unproven(pending_);
-    return unproven(fmt::format("{} steps had no proof after {} retries: {}", pending_.size(), retries,
-                                listed(pending_)),
-                    pending_, stop);
+    return unproven(
+        fmt::format("{} steps had no proof after {} retries: {}", pending_.size(), retries, listed(pending_)),
+        pending_, stop);
   }
   ++showings_;
   return learning_.begin_showing(pending_);

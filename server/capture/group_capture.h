@@ -1,5 +1,5 @@
-// One camera's part in capturing a group of steps: those of one stage and one exposure, during which the camera
-// runs without interruption. Capture shows the steps to all cameras at once.
+// One camera's part in capturing a group of steps: those of one stage and one exposure, during which the
+// camera runs without interruption. Capture shows the steps to all cameras at once.
 #pragma once
 
 #include <absl/status/status.h>

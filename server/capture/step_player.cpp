@@ -320,8 +320,7 @@ absl::Status StepPlayer::judge(std::span<Watching> cameras) const {
     if (const auto end = camera.recording.end()) return *end;
     camera.view.progress.note_frames_taken(camera.recording.take_frames());
     if (camera.is_over) continue;
-    GW_ASSIGN_OR_RETURN(std::vector<v1::Frame> frames,
-                        records_of(camera.recording.take_matches(), camera));
+    GW_ASSIGN_OR_RETURN(std::vector<v1::Frame> frames, records_of(camera.recording.take_matches(), camera));
     // With frames it calls the camera's node.
     const bool calls = !frames.empty() && cameras.size() > 1;
     judging.push_back(std::async(calls ? std::launch::async : std::launch::deferred,

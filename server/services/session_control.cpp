@@ -92,7 +92,8 @@ absl::StatusOr<v1::Session> SessionControl::cancel(const std::string& name, cons
     if (!allows(one, v1::SESSION_ACTION_CANCEL)) continue;
     const bool solve = one.state() == v1::SESSION_STATE_SOLVING || rests_in_solve(one);
     GW_RETURN_IF_ERROR(
-        (solve ? solves_.cancel(edit, one, "the solve was cancelled") : captures_.cancel(edit, one)).status());
+        (solve ? solves_.cancel(edit, one, "the solve was cancelled") : captures_.cancel(edit, one))
+            .status());
   }
   return edit.find_any(name);
 }

@@ -1,5 +1,5 @@
-// Pauses, resumes, cancels and solves sessions: consults the state table, then CaptureRunner or SolveRunner. Of a
-// session with views (server/sessions/views) it does so with each view that allows it.
+// Pauses, resumes, cancels and solves sessions: consults the state table, then CaptureRunner or SolveRunner.
+// Of a session with views (server/sessions/views) it does so with each view that allows it.
 #pragma once
 
 #include <absl/status/statusor.h>

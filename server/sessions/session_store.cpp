@@ -10,6 +10,13 @@
 #include "server/sessions/views.h"
 
 namespace glasswing {
+namespace {
+
+absl::Status already_exists(const std::string& name) {
+  return absl::AlreadyExistsError(fmt::format("session \"{}\" already exists; choose another name", name));
+}
+
+}  // namespace
 
 absl::StatusOr<std::unique_ptr<SessionStore>> SessionStore::open(const std::filesystem::path& data) {
   GW_ASSIGN_OR_RETURN(std::unique_ptr<Catalogue> catalogue, Catalogue::open(data / "catalogue.sqlite"));
@@ -50,6 +57,14 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::Edit::find_each(const std
 
 absl::Status SessionStore::Edit::insert(const std::vector<v1::Session>& sessions,
                                         const std::string& request_id) {
+  // A session and views of its name exclude each other.
+  for (const v1::Session& session : sessions) {
+    GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> views, store_.catalogue_->views(session.name()));
+    if (!views.empty()) return already_exists(session.name());
+    if (session.view_of().empty()) continue;
+    const absl::Status other = store_.catalogue_->find(session.view_of()).status();
+    if (!absl::IsNotFound(other)) return already_exists(session.view_of());
+  }
   return store_.catalogue_->insert(sessions, request_id);
 }
 
@@ -134,7 +149,7 @@ void SessionStore::Edit::end_replicating(const std::string& name) {
 absl::Status SessionStore::check_free(const std::string& name) {
   const absl::Status found = find_each(name).status();
   if (absl::IsNotFound(found)) return absl::OkStatus();
-  return absl::AlreadyExistsError(fmt::format("session \"{}\" already exists; choose another name", name));
+  return already_exists(name);
 }
 
 absl::StatusOr<v1::Session> SessionStore::find_request(const std::string& request_id) {

@@ -102,7 +102,8 @@ class SessionStore {
   absl::StatusOr<v1::Session> find_request(const std::string& request_id);
   // The photos that any session's plan shows. Absent: unknown, since a record is damaged.
   std::optional<std::set<std::string>> photos();
-  // Newest first, without plans, with allowed actions; views only in the sum of all. INVALID_ARGUMENT: a time that cannot be parsed.
+  // Newest first, without plans, with allowed actions; views only in the sum of all. INVALID_ARGUMENT: a time
+  // that cannot be parsed.
   absl::StatusOr<std::vector<v1::Session>> list(const v1::ListSessionsRequest& request);
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
   absl::Status set_replica(const std::string& name, const v1::ArchiveCopy& replica) {

@@ -13,10 +13,10 @@ namespace glasswing {
 namespace {
 
 // The state of a session is the first of these that any of its views is in.
-constexpr v1::SessionState kFirst[] = {
-    v1::SESSION_STATE_CAPTURING, v1::SESSION_STATE_CREATED, v1::SESSION_STATE_SOLVING,
-    v1::SESSION_STATE_FAILED,    v1::SESSION_STATE_PAUSED,  v1::SESSION_STATE_CAPTURED,
-    v1::SESSION_STATE_DONE,      v1::SESSION_STATE_CANCELLED};
+constexpr v1::SessionState kFirst[] = {v1::SESSION_STATE_CAPTURING, v1::SESSION_STATE_CREATED,
+                                       v1::SESSION_STATE_SOLVING,   v1::SESSION_STATE_FAILED,
+                                       v1::SESSION_STATE_PAUSED,    v1::SESSION_STATE_CAPTURED,
+                                       v1::SESSION_STATE_DONE,      v1::SESSION_STATE_CANCELLED};
 
 // These need every view; the others act on those that allow them.
 constexpr v1::SessionAction kOfAll[] = {v1::SESSION_ACTION_SOLVE, v1::SESSION_ACTION_REPLICATE,
@@ -102,7 +102,10 @@ v1::Session sum_of(const std::vector<v1::Session>& views) {
   sum.set_patch_proven_count(first.patch_proven_count());
   sum.set_matte_ready(true);
   sum.set_note(joined(views, [](const v1::Session& view) { return view.note(); }));
-  sum.set_reason(joined(views, [](const v1::Session& view) { return view.reason(); }));
+  const auto by_person = std::ranges::find_if(views, waits_for_person);  // once for all cameras
+  sum.set_reason(by_person != views.end() ? by_person->reason() : joined(views, [](const v1::Session& view) {
+    return view.reason();
+  }));
   sum.set_warning(joined(views, [](const v1::Session& view) { return view.warning(); }));
   std::set<std::string> tags;
   for (const v1::Session& view : views) {

@@ -137,8 +137,9 @@ struct FaultyRig::Network {
     for (const auto& node : nodes) {
       const std::string& address = node->host->address();
       camera_relays.emplace_back(address, most, seed + 1000 * (camera_relays.size() + 1));
-      cameras.emplace_back(server, registered(v1::NODE_KIND_CAMERA, camera_name(cameras.size()),
-                                              most > nanoseconds(0) ? camera_relays.back().address() : address));
+      cameras.emplace_back(server,
+                           registered(v1::NODE_KIND_CAMERA, camera_name(cameras.size()),
+                                      most > nanoseconds(0) ? camera_relays.back().address() : address));
     }
   }
   DelayRelay display_relay;

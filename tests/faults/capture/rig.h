@@ -36,7 +36,8 @@ struct RigFaults {
   // the address of the display's light.
   std::optional<FolderCamera::Options> folder = {};
   bool noiseless = false;  // frames of one picture are equal
-  std::vector<RigFaults> cameras = {};  // beside the first, "camera-1": "camera-2" and so on, with these faults of theirs
+  std::vector<RigFaults> cameras =
+      {};  // beside the first, "camera-1": "camera-2" and so on, with these faults of theirs
 };
 
 class FaultyRig {

@@ -119,8 +119,8 @@ class CamerasTest : public testing::Test {
   std::unique_ptr<FaultyRig> rig_;
 };
 
-// Cameras with no noise, of which each sees something else (a gain, a place): what each of them stores together with the
-// others is what it stores alone, bit for bit.
+// Cameras with no noise, of which each sees something else (a gain, a place): what each of them stores
+// together with the others is what it stores alone, bit for bit.
 class SeveralCameras : public CamerasTest, public testing::WithParamInterface<int> {};
 
 TEST_P(SeveralCameras, EachStoresWhatItStoresAlone) {
@@ -208,7 +208,8 @@ TEST_F(CamerasTest, ANodeThatIsKilledCostsNothing) {
   for (int i = 0; i < 2; ++i) {
     const std::map<int, std::string> after = checksums(i);
     EXPECT_EQ(std::ssize(after), session.step_count());
-    for (const auto& [step, checksum] : before[i]) EXPECT_EQ(after.at(step), checksum) << "taken twice: " << step;
+    for (const auto& [step, checksum] : before[i])
+      EXPECT_EQ(after.at(step), checksum) << "taken twice: " << step;
   }
 }
 
