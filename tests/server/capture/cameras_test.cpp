@@ -57,7 +57,7 @@ class CamerasTest : public testing::Test {
 
   grpc::Status create(const std::string& name, const v1::Plan& plan, v1::Session* session = nullptr) {
     v1::CreateSessionRequest request;
-    request.set_request_id(name);
+    request.set_request_id(fmt::format("{} {}", name, plan.camera()));
     request.set_name(name);
     *request.mutable_plan() = plan;
     v1::CreateSessionResponse created;
