@@ -199,11 +199,16 @@ class PictureDemand {
 
 }  // namespace
 
+RigLinks& StepPlayer::links() const {
+  const auto view = std::ranges::find_if(views_, [](const auto& each) { return each->failure.ok(); });
+  return (view == views_.end() ? views_.front() : *view)->setup.links;
+}
+
 absl::Status StepPlayer::measure_clocks(int count, const std::stop_token& stop) {
   clocks_measured_at_ = monotonic_now();
-  GW_RETURN_IF_ERROR(displays().exchange_clocks(count, stop));
+  GW_RETURN_IF_ERROR(links().exchange_clocks(count, stop));
   for (const auto& view : views_) {
-    if (view == views_.front() || !view->failure.ok()) continue;
+    if (&view->setup.links == &links() || !view->failure.ok()) continue;
     GW_RETURN_IF_ERROR(view->setup.links.camera->exchange_clocks(count, kNodeCall, stop));
   }
   return absl::OkStatus();
@@ -219,7 +224,7 @@ absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vect
     patch_ids_[step.number] = ++showings_ * kSpread % kIds;
   }
   int monitor_count = 0;
-  for (const auto& display : displays().displays) {
+  for (const auto& display : links().displays) {
     GW_RETURN_IF_ERROR(load(*display, program, steps, stop));
     monitor_count += display->info.monitors_size();
   }
@@ -378,7 +383,7 @@ absl::StatusOr<std::optional<StableWindow>> StepPlayer::wait_shown(ProgramFeeds&
     if (!playing) return absl::AbortedError("a display has ended a step that it should hold");
     if (!pause(stop, kPoll)) return std::nullopt;
   }
-  const nanoseconds lit = shown->from + displays().camera->node_from_rig(monotonic_now()).error + kAskDelay;
+  const nanoseconds lit = shown->from + links().camera->node_from_rig(monotonic_now()).error + kAskDelay;
   while (monotonic_now() < lit) {
     if (!pause(stop, kPoll)) return std::nullopt;
   }

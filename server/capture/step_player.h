@@ -65,7 +65,8 @@ class StepPlayer {
   absl::StatusOr<std::vector<v1::Frame>> records_of(const std::vector<FrameMatcher::Match>& matches,
                                                     const Watching& camera) const;
   std::string next_program();
-  RigLinks& displays() const { return views_.front()->setup.links; }
+  // Of a camera that takes part: all share the displays.
+  RigLinks& links() const;
   int hold_refreshes() const { return hold_refreshes_of(views_.front()->progress.session().plan()); }
 
   const CameraViews& views_;
