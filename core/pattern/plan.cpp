@@ -230,6 +230,8 @@ absl::Status check_counts(const v1::Plan& plan) {
 }
 
 absl::Status check_cameras(const v1::Plan& plan, const Location& location) {
+  if (!plan.camera().empty() && !check_name("camera", plan.camera()).ok())
+    return location.bad(plan, "camera", 0, plan.camera(), "a camera node's name, or nothing");
   if (plan.cameras().empty()) return absl::OkStatus();
   if (!plan.camera().empty())
     return location.bad(plan, "camera", 0, plan.camera(), "left out where cameras are given");
@@ -290,8 +292,6 @@ absl::Status check(const v1::Plan& plan, const Location& location) {
           .bad(plan.photos(i), "file", 0, "\"\"", "the path of a picture");
     }
   }
-  if (!plan.camera().empty() && !check_name("camera", plan.camera()).ok())
-    return location.bad(plan, "camera", 0, plan.camera(), "a camera node's name, or nothing");
   GW_RETURN_IF_ERROR(check_cameras(plan, location));
   if (plan.has_hold_refreshes() && !within(plan.hold_refreshes(), 2, 600)) {
     return location.bad(plan, "hold_refreshes", 0, plan.hold_refreshes(),
