@@ -37,7 +37,7 @@ wanted=10
 for daemon in left right display server; do
   until_true 60 proven_at_least $wanted || fail "no step was proven before $daemon was killed"
   glasswing pause vase >/dev/null
-  for camera in left right; do (cd "$work/$camera/archives/vase.$camera/frames" && sha256sum ./*) >"$work/$camera.sums"; done
+  for camera in left right; do (cd "$work/$camera/archives/vase.$camera/frames" && sha256sum ./*.tif) >"$work/$camera.sums"; done
   glasswing resume vase >/dev/null
   wanted=$(($(proven vase) + 5))
   until_true 60 proven_at_least $wanted || fail "it did not continue"
