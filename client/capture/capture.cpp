@@ -9,6 +9,7 @@
 #include "client/capture/capture_turn.h"
 #include "client/capture/commands.h"
 #include "client/capture/watch.h"
+#include "client/cli/camera_argument.h"
 #include "client/cli/rig_view.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
@@ -65,7 +66,7 @@ absl::StatusOr<std::string> upload(const Peer<v1::SessionService>& server, const
 absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>& server,
                            const std::filesystem::path& plan_path, v1::Plan& plan) {
   if (plan.photos().empty()) return absl::OkStatus();
-  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, plan.camera()));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, first_camera(plan)));
   GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, photo_monitor(plan, rig));
   Progress progress("uploading photos");
   double sent = 0.0;
@@ -85,7 +86,7 @@ absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>&
 
 struct CaptureArguments {
   std::string plan, session, note;
-  std::vector<std::string> tags;
+  std::vector<std::string> tags, cameras;
   bool solve = false, watch = false, dry_run = false;
   bool adapt = false;
   std::string target_error, rail_mm, turn;
@@ -129,6 +130,8 @@ absl::StatusOr<v1::Plan> plan_to_capture(const Client& client, const CaptureArgu
     return absl::InvalidArgumentError("name a plan, a .txtpb file; without one --adapt makes its own");
   GW_ASSIGN_OR_RETURN(v1::Plan plan,
                       arguments.plan.empty() ? first_images(client) : read_plan(arguments.plan));
+  use_cameras(arguments.cameras, plan);
+  GW_RETURN_IF_ERROR(check_plan(plan));
   if (!arguments.adapt) return plan;
   v1::Adapt& adapt = *plan.mutable_adapt();
   if (!arguments.target_error.empty()) GW_RETURN_IF_ERROR(read_target(arguments.target_error, adapt));
@@ -243,11 +246,13 @@ void add_capture_command(CLI::App& app, Client& client) {
       "  glasswing capture deploy/plans/design-50.txtpb --adapt --target-error 42dB --at-most 150\n"
       "  glasswing capture deploy/plans/crystal.txtpb --rail-mm 200,251.2 --session vase --solve --watch\n"
       "  glasswing capture deploy/plans/crystal.txtpb --turn 0:350:10 --session vase --solve\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --session vase --camera left --camera right --solve\n"
       "  glasswing capture deploy/plans/crystal.txtpb --dry-run\n"
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<CaptureArguments>();
   command.add_option("plan", arguments->plan, "the plan, a .txtpb file; with --adapt it may be left out");
   command.add_option("--session", arguments->session, "the session's name; default: chosen by the server");
+  add_cameras_option(command, arguments->cameras);
   command.add_option("--note", arguments->note, "a note to keep with it");
   command.add_option("--tag", arguments->tags, "a tag for finding it; may be repeated")
       ->allow_extra_args(false);

@@ -8,6 +8,7 @@
 #include "client/capture/capture.h"
 #include "client/capture/operator.h"
 #include "client/capture/watch.h"
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "core/base/name.h"
@@ -129,7 +130,7 @@ absl::Status check_series(const std::string& session, const RailPositions& posit
 absl::Status capture_at_positions(const Client& client, const v1::CreateSessionRequest& request,
                                   const RailPositions& positions,
                                   const std::function<absl::StatusOr<v1::Session>(v1::Session)>& annotate) {
-  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, request.plan().camera()));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, first_camera(request.plan())));
   GW_ASSIGN_OR_RETURN(const std::string monitor,
                       monitor_to_move(positions.monitor, rig, planned_monitors(request.plan())));
   const bool has_rail = rig.rails.contains(monitor), several = positions.mm.size() > 1;

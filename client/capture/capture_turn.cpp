@@ -9,6 +9,7 @@
 #include "client/capture/capture.h"
 #include "client/capture/operator.h"
 #include "client/capture/watch.h"
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "core/base/name.h"
@@ -219,7 +220,7 @@ absl::Status check_turn(const std::string& session, const Poses& poses) {
 
 absl::Status capture_turn(const Client& client, const v1::CreateSessionRequest& request, const Poses& poses,
                           const Turn::Annotate& annotate) {
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Axis> axes, read_axes(client, request.plan().camera()));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Axis> axes, read_axes(client, first_camera(request.plan())));
   GW_ASSIGN_OR_RETURN(const v1::Axis axis, find_axis(poses.axis, axes, "deg"));
   GW_RETURN_IF_ERROR(check_poses("--turn", poses, axis));
   Turn turn(client, request, axis, poses, annotate);

@@ -8,6 +8,7 @@
 
 #include "client/capture/commands.h"
 #include "client/capture/watch.h"
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "core/base/status.h"
@@ -18,7 +19,7 @@ namespace glasswing {
 namespace {
 
 struct RetakeArguments {
-  std::string session, steps;
+  std::string session, camera, steps;
   bool watch = false;
 };
 
@@ -49,7 +50,8 @@ Ranges lost_steps(const v1::Session& session) {
   return lost;
 }
 
-absl::Status retake(const Client& client, const RetakeArguments& arguments) {
+absl::Status retake(const Client& client, RetakeArguments arguments) {
+  GW_ASSIGN_OR_RETURN(arguments.session, session_name_of(client, arguments.session, arguments.camera));
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   v1::ResumeSessionRequest request;
   request.set_name(arguments.session);
@@ -88,9 +90,10 @@ void add_retake_command(CLI::App& app, Client& client) {
       "A running capture is stopped for this, and continues with these steps and the remaining ones. "
       "Their\n"
       "old frames are dropped. A session that is solved, copied or a video cannot be retaken.\n\n"
-      "Example:\n  glasswing retake vase --watch");
+      "Examples:\n  glasswing retake vase --watch\n  glasswing retake vase --camera left --steps 10-20");
   auto arguments = std::make_shared<RetakeArguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
+  add_view_option(command, arguments->camera);
   command.add_option(
       "--steps", arguments->steps,
       "steps to capture again, such as 10-211,300; default: those that the session's warnings name");

@@ -31,7 +31,10 @@ absl::StatusOr<Candidates> session_names(std::vector<std::string> words) {
   GW_ASSIGN_OR_RETURN(const v1::ListSessionsResponse listed,
                       call_pages(server, &v1::SessionService::Stub::ListSessions, {}, kPatience));
   Candidates names;
-  for (const v1::Session& session : listed.sessions()) names.emplace_back(session.name(), "");
+  for (const v1::Session& session : listed.sessions()) {
+    names.emplace_back(session.name(), "");
+    for (const v1::Session& view : session.views()) names.emplace_back(view.name(), "");
+  }
   return names;
 }
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/exchange/commands.h"
@@ -128,13 +129,12 @@ absl::StatusOr<v1::CaptureManifest> export_archive(const v1::Session& session, c
 
 namespace {
 
-absl::Status export_session(const Client& client, const std::string& name, const std::string& directory) {
-  const Peer<v1::SessionService> server(client.server_title(), client.server);
-  v1::GetSessionRequest get;
-  get.set_name(name);
-  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
-                      call(server, &v1::SessionService::Stub::GetSession, get));
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, export_archive(found.session(), directory));
+absl::Status export_session(const Client& client, const v1::Session& session, const std::string& directory) {
+  for (const v1::Session& view : session.views())
+    GW_RETURN_IF_ERROR(export_session(client, view, (fs::path(directory) / view.view_camera()).string()));
+  if (!session.views().empty()) return absl::OkStatus();
+  const std::string& name = session.name();
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, export_archive(session, directory));
   if (client.json) {
     const nlohmann::ordered_json exported = {
         {"session", name}, {"directory", directory}, {"frames", manifest.frames_size()}};
@@ -149,18 +149,24 @@ absl::Status export_session(const Client& client, const std::string& name, const
 
 void add_export_command(CLI::App& app, Client& client) {
   struct Arguments {
-    std::string session;
+    std::string session, camera;
     std::string directory;
   };
   CLI::App& command =
       *app.add_subcommand("export", "Write a session's frames and manifest to a new directory.");
-  command.footer("Example:\n  glasswing export vase archives/vase");
+  command.footer(
+      "Of a session with several cameras, each has a directory in that one.\n\n"
+      "Examples:\n  glasswing export vase archives/vase\n"
+      "  glasswing export vase archives/vase-left --camera left");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command.add_option("directory", arguments->directory, "the directory to write, new or empty")->required();
+  add_view_option(command, arguments->camera);
   command.callback([&client, arguments] {
-    client.run = [&client, arguments] {
-      return export_session(client, arguments->session, arguments->directory);
+    client.run = [&client, arguments]() -> absl::Status {
+      GW_ASSIGN_OR_RETURN(const v1::Session session,
+                          session_of(client, arguments->session, arguments->camera));
+      return export_session(client, session, arguments->directory);
     };
   });
 }

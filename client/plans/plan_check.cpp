@@ -5,6 +5,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/camera_argument.h"
 #include "client/plans/commands.h"
 #include "client/plans/photo.h"
 #include "client/plans/rig_limits.h"
@@ -43,7 +44,7 @@ absl::Status check(const Client& client, const PlanCheckArguments& arguments) {
         fmt::format("{}: photos: {} does not exist; it must be a picture file, named relative to the plan",
                     path, file.string()));
   }
-  GW_ASSIGN_OR_RETURN(const RigLimits rig, read_rig_limits(client, arguments.rig, plan.camera()));
+  GW_ASSIGN_OR_RETURN(const RigLimits rig, read_rig_limits(client, arguments.rig, first_camera(plan)));
   const std::vector<std::string> warnings = misfits(plan, rig);
   if (client.json) {
     const nlohmann::ordered_json answer = {{"plan", path},

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/camera_argument.h"
 #include "client/cli/rig_view.h"
 #include "client/cli/rpc.h"
 #include "client/plans/commands.h"
@@ -122,7 +123,7 @@ void print_estimate_json(const std::string& path, const v1::Plan& plan, const Es
 
 absl::Status print_estimate(const Client& client, const std::string& path) {
   GW_ASSIGN_OR_RETURN(const v1::Plan plan, read_plan(path));
-  GW_ASSIGN_OR_RETURN(const Estimate estimate, estimate_of(plan, read_rig_view(client, plan.camera())));
+  GW_ASSIGN_OR_RETURN(const Estimate estimate, estimate_of(plan, read_rig_view(client, first_camera(plan))));
   const absl::StatusOr<v1::EstimateSessionResponse> rig = ask_server(client, plan);
   if (client.json) {
     print_estimate_json(path, plan, estimate, rig);

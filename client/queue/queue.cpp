@@ -3,6 +3,7 @@
 #include <iostream>
 
 #include "client/capture/stage_axes.h"
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/queue/commands.h"
 #include "client/queue/queue_text.h"
@@ -56,7 +57,7 @@ absl::StatusOr<std::vector<v1::QueueWish>> poses_of(const Client& client, const 
                                                     const v1::QueueWish& wish) {
   GW_RETURN_IF_ERROR(check_name("session", wish.session()));  // names the series
   GW_ASSIGN_OR_RETURN(const Poses poses, parse_poses("--turn", turn));
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Axis> axes, read_axes(client, wish.plan().camera()));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Axis> axes, read_axes(client, first_camera(wish.plan())));
   GW_ASSIGN_OR_RETURN(const v1::Axis axis, find_axis(poses.axis, axes, "deg"));
   GW_RETURN_IF_ERROR(check_poses("--turn", poses, axis));
   const std::vector<std::string> names = names_of_poses(wish.session(), poses.positions);

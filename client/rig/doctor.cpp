@@ -4,6 +4,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/rig/check_geometry.h"
 #include "client/rig/commands.h"
@@ -71,6 +72,7 @@ std::vector<v1::Finding> read_findings(const Client& client,
 
 struct DoctorArguments {
   std::string plan, geometry, session;
+  std::vector<std::string> cameras;
 };
 
 absl::Status check_rig(const Client& client, const DoctorArguments& arguments) {
@@ -78,6 +80,7 @@ absl::Status check_rig(const Client& client, const DoctorArguments& arguments) {
   if (!arguments.plan.empty()) {
     GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
   }
+  use_cameras(arguments.cameras, *request.mutable_plan());
   if (arguments.geometry.empty() && !arguments.session.empty())
     return absl::InvalidArgumentError("--session goes with --geometry");
   const Peer<v1::RigService> server(client.server_title(), client.server);
@@ -117,10 +120,12 @@ void add_doctor_command(CLI::App& app, Client& client) {
       "seen by pixels beside the object of a solved session (docs/rays.md).\n\n"
       "Examples:\n"
       "  glasswing doctor --plan deploy/plans/crystal.txtpb\n"
+      "  glasswing doctor --camera left --camera right\n"
       "  glasswing doctor --geometry rig.txtpb --session vase-200");
   auto arguments = std::make_shared<DoctorArguments>();
   command.add_option("--plan", arguments->plan,
                      "check for this plan's monitors, exposures and hold_refreshes");
+  add_cameras_option(command, arguments->cameras);
   command
       .add_option("--geometry", arguments->geometry,
                   "check that nothing has moved since glasswing calibrate geometry wrote this file")

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/sessions/commands.h"
@@ -20,6 +21,7 @@ using Sessions = Peer<v1::SessionService>;
 
 struct DeleteArguments {
   std::vector<std::string> sessions;
+  std::string camera;
   bool yes = false;
 };
 
@@ -29,20 +31,17 @@ std::string mattes_text(const v1::Session& session) {
 }
 
 // FAILED_PRECONDITION if any of them cannot be deleted now; then none is deleted.
-absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Sessions& server,
+absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Client& client,
                                                             const DeleteArguments& arguments) {
   std::vector<v1::Session> sessions;
   for (const std::string& name : arguments.sessions) {
-    v1::GetSessionRequest request;
-    request.set_name(name);
-    GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
-                        call(server, &v1::SessionService::Stub::GetSession, request));
-    if (!allows(found.session(), v1::SESSION_ACTION_DELETE)) {
+    GW_ASSIGN_OR_RETURN(v1::Session found, session_of(client, name, arguments.camera));
+    if (!allows(found, v1::SESSION_ACTION_DELETE)) {
       return absl::FailedPreconditionError(fmt::format(
-          "session {} is {}; wait for it, or cancel it first: glasswing cancel {}; nothing was deleted", name,
-          state_name(found.session().state()), name));
+          "session {0} is {1}; wait for it, or cancel it first: glasswing cancel {0}; nothing was deleted",
+          found.name(), state_name(found.state())));
     }
-    sessions.push_back(found.session());
+    sessions.push_back(std::move(found));
   }
   return sessions;
 }
@@ -67,7 +66,7 @@ absl::Status confirm(const std::vector<v1::Session>& sessions) {
 
 absl::Status delete_sessions(const Client& client, const DeleteArguments& arguments) {
   const Sessions server(client.server_title(), client.server);
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, deletable_sessions(server, arguments));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, deletable_sessions(client, arguments));
   if (!arguments.yes) GW_RETURN_IF_ERROR(confirm(sessions));
   nlohmann::ordered_json deleted = nlohmann::ordered_json::array();
   absl::Status status;
@@ -101,9 +100,11 @@ void add_delete_command(CLI::App& app, Client& client) {
       *app.add_subcommand("delete", "Delete sessions, their frames and their mattes permanently.");
   command.footer(
       "On a terminal it asks for confirmation. Repeat an interrupted deletion to finish it.\n\n"
-      "Examples:\n  glasswing delete vase\n  glasswing delete vase vase-2 --yes");
+      "Examples:\n  glasswing delete vase\n  glasswing delete vase vase-2 --yes\n"
+      "  glasswing delete vase --camera left");
   auto arguments = std::make_shared<DeleteArguments>();
   command.add_option("sessions", arguments->sessions, "their names")->required();
+  add_view_option(command, arguments->camera);
   command.add_flag("--yes", arguments->yes, "do not ask for confirmation");
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return delete_sessions(client, *arguments); };

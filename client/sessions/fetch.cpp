@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/sessions/commands.h"
@@ -31,7 +32,7 @@ namespace fs = std::filesystem;
 using Sessions = Peer<v1::SessionService>;
 
 struct FetchArguments {
-  std::string session, output;
+  std::string session, camera, output;
   std::optional<int> frame;
   std::optional<MatteRegion> region;
   bool partial = false;
@@ -240,24 +241,19 @@ absl::Status fetch_video(const Client& client, const Sessions& server, const v1:
                                                    ranges_text(unsolved), summary_of(session)));
 }
 
-absl::Status fetch(const Client& client, const FetchArguments& arguments) {
-  const Sessions server(client.server_title(), client.server);
+absl::Status fetch_one(const Client& client, const Sessions& server, const v1::Session& session,
+                       const FetchArguments& arguments) {
   if (arguments.frame || arguments.partial) return fetch_file(client, server, arguments);
-  v1::GetSessionRequest request;
-  request.set_name(arguments.session);
-  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
-                      call(server, &v1::SessionService::Stub::GetSession, request));
   const bool to_directory = arguments.output.ends_with('/') || fs::is_directory(arguments.output);
-  const bool frames = describes_mattes(found.session()) ? is_video(found.session())
-                                                        : !found.session().solved_frames().empty();
+  const bool frames = describes_mattes(session) ? is_video(session) : !session.solved_frames().empty();
   if (frames) {
     if (to_directory || (!fs::path(arguments.output).has_extension() && arguments.output != kStandardOutput))
-      return fetch_video(client, server, found.session(), arguments);
+      return fetch_video(client, server, session, arguments);
     return absl::InvalidArgumentError(
         fmt::format("session {} is a video of {} frames; -o is {}: it must be a directory (end a new one in "
                     "/), or select "
                     "one frame with --frame",
-                    arguments.session, found.session().frame_count(), arguments.output));
+                    arguments.session, session.frame_count(), arguments.output));
   }
   FetchArguments still = arguments;
   if (to_directory) {
@@ -267,17 +263,47 @@ absl::Status fetch(const Client& client, const FetchArguments& arguments) {
   return fetch_file(client, server, still);
 }
 
+// "vase.exr" for camera left: "vase.left.exr"; "vase/": "vase/left", with the ending of what is written
+// there.
+std::string output_of(const std::string& output, const v1::Session& view) {
+  if (output.ends_with('/') || fs::is_directory(output))
+    return (fs::path(output) / view.view_camera()).string() + (is_video(view) ? "/" : ".exr");
+  fs::path path(output);
+  return path.replace_extension(view.view_camera() + path.extension().string()).string();
+}
+
+absl::Status fetch(const Client& client, const FetchArguments& arguments) {
+  const Sessions server(client.server_title(), client.server);
+  GW_ASSIGN_OR_RETURN(const v1::Session session, session_of(client, arguments.session, arguments.camera));
+  if (!session.views().empty() && arguments.output == kStandardOutput) {
+    return absl::InvalidArgumentError(
+        fmt::format("session {} has {} cameras, and -o is - for one matte; name a camera: --camera {}",
+                    session.name(), session.views_size(), session.views(0).view_camera()));
+  }
+  for (const v1::Session& view : session.views()) {
+    FetchArguments own = arguments;
+    own.session = view.name();
+    own.output = output_of(arguments.output, view);
+    GW_RETURN_IF_ERROR(fetch_one(client, server, view, own));
+  }
+  if (!session.views().empty()) return absl::OkStatus();
+  FetchArguments own = arguments;
+  own.session = session.name();
+  return fetch_one(client, server, session, own);
+}
+
 }  // namespace
 
 void add_fetch_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("fetch", "Fetch a matte, or the mattes of a video.");
   command.footer(
       "The solved frames of a video become 0000.exr, 0001.exr, ... in a directory; existing files are not "
-      "fetched again.\n\n"
+      "fetched again. Of several cameras, vase.exr becomes vase.left.exr and so on.\n\n"
       "Examples:\n"
       "  glasswing fetch vase -o vase.exr\n"
       "  glasswing fetch vase -o rim.exr --crop 640x480+1200+300\n"
       "  glasswing fetch vase -o so-far.exr --partial\n"
+      "  glasswing fetch vase -o left.exr --camera left\n"
       "  glasswing fetch pouring -o pouring/\n"
       "  glasswing fetch pouring --frame 7 -o pouring-7.exr");
   auto arguments = std::make_shared<FetchArguments>();
@@ -287,6 +313,7 @@ void add_fetch_command(CLI::App& app, Client& client) {
       .add_option("-o,--output", arguments->output,
                   "the OpenEXR file to write, or - for standard output; for a video, the directory")
       ->required();
+  add_view_option(command, arguments->camera);
   command.add_option("--frame", arguments->frame, "fetch only this frame of a video, counted from 0")
       ->check(CLI::Range(0, 17999));
   command

@@ -3,6 +3,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
@@ -15,13 +16,13 @@ namespace glasswing {
 namespace {
 
 struct ReplicateArguments {
-  std::string session, node;
+  std::string session, camera, node;
 };
 
 absl::Status replicate(const Client& client, const ReplicateArguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   v1::ReplicateSessionRequest request;
-  request.set_name(arguments.session);
+  GW_ASSIGN_OR_RETURN(*request.mutable_name(), session_name_of(client, arguments.session, arguments.camera));
   request.set_node(arguments.node);
   grpc::ClientContext context;
   set_deadline(context, std::chrono::hours(24));
@@ -43,15 +44,14 @@ absl::Status replicate(const Client& client, const ReplicateArguments& arguments
   if (!status.ok()) return status_from(status, server.title);
   progress.done(fmt::format("{} frames", copied.frame_count()));
   if (client.json) {
-    const nlohmann::ordered_json answer = {{"session", arguments.session},
+    const nlohmann::ordered_json answer = {{"session", request.name()},
                                            {"node", arguments.node},
                                            {"frames", copied.frame_count()},
                                            {"bytes", copied.byte_count()}};
     std::cout << answer.dump(1) << "\n";
   } else {
-    std::cout << fmt::format("session {} is on node {} too: {} frames, {}\n", arguments.session,
-                             arguments.node, copied.frame_count(),
-                             bytes_text(static_cast<double>(copied.byte_count())));
+    std::cout << fmt::format("session {} is on node {} too: {} frames, {}\n", request.name(), arguments.node,
+                             copied.frame_count(), bytes_text(static_cast<double>(copied.byte_count())));
   }
   return absl::OkStatus();
 }
@@ -70,6 +70,7 @@ void add_replicate_command(CLI::App& app, Client& client) {
   command.add_option("session", arguments->session, "the session's name")->required();
   command.add_option("node", arguments->node, "the node for the copy; `glasswing nodes` lists them")
       ->required();
+  add_view_option(command, arguments->camera);
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return replicate(client, *arguments); }; });
 }

@@ -54,7 +54,9 @@ absl::Status list_sessions(const Client& client, const SessionsArguments& argume
   }
   std::vector<std::vector<std::string>> rows;
   for (const v1::Session& session : listed.sessions()) {
-    rows.push_back({session.name(), state_name(session.state()), session.created(),
+    const std::string cameras =
+        session.views().empty() ? "" : fmt::format(" ({} cameras)", session.views_size());
+    rows.push_back({session.name() + cameras, state_name(session.state()), session.created(),
                     fmt::format("{}/{}{}", session.proven_count(), session.step_count(),
                                 session.time_proven_count() > 0 ? " by time" : ""),
                     fmt::format("{}/{}", session.tiles_done(), session.tile_count()),

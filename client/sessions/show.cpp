@@ -4,7 +4,7 @@
 #include <iostream>
 #include <map>
 
-#include "client/cli/rpc.h"
+#include "client/cli/camera_argument.h"
 #include "client/cli/session_text.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
@@ -12,7 +12,6 @@
 #include "core/cli/output.h"
 #include "core/pattern/describe_step.h"
 #include "core/pattern/draft_stages.h"
-#include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
@@ -103,6 +102,9 @@ void print_details(const v1::Session& session) {
   for (const auto& [axis, position] : axes)
     row(axis == axes.begin()->first ? "pose" : "", fmt::format("{} at {}", axis, position));
   if (!session.empty_stage_of().empty()) row("stage", "the empty one of session " + session.empty_stage_of());
+  for (const v1::Session& view : session.views())
+    row(&view == &session.views(0) ? "cameras" : "", view.view_camera() + ": " + summary_of(view));
+  if (!session.view_of().empty()) row("camera", session.view_camera() + ", of session " + session.view_of());
   print_capture(session);
   print_video(session);
   row("warning", session.warning());
@@ -116,16 +118,12 @@ void print_details(const v1::Session& session) {
   print_solve(session);
 }
 
-absl::Status show(const Client& client, const std::string& name) {
-  const Peer<v1::SessionService> server(client.server_title(), client.server);
-  v1::GetSessionRequest request;
-  request.set_name(name);
-  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
-                      call(server, &v1::SessionService::Stub::GetSession, request));
+absl::Status show(const Client& client, const std::string& name, const std::string& camera) {
+  GW_ASSIGN_OR_RETURN(const v1::Session session, session_of(client, name, camera));
   if (client.json) {
-    print_json(found.session());
+    print_json(session);
   } else {
-    print_details(found.session());
+    print_details(session);
   }
   return absl::OkStatus();
 }
@@ -134,10 +132,13 @@ absl::Status show(const Client& client, const std::string& name) {
 
 void add_show_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("show", "Show everything about one session.");
-  command.footer("Example:\n  glasswing show vase --json");
-  auto name = std::make_shared<std::string>();
+  command.footer("Examples:\n  glasswing show vase --json\n  glasswing show vase --camera left");
+  auto name = std::make_shared<std::string>(), camera = std::make_shared<std::string>();
   command.add_option("session", *name, "the session's name")->required();
-  command.callback([&client, name] { client.run = [&client, name] { return show(client, *name); }; });
+  add_view_option(command, *camera);
+  command.callback([&client, name, camera] {
+    client.run = [&client, name, camera] { return show(client, *name, *camera); };
+  });
 }
 
 }  // namespace glasswing

@@ -2,6 +2,7 @@
 
 #include <iostream>
 
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
@@ -31,7 +32,8 @@ const char* outcome_text(const v1::StepEvent& event) {
   }
 }
 
-absl::Status list_steps(const Client& client, const std::string& session) {
+absl::Status list_steps(const Client& client, const std::string& name, const std::string& camera) {
+  GW_ASSIGN_OR_RETURN(const std::string session, session_name_of(client, name, camera));
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   v1::WatchStepsRequest request;
   request.set_name(session);
@@ -63,10 +65,14 @@ void add_steps_command(CLI::App& app, Client& client) {
       "captures are known.\n\n"
       "Examples:\n"
       "  glasswing steps vase\n"
+      "  glasswing steps vase --camera left\n"
       "  glasswing steps vase | grep retaken");
-  auto name = std::make_shared<std::string>();
+  auto name = std::make_shared<std::string>(), camera = std::make_shared<std::string>();
   command.add_option("session", *name, "the session's name")->required();
-  command.callback([&client, name] { client.run = [&client, name] { return list_steps(client, *name); }; });
+  command.add_option("--camera", *camera, "of a session with several cameras, this one")->type_name("CAMERA");
+  command.callback([&client, name, camera] {
+    client.run = [&client, name, camera] { return list_steps(client, *name, *camera); };
+  });
 }
 
 }  // namespace glasswing

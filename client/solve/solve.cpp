@@ -4,6 +4,7 @@
 #include <map>
 
 #include "client/capture/watch.h"
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/cli/settings.h"
@@ -23,7 +24,7 @@ namespace glasswing {
 namespace {
 
 struct SolveArguments {
-  std::string session;
+  std::string session, camera;
   std::string method;
   std::vector<std::string> options;
   bool watch = false;
@@ -54,7 +55,8 @@ absl::Status set_priority(const Client& client, const std::string& session, cons
   return call(server, &v1::JobService::Stub::SetJobPriority, request).status();
 }
 
-absl::Status solve(const Client& client, const SolveArguments& arguments) {
+absl::Status solve(const Client& client, SolveArguments arguments) {
+  GW_ASSIGN_OR_RETURN(arguments.session, session_name_of(client, arguments.session, arguments.camera));
   if (!arguments.parts.empty()) return take_parts(client, arguments);
   GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments.options));
   if (!arguments.on.empty()) {
@@ -159,11 +161,13 @@ void add_solve_command(CLI::App& app, Client& client) {
       "  glasswing solve vase --method gaussian --set images=100\n"
       "  glasswing solve vase --method fringe --set modes=2\n"
       "  glasswing solve vase --priority interactive --watch\n"
+      "  glasswing solve vase --camera left --watch\n"
       "  glasswing solve vase --on slurm --parts 32 --sbatch=--partition=lab\n"
       "  glasswing solve vase --from parts/part-*.exr\n"
       "  glasswing solve --help gaussian");
   auto arguments = std::make_shared<SolveArguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
+  add_view_option(command, arguments->camera);
   command.add_option("--method", arguments->method, "the method; default: the plan's")
       ->check(CLI::IsMember(method_names()));
   command.footer([arguments] { return options_text(*arguments); });

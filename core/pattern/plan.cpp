@@ -25,6 +25,7 @@ namespace {
 
 using google::protobuf::TextFormat;
 constexpr int kMaxSteps = 20000;
+constexpr int kMaxCameras = 16;
 constexpr int kDefaultPhases = 4;
 constexpr int kMaxFrames = 18000, kMaxEmptyFrames = 1000;  // of a ramp
 constexpr int kUsualEmptyFrames = 16;
@@ -228,6 +229,29 @@ absl::Status check_counts(const v1::Plan& plan) {
   return absl::OkStatus();
 }
 
+absl::Status check_cameras(const v1::Plan& plan, const Location& location) {
+  if (!plan.camera().empty() && !check_name("camera", plan.camera()).ok())
+    return location.bad(plan, "camera", 0, plan.camera(), "a camera node's name, or nothing");
+  if (plan.cameras().empty()) return absl::OkStatus();
+  if (!plan.camera().empty())
+    return location.bad(plan, "camera", 0, plan.camera(), "left out where cameras are given");
+  if (plan.cameras_size() > kMaxCameras || plan.cameras_size() == 1) {
+    return location.bad(plan, "cameras", 0, fmt::format("a list of {}", plan.cameras_size()),
+                        fmt::format("2 to {} camera nodes; for one: camera", kMaxCameras));
+  }
+  std::set<std::string> names;
+  for (int i = 0; i < plan.cameras_size(); ++i) {
+    if (check_name("camera", plan.cameras(i)).ok() && names.insert(plan.cameras(i)).second) continue;
+    return location.bad(plan, "cameras", i, fmt::format("\"{}\"", plan.cameras(i)),
+                        "a camera node's name, each once");
+  }
+  if (plan.has_adapt()) {
+    return location.bad(plan, "adapt", 0, "given",
+                        "left out with several cameras: further images suit one of them");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status check(const v1::Plan& plan, const Location& location) {
   if (plan.method() != kCalibrationMethod && !check_method(plan.method()).ok()) {
     return location.bad(
@@ -268,8 +292,7 @@ absl::Status check(const v1::Plan& plan, const Location& location) {
           .bad(plan.photos(i), "file", 0, "\"\"", "the path of a picture");
     }
   }
-  if (!plan.camera().empty() && !check_name("camera", plan.camera()).ok())
-    return location.bad(plan, "camera", 0, plan.camera(), "a camera node's name, or nothing");
+  GW_RETURN_IF_ERROR(check_cameras(plan, location));
   if (plan.has_hold_refreshes() && !within(plan.hold_refreshes(), 2, 600)) {
     return location.bad(plan, "hold_refreshes", 0, plan.hold_refreshes(),
                         "2 to 600 (a screen needs one refresh to change and one to be seen)");

@@ -51,6 +51,33 @@ absl::Status copy(const std::string& node, const std::string& address, const v1:
 
 absl::Status Replicator::replicate(const v1::ReplicateSessionRequest& request, const Report& report,
                                    const std::function<bool()>& is_wanted) {
+  GW_ASSIGN_OR_RETURN(std::vector<v1::Session> each, sessions_.find_each(request.name()));
+  if (each.size() > 1) {
+    // The node may be the one that captured a view.
+    GW_ASSIGN_OR_RETURN(const std::string address, keeper_address(request.node(), nodes_));
+    for (const v1::Session& view : each) GW_RETURN_IF_ERROR(check_allows(view, v1::SESSION_ACTION_REPLICATE));
+    std::erase_if(each, [&](const v1::Session& view) { return view.archive_address() == address; });
+  }
+  v1::ReplicateSessionResponse before;  // of the views that are done
+  for (const v1::Session& view : each) {
+    v1::ReplicateSessionResponse sum = before;
+    const Report add = [&](const v1::ReplicateSessionResponse& own) {
+      sum.set_frames_done(before.frames_done() + own.frames_done());
+      sum.set_frame_count(before.frame_count() + own.frame_count());
+      sum.set_bytes_done(before.bytes_done() + own.bytes_done());
+      sum.set_byte_count(before.byte_count() + own.byte_count());
+      return report(sum);
+    };
+    v1::ReplicateSessionRequest own = request;
+    own.set_name(view.name());
+    GW_RETURN_IF_ERROR(replicate_one(own, add, is_wanted));
+    before = sum;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Replicator::replicate_one(const v1::ReplicateSessionRequest& request, const Report& report,
+                                       const std::function<bool()>& is_wanted) {
   const std::string& name = request.name();
   v1::Session session;
   {

@@ -26,6 +26,8 @@ class Replicator {
                          const std::function<bool()>& is_wanted);
 
  private:
+  absl::Status replicate_one(const v1::ReplicateSessionRequest& request, const Report& report,
+                             const std::function<bool()>& is_wanted);
   absl::Status replicate_to(const v1::Session& session, const std::string& node, const Report& report,
                             const std::function<bool()>& is_wanted);
 

@@ -12,6 +12,17 @@
 namespace glasswing {
 
 absl::StatusOr<std::int64_t> SessionDeleter::remove(const std::string& name) {
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> each, sessions_.find_each(name));
+  for (const v1::Session& one : each) GW_RETURN_IF_ERROR(check_allows(one, v1::SESSION_ACTION_DELETE));
+  std::int64_t freed_bytes = 0;
+  for (const v1::Session& one : each) {
+    GW_ASSIGN_OR_RETURN(const std::int64_t bytes, remove_one(one.name()));
+    freed_bytes += bytes;
+  }
+  return freed_bytes;
+}
+
+absl::StatusOr<std::int64_t> SessionDeleter::remove_one(const std::string& name) {
   v1::Session session;
   {
     SessionStore::Edit edit = sessions_.edit();

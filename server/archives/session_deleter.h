@@ -27,10 +27,11 @@ class SessionDeleter {
   SessionDeleter(SessionStore& sessions, const NodeRegistry& nodes, const MatteFiles& mattes, Others others)
       : sessions_(sessions), nodes_(nodes), mattes_(mattes), others_(std::move(others)) {}
 
-  // Returns how many bytes that freed.
+  // Returns how many bytes that freed. Of a session with views it removes each.
   absl::StatusOr<std::int64_t> remove(const std::string& name);
 
  private:
+  absl::StatusOr<std::int64_t> remove_one(const std::string& name);
   absl::StatusOr<std::int64_t> remove_all_of(v1::Session session);
   absl::Status check_archives_answer(const v1::Session& session);
   absl::StatusOr<std::int64_t> remove_replicas(const v1::Session& session);

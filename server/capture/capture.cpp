@@ -13,7 +13,6 @@
 #include "core/service/service.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
 #include "server/capture/capture_check.h"
-#include "server/capture/group_capture.h"
 #include "server/rig/embed_calibrations.h"
 #include "server/rig/stage_axes.h"
 #include "server/sessions/session_state.h"
@@ -38,42 +37,59 @@ grpc::Status send_image(const std::string& bytes, grpc::ClientContext& context,
 }  // namespace
 
 Capture::Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, const ImageFiles& images,
-                 v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
-                 std::function<void(const v1::Session&)> report, NextRound next_round)
+                 std::string name, const std::vector<v1::Session>& sessions,
+                 std::optional<bool> object_confirmed, StepLog& log, const Report& report,
+                 NextRound next_round)
     : rig_(rig),
       calibrations_(calibrations),
       images_(images),
+      name_(std::move(name)),
       object_confirmed_(object_confirmed),
       next_round_(std::move(next_round)),
-      progress_(std::move(session), log, std::move(report)),
-      video_(setup_, progress_),
-      player_(setup_, progress_),
-      watch_(setup_, object_confirmed.has_value()) {}
+      player_(views_) {
+  for (const v1::Session& session : sessions)
+    views_.push_back(std::make_unique<CameraView>(session, log, report, object_confirmed.has_value()));
+}
 
 Capture::~Capture() = default;
 
-CaptureOutcome Capture::run(std::stop_token stop) {
+std::vector<CaptureOutcome> Capture::run(std::stop_token stop) {
   const absl::Status status = capture(stop);
-  return outcome_of(status, stop.stop_requested());
+  std::vector<CaptureOutcome> outcomes;
+  for (const auto& view : views_) outcomes.push_back(outcome_of(*view, status, stop.stop_requested()));
+  return outcomes;
 }
 
 absl::Status Capture::capture(std::stop_token stop) {
   GW_RETURN_IF_ERROR(find_rig(stop));
-  GW_RETURN_IF_ERROR(open_archive(stop));
+  for (const auto& view : views_) GW_RETURN_IF_ERROR(open_archive(*view, stop));
+  GW_RETURN_IF_ERROR(check_same_displays());
   GW_RETURN_IF_ERROR(send_images(stop));
-  const bool video_broke_off = video_.has_run();
+  std::vector<bool> video_broke_off;
+  for (const auto& view : views_) video_broke_off.push_back(view->video.has_run());
   std::optional<bool> object_at = object_confirmed_;
   for (bool more = true; more;) {
     GW_ASSIGN_OR_RETURN(const bool captured, capture_pending(object_at, stop));
     if (!captured) return absl::OkStatus();
     GW_ASSIGN_OR_RETURN(more, add_round(stop));
   }
-  if (is_video(progress_.session().plan())) video_.note_lost(video_broke_off);
-  return archive_->seal(progress_.session().plan(), stop);
+  for (size_t i = 0; i < views_.size(); ++i) {
+    CameraView& view = *views_[i];
+    if (!view.failure.ok()) continue;
+    if (is_video(session().plan())) view.video.note_lost(video_broke_off[i]);
+    GW_RETURN_IF_ERROR(view.archive->seal(view.progress.session().plan(), stop));
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<bool> Capture::capture_pending(std::optional<bool>& object_at, std::stop_token stop) {
   for (const Group& group : pending_groups()) {
+    const bool is_needed = std::ranges::any_of(views_, [&](const auto& view) {
+      const std::set<int> pending = view->pending();
+      return std::ranges::any_of(group.steps,
+                                 [&](const Step& step) { return pending.contains(step.number); });
+    });
+    if (!is_needed) continue;  // any more: those that did have left the capture
     if (object_at != group.object) {
       GW_ASSIGN_OR_RETURN(const bool moved, move_object(object_at, group.object, stop));
       if (!moved) {
@@ -89,37 +105,40 @@ absl::StatusOr<bool> Capture::capture_pending(std::optional<bool>& object_at, st
 }
 
 absl::StatusOr<bool> Capture::add_round(std::stop_token stop) {
-  if (!progress_.session().plan().has_adapt()) return false;
-  const int rounds = progress_.session().plan().rounds_size();
-  const absl::StatusOr<v1::Session> grown = next_round_(progress_.session(), stop);
+  if (!session().plan().has_adapt()) return false;
+  CameraView& view = *views_.front();
+  const int rounds = session().plan().rounds_size();
+  const absl::StatusOr<v1::Session> grown = next_round_(session(), stop);
   if (absl::IsFailedPrecondition(grown.status())) {
     // What was captured can still be solved.
-    progress_.warn("no further images were chosen: " + std::string(grown.status().message()));
+    view.progress.warn("no further images were chosen: " + std::string(grown.status().message()));
     return false;
   }
   GW_RETURN_IF_ERROR(grown.status());
-  GW_ASSIGN_OR_RETURN(setup_.steps, expand(grown->plan(), setup_.monitors));
-  progress_.grow(*grown, static_cast<int>(setup_.steps.size()));
+  GW_ASSIGN_OR_RETURN(view.setup.steps, expand(grown->plan(), view.setup.monitors));
+  view.progress.grow(*grown, static_cast<int>(view.setup.steps.size()));
   if (grown->plan().rounds_size() == rounds) return false;
-  GW_RETURN_IF_ERROR(check_room(stop));
+  GW_RETURN_IF_ERROR(check_room(view, stop));
   return true;
 }
 
-CaptureOutcome Capture::outcome_of(const absl::Status& status, bool stopped) const {
+CaptureOutcome Capture::outcome_of(const CameraView& view, const absl::Status& status, bool stopped) const {
   using Kind = CaptureOutcome::Kind;
+  if (!view.failure.ok()) return {Kind::kFailed, std::string(view.failure.message())};
   if (stopped)
-    return {Kind::kStopped, video_.has_run() ? "the video is over; what was recorded of it is kept" : ""};
+    return {Kind::kStopped, view.video.has_run() ? "the video is over; what was recorded of it is kept" : ""};
   if (object_wanted_) {
-    const v1::Session& session = progress_.session();
     const std::string what = !*object_wanted_ ? fmt::format("{} off the stage, then", kTakeObject)
-                             : is_video(session.plan())
+                             : is_video(session().plan())
                                  ? fmt::format("{} on the stage; to start the video", kPlaceObject)
                                  : fmt::format("{} on the stage, then", kPlaceObject);
-    return {Kind::kNeedsOperator, fmt::format("{}: glasswing resume {}", what, session.name())};
+    return {Kind::kNeedsOperator, fmt::format("{}: glasswing resume {}", what, name_)};
   }
   if (status.ok()) return {Kind::kCaptured, ""};
   const std::string reason(status.message());
-  if (archive_ && archive_->no_room()) return {Kind::kNoRoom, reason};
+  const bool no_room =
+      std::ranges::any_of(views_, [](const auto& each) { return each->archive && each->archive->no_room(); });
+  if (no_room) return {Kind::kNoRoom, reason};
   // ABORTED: another program took over the screens, for example after a display node was restarted.
   const bool lost =
       absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status) || absl::IsAborted(status);
@@ -127,60 +146,82 @@ CaptureOutcome Capture::outcome_of(const absl::Status& status, bool stopped) con
 }
 
 absl::Status Capture::find_rig(std::stop_token stop) {
-  const v1::Plan& plan = progress_.session().plan();
-  GW_ASSIGN_OR_RETURN(setup_.links,
-                      connect(rig_, calibrations_, plan.camera(), monitors_of(plan), std::move(stop)));
-  setup_.links.note_slow_calls([this](const std::string& who) {
-    progress_.note_waiting(who.empty() ? "" : fmt::format("{}: {}", kWaitsForAnswer, who));
-  });
-  GW_ASSIGN_OR_RETURN(setup_.monitors, setup_.links.monitors());
-  GW_RETURN_IF_ERROR(enter_positions(progress_.session(), setup_.monitors));
-  progress_.set_archive_address(setup_.links.camera->address());
-  archive_.emplace(setup_.links, progress_.session().name());
-  GW_ASSIGN_OR_RETURN(setup_.steps, expand(plan, setup_.monitors));
+  const v1::Plan& plan = session().plan();
+  GW_ASSIGN_OR_RETURN(const RigLinks displays,
+                      connect_displays(rig_, calibrations_, monitors_of(plan), stop));
+  for (const auto& each : views_) {
+    CameraView& view = *each;
+    view.setup.links.displays = displays.displays;
+    view.setup.links.silent_displays = displays.silent_displays;
+    GW_RETURN_IF_ERROR(connect_camera(rig_, view.progress.session().plan().camera(), view.setup.links, stop));
+    view.setup.links.note_slow_calls([&view](const std::string& who) {
+      view.progress.note_waiting(who.empty() ? "" : fmt::format("{}: {}", kWaitsForAnswer, who));
+    });
+    GW_ASSIGN_OR_RETURN(view.setup.monitors, view.setup.links.monitors());
+    GW_RETURN_IF_ERROR(enter_positions(view.progress.session(), view.setup.monitors));
+    view.progress.set_archive_address(view.setup.links.camera->address());
+    view.archive.emplace(view.setup.links, view.progress.session().name());
+    GW_ASSIGN_OR_RETURN(view.setup.steps, expand(plan, view.setup.monitors));
+  }
   return absl::OkStatus();
 }
 
-absl::Status Capture::open_archive(std::stop_token stop) {
-  const v1::Session& session = progress_.session();
+absl::Status Capture::open_archive(CameraView& view, std::stop_token stop) {
+  const v1::Session& session = view.progress.session();
   v1::CaptureManifest header;
   header.set_format_version(1);
   header.set_session(session.name());
   header.set_created(session.created());
   header.set_generator(fmt::format("glasswing-server {}", kVersion));
-  for (const v1::Monitor& monitor : setup_.monitors) *header.add_monitors() = monitor;
-  *header.mutable_camera() = setup_.links.camera_info.camera();
+  for (const v1::Monitor& monitor : view.setup.monitors) *header.add_monitors() = monitor;
+  *header.mutable_camera() = view.setup.links.camera_info.camera();
   *header.mutable_plan() = session.plan();
   GW_RETURN_IF_ERROR(embed_calibrations(calibrations_, header));
-  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive_->open(header, stop));
+  CaptureArchive& archive = *view.archive;
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive.open(header, stop));
   if (!session.retaking().empty()) {
-    GW_RETURN_IF_ERROR(archive_->drop(session.retaking(), stop));
-    progress_.note_dropped();
-    GW_ASSIGN_OR_RETURN(manifest, archive_->open(header, stop));
+    GW_RETURN_IF_ERROR(archive.drop(session.retaking(), stop));
+    view.progress.note_dropped();
+    GW_ASSIGN_OR_RETURN(manifest, archive.open(header, stop));
   }
   if (const std::string& from = session.empty_stage_of(); !from.empty() && manifest.frames().empty()) {
-    GW_RETURN_IF_ERROR(archive_->share(from, stop));
-    GW_ASSIGN_OR_RETURN(manifest, archive_->open(header, stop));
+    GW_RETURN_IF_ERROR(archive.share(from, stop));
+    GW_ASSIGN_OR_RETURN(manifest, archive.open(header, stop));
   }
   // A resumed session keeps the calibrations with which its archive was created.
-  setup_.header = manifest;
-  setup_.header.clear_frames();
-  progress_.resume(manifest, static_cast<int>(setup_.steps.size()));
-  GW_RETURN_IF_ERROR(check_room(stop));
-  progress_.report();
+  view.setup.header = manifest;
+  view.setup.header.clear_frames();
+  view.progress.resume(manifest, static_cast<int>(view.setup.steps.size()));
+  GW_RETURN_IF_ERROR(check_room(view, stop));
+  view.progress.report();
   return absl::OkStatus();
 }
 
-absl::Status Capture::check_room(std::stop_token stop) {
-  const bool video_has_run = video_.has_run();
-  return archive_->check_room(
-      std::ranges::count_if(setup_.steps, [&](const Step& step) { return is_pending(step, video_has_run); }),
-      std::move(stop));
+absl::Status Capture::check_same_displays() const {
+  const auto calibrations = [](const CameraView& view) {
+    v1::CaptureManifest only;
+    *only.mutable_display_calibrations() = view.setup.header.display_calibrations();
+    return only.SerializeAsString();
+  };
+  for (const auto& view : views_) {
+    if (calibrations(*view) == calibrations(*views_.front())) continue;
+    return absl::FailedPreconditionError(
+        fmt::format("a monitor was calibrated between the beginnings of sessions \"{}\" and \"{}\", which "
+                    "can therefore not "
+                    "be captured together: finish each by its own name",
+                    session().name(), view->progress.session().name()));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Capture::check_room(CameraView& view, std::stop_token stop) {
+  return view.archive->check_room(std::ssize(view.pending()), std::move(stop));
 }
 
 absl::Status Capture::send_images(std::stop_token stop) {
+  const CaptureSetup& setup = views_.front()->setup;
   std::map<std::string, std::set<std::string>> monitors_of;  // by image
-  for (const Step& step : setup_.steps) {
+  for (const Step& step : setup.steps) {
     if (!step.stimulus.image().empty()) monitors_of[step.stimulus.image()].insert(step.stimulus.panel());
   }
   for (const auto& [image, monitors] : monitors_of) {
@@ -190,7 +231,7 @@ absl::Status Capture::send_images(std::stop_token stop) {
       return absl::DataLossError(fmt::format("{} is damaged: upload the photo again, with a new session",
                                              images_.path(image).string()));
     }
-    for (const auto& display : setup_.links.displays) {
+    for (const auto& display : setup.links.displays) {
       const bool shows_it = std::ranges::any_of(
           monitors, [&](const std::string& monitor) { return display->monitor(monitor) != nullptr; });
       if (!shows_it) continue;
@@ -202,17 +243,15 @@ absl::Status Capture::send_images(std::stop_token stop) {
   return absl::OkStatus();
 }
 
-bool Capture::is_pending(const Step& step, bool video_has_run) const {
-  return !progress_.is_proven(step.number) && !(step.object && video_has_run);
-}
-
 std::vector<Capture::Group> Capture::pending_groups() const {
-  const bool video_has_run = video_.has_run();
   // So that drafts are available early.
-  const bool drafted = progress_.session().solve_follows();
+  const bool drafted = session().solve_follows();
+  const std::vector<Step>& steps = views_.front()->setup.steps;
+  std::set<int> pending;  // for any camera
+  for (const auto& view : views_) pending.merge(view->pending());
   std::vector<Group> groups;
-  for (const Step& step : drafted ? in_order_of_showing(setup_.steps) : setup_.steps) {
-    if (!is_pending(step, video_has_run)) continue;
+  for (const Step& step : drafted ? in_order_of_showing(steps) : steps) {
+    if (!pending.contains(step.number)) continue;
     if (groups.empty() || groups.back().object != step.object ||
         groups.back().exposure_ms != step.exposure_ms) {
       groups.push_back({.object = step.object, .exposure_ms = step.exposure_ms, .steps = {}});
@@ -223,41 +262,144 @@ std::vector<Capture::Group> Capture::pending_groups() const {
 }
 
 absl::StatusOr<bool> Capture::move_object(std::optional<bool> at, bool present, std::stop_token stop) {
-  v1::MoveObjectRequest request;
-  request.set_present(present);
-  request.set_request_id(random_token());
-  v1::MoveObjectResponse response;
-  NodeLink& camera = *setup_.links.camera;
-  const auto stage = v1::StageService::NewStub(camera.channel());
-  GW_RETURN_IF_ERROR(camera.call("move the object", std::move(stop), [&](grpc::ClientContext& context) {
-    return stage->MoveObject(&context, request, &response);
-  }));
+  // The object is moved by whichever node has the stage.
+  bool needs_operator = true;
+  for (const auto& view : views_) {
+    v1::MoveObjectRequest request;
+    request.set_present(present);
+    request.set_request_id(random_token());
+    v1::MoveObjectResponse response;
+    NodeLink& camera = *view->setup.links.camera;
+    const auto stage = v1::StageService::NewStub(camera.channel());
+    GW_RETURN_IF_ERROR(camera.call("move the object", stop, [&](grpc::ClientContext& context) {
+      return stage->MoveObject(&context, request, &response);
+    }));
+    needs_operator = needs_operator && response.needs_operator();
+  }
   // In a series the object stands where the session before left it.
-  const bool stands = present && !at && !progress_.session().empty_stage_of().empty();
-  return stands || !response.needs_operator();
+  const bool stands = present && !at && !session().empty_stage_of().empty();
+  return stands || !needs_operator;
 }
 
 absl::Status Capture::place_object(std::stop_token stop) {
-  const AxisPositions& pose = progress_.session().axes();
+  const AxisPositions& pose = session().axes();
   if (pose.empty() || object_placed_) return absl::OkStatus();
-  v1::MoveAxesRequest request;
-  *request.mutable_positions() = pose;
-  GW_RETURN_IF_ERROR(move_axes(*setup_.links.camera, std::move(request), std::move(stop)).status());
+  // By every node whose stage has these axes; the check before the capture found one.
+  absl::Status placed;
+  int count = 0;
+  for (const auto& view : views_) {
+    v1::MoveAxesRequest request;
+    *request.mutable_positions() = pose;
+    const absl::Status moved = move_axes(*view->setup.links.camera, std::move(request), stop).status();
+    if (moved.ok()) ++count;
+    if (!moved.ok() && !absl::IsInvalidArgument(moved)) return moved;
+    placed.Update(moved);
+  }
+  if (count == 0) return placed;
   object_placed_ = true;
   return absl::OkStatus();
 }
 
 absl::Status Capture::capture_group(const Group& group, std::stop_token stop) {
-  progress_.begin_group();
-  const absl::Cleanup end = [this] { progress_.end_group(); };
-  GroupCapture capturing(setup_, *archive_, player_, progress_, watch_, patches_given_up_, group.exposure_ms);
-  GW_RETURN_IF_ERROR(capturing.start(stop));
-  std::vector<Step> steps, video;
-  for (const Step& step : group.steps) (video_.is_video_frame(step) ? video : steps).push_back(step);
-  GW_RETURN_IF_ERROR(capturing.prove(std::move(steps), stop));
-  if (video.empty()) return absl::OkStatus();
-  GW_RETURN_IF_ERROR(video_.take(video, capturing, stop));
-  progress_.update_seconds();
+  Cameras cameras;
+  const absl::Cleanup end = [&cameras] {
+    for (const auto& camera : cameras) camera->view().progress.end_group();
+  };
+  for (const auto& view : views_) {
+    const std::set<int> pending = view->pending();
+    std::vector<Step> steps;
+    bool films = false;
+    for (const Step& step : group.steps) {
+      if (!pending.contains(step.number)) continue;
+      const bool of_video = view->video.is_video_frame(step);
+      films = films || of_video;
+      if (!of_video) steps.push_back(step);
+    }
+    if (steps.empty() && !films) continue;
+    view->progress.begin_group();
+    cameras.push_back(std::make_unique<GroupCapture>(*view, player_, group.exposure_ms));
+    cameras.back()->begin(std::move(steps));
+  }
+  for (const auto& camera : cameras) GW_RETURN_IF_ERROR(camera->wait_running(stop));
+  GW_RETURN_IF_ERROR(player_.measure_clocks(8, stop));
+  GW_RETURN_IF_ERROR(prove(group, cameras, stop));
+  std::vector<Step> video;
+  for (const Step& step : group.steps) {
+    if (views_.front()->video.is_video_frame(step)) video.push_back(step);
+  }
+  return video.empty() ? absl::OkStatus() : take_video(video, cameras, stop);
+}
+
+absl::Status Capture::leave(GroupCapture& camera, const absl::Status& status) const {
+  if (views_.size() == 1 || !absl::IsFailedPrecondition(status)) return status;
+  camera.view().failure = status;
+  camera.stop();
+  return absl::OkStatus();
+}
+
+absl::Status Capture::prove(const Group& group, Cameras& cameras, std::stop_token stop) {
+  const bool takes_video = std::ranges::any_of(
+      group.steps, [this](const Step& step) { return views_.front()->video.is_video_frame(step); });
+  while (true) {
+    Watchers watchers;
+    std::set<int> wanted;
+    for (const auto& camera : cameras) {
+      if (!camera->view().failure.ok()) continue;
+      absl::StatusOr<std::vector<Step>> needed = camera->next_showing(stop);
+      if (!needed.ok()) {
+        GW_RETURN_IF_ERROR(leave(*camera, needed.status()));
+        continue;
+      }
+      if (needed->empty()) {
+        if (!takes_video) camera->stop();
+        continue;
+      }
+      for (const Step& step : *needed) wanted.insert(step.number);
+      watchers.emplace_back(camera.get(), *std::move(needed));
+    }
+    if (watchers.empty()) return absl::OkStatus();
+    std::vector<Step> steps;
+    std::ranges::copy_if(group.steps, std::back_inserter(steps),
+                         [&](const Step& step) { return wanted.contains(step.number); });
+    GW_RETURN_IF_ERROR(show(with_repeats(steps), watchers, stop));
+    for (const auto& [camera, needed] : watchers)
+      GW_RETURN_IF_ERROR(leave(*camera, camera->note_showing(stop)));
+  }
+}
+
+std::vector<Step> Capture::with_repeats(const std::vector<Step>& steps) {
+  // A repeat's frame is not judged by its pixels, which are the only proof without timestamps.
+  if (views_.front()->setup.links.camera_info.on_demand()) return steps;
+  std::vector<Step> shown;
+  for (const auto& view : views_) {
+    shown = view->watch.with_repeats(steps, hold_refreshes_of(session().plan()), view->progress.proven());
+  }
+  return shown;
+}
+
+absl::Status Capture::show(const std::vector<Step>& shown, const Watchers& watchers, std::stop_token stop) {
+  std::vector<Watching> watching;
+  for (const auto& [camera, needed] : watchers) watching.push_back(camera->watch(shown, needed, stop));
+  GW_RETURN_IF_ERROR(player_.play(shown, watching, stop));
+  if (stop.stop_requested()) return absl::CancelledError("stopped");
+  for (const auto& [camera, needed] : watchers) GW_RETURN_IF_ERROR(camera->end_showing(stop));
+  return absl::OkStatus();
+}
+
+absl::Status Capture::take_video(const std::vector<Step>& frames, Cameras& cameras, std::stop_token stop) {
+  Watchers watchers;
+  for (const auto& camera : cameras) {
+    if (!camera->view().failure.ok() || camera->view().video.has_run()) continue;
+    camera->begin_once(frames);
+    watchers.emplace_back(camera.get(), frames);
+  }
+  if (watchers.empty()) return absl::OkStatus();
+  GW_RETURN_IF_ERROR(show(frames, watchers, stop));
+  for (const auto& [camera, needed] : watchers) {
+    CameraView& view = camera->view();
+    GW_RETURN_IF_ERROR(leave(*camera, view.video.check_taken(frames, *camera, stop)));
+    view.progress.update_seconds();
+  }
   return absl::OkStatus();
 }
 

@@ -1,28 +1,28 @@
-// One capture, from the first step without a proof to the sealed archive: connects to the rig, opens the
-// archive, captures the groups of steps in order (GroupCapture), and seals.
+// One capture, from the first step without a proof to the sealed archives: connects to the rig, opens each
+// camera's archive, shows the groups of steps in order, and seals. Each camera has a session, its own proofs
+// and its own retakes: a step is shown until every camera has its frame, and those that have one ignore it.
 //
-// The rest is split by duty: StepPlayer shows steps, Recording pairs frames with them, PatchLearning decides
-// what can be judged from pixels, CaptureArchive makes the camera node store proven frames, VideoCapture
-// handles the steps that run only once. No RPC is made between one step and the next.
+// The rest is split by duty: StepPlayer shows steps; of each camera GroupCapture proves them, Recording pairs
+// frames with them, PatchLearning decides what can be judged from pixels, CaptureArchive makes the camera
+// node store proven frames, VideoCapture handles the steps that run only once. No RPC is made between one
+// step and the next.
 #pragma once
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include <functional>
+#include <memory>
 #include <optional>
-#include <set>
 #include <stop_token>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "glasswing/v1/session_service.pb.h"
-#include "server/capture/capture_archive.h"
-#include "server/capture/capture_progress.h"
-#include "server/capture/capture_setup.h"
-#include "server/capture/rig_watch.h"
+#include "server/capture/camera_view.h"
+#include "server/capture/group_capture.h"
 #include "server/capture/step_player.h"
-#include "server/capture/video_capture.h"
 #include "server/sessions/step_log.h"
 #include "server/storage/image_files.h"
 
@@ -47,57 +47,71 @@ using NextRound = std::function<absl::StatusOr<v1::Session>(const v1::Session&, 
 
 class Capture {
  public:
+  using Report = std::function<void(const v1::Session&)>;
+
+  // `name`: of the capture, for people. `sessions`: of one plan, each with its own camera (Plan.camera).
   // `object_confirmed`: a person has confirmed that the object is on the stage, or off it. `log` records the
-  // outcome of each step. `report` is called with the updated session, from the thread that calls run().
+  // outcome of each step. `report` is called with each updated session; not from several threads at once for
+  // the same session. `next_round` is called where there is one session.
   Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, const ImageFiles& images,
-          v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
-          std::function<void(const v1::Session&)> report, NextRound next_round);
+          std::string name, const std::vector<v1::Session>& sessions, std::optional<bool> object_confirmed,
+          StepLog& log, const Report& report, NextRound next_round);
   ~Capture();
 
-  CaptureOutcome run(std::stop_token stop);
+  // The outcome of each session, in their order.
+  std::vector<CaptureOutcome> run(std::stop_token stop);
 
  private:
   struct Group {
     bool object;
     double exposure_ms;
-    std::vector<Step> steps;
+    std::vector<Step> steps;  // that any camera needs
   };
+  using Cameras = std::vector<std::unique_ptr<GroupCapture>>;
+  using Watchers = std::vector<std::pair<GroupCapture*, std::vector<Step>>>;  // with what each needs
 
   absl::Status capture(std::stop_token stop);
   // Captures all pending steps. False: a person has to move the object.
   absl::StatusOr<bool> capture_pending(std::optional<bool>& object_at, std::stop_token stop);
   // False: there are to be no further images.
   absl::StatusOr<bool> add_round(std::stop_token stop);
-  CaptureOutcome outcome_of(const absl::Status& status, bool stopped) const;
+  CaptureOutcome outcome_of(const CameraView& view, const absl::Status& status, bool stopped) const;
   absl::Status find_rig(std::stop_token stop);
-  absl::Status open_archive(std::stop_token stop);
+  absl::Status open_archive(CameraView& view, std::stop_token stop);
+  // FAILED_PRECONDITION: the archives were created with different calibrations of the displays.
+  absl::Status check_same_displays() const;
   // Checks for all remaining steps, so that a session that waits for space does not resume for a few frames
   // each time.
-  absl::Status check_room(std::stop_token stop);
+  absl::Status check_room(CameraView& view, std::stop_token stop);
   absl::Status send_images(std::stop_token stop);
   // The steps to capture, split where the stage or the exposure changes.
   std::vector<Group> pending_groups() const;
-  bool is_pending(const Step& step, bool video_has_run) const;
   // `at`: on the stage or off it; none: unknown. False: a person has to move it.
   absl::StatusOr<bool> move_object(std::optional<bool> at, bool present, std::stop_token stop);
   // Moves the stage's axes to the session's pose, unless this capture has.
   absl::Status place_object(std::stop_token stop);
   absl::Status capture_group(const Group& group, std::stop_token stop);
+  // Shows the cameras' steps, in the order of `group`, until each is proven.
+  absl::Status prove(const Group& group, Cameras& cameras, std::stop_token stop);
+  // With repeated pictures between them.
+  std::vector<Step> with_repeats(const std::vector<Step>& steps);
+  // Shows steps once and lets the proven frames be stored. CANCELLED: stopped.
+  absl::Status show(const std::vector<Step>& shown, const Watchers& watchers, std::stop_token stop);
+  absl::Status take_video(const std::vector<Step>& frames, Cameras& cameras, std::stop_token stop);
+  // One camera of several that cannot go on leaves the capture; otherwise `status` is returned.
+  absl::Status leave(GroupCapture& camera, const absl::Status& status) const;
+  const v1::Session& session() const { return views_.front()->progress.session(); }
 
   const NodeRegistry& rig_;
   const CalibrationStore& calibrations_;
   const ImageFiles& images_;
+  const std::string name_;
   const std::optional<bool> object_confirmed_;
   const NextRound next_round_;
 
-  CaptureSetup setup_;
-  CaptureProgress progress_;
-  VideoCapture video_;
+  CameraViews views_;
   StepPlayer player_;
-  RigWatch watch_;
-  std::optional<CaptureArchive> archive_;   // once the rig is found
-  std::set<std::string> patches_given_up_;  // monitors whose steps are proven by time alone
-  bool object_placed_ = false;              // in the session's pose
+  bool object_placed_ = false;         // in the session's pose
   std::optional<bool> object_wanted_;  // on the stage or off it, by a person; none: nobody has to move it
 };
 

@@ -11,6 +11,7 @@
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "server/rig/embed_calibrations.h"
+#include "server/sessions/views.h"
 
 namespace glasswing {
 namespace {
@@ -114,12 +115,14 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
 
 }  // namespace
 
-absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
-                                             const v1::Plan& plan) {
-  GW_RETURN_IF_ERROR(check_plan(plan));
+namespace {
+
+absl::StatusOr<CheckedCapture> check_camera(const NodeRegistry& rig, const CalibrationStore& calibrations,
+                                            const v1::Plan& plan) {
   GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig, calibrations, plan.camera(), monitors_of(plan)));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> monitors, links.monitors());
   CheckedCapture checked;
+  checked.info = links.camera_info;
   GW_ASSIGN_OR_RETURN(checked.steps, expand(plan, monitors));
   GW_RETURN_IF_ERROR(check_exposures(checked.steps, links.camera_info));
   GW_RETURN_IF_ERROR(check_patches(links.camera_info, plan, monitors, checked.steps));
@@ -135,6 +138,39 @@ absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const Cali
     checked.estimate.set_seconds(checked.estimate.step_count() / links.camera_info.frame_rate_hz());
   GW_RETURN_IF_ERROR(check_space(links, plan, checked.estimate));
   add_warnings(links, header, checked.steps, checked.estimate);
+  return checked;
+}
+
+// Those that work together; the plan says so of the others.
+absl::Status check_together(const v1::GetCameraResponse& camera) {
+  if (!camera.on_demand()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("camera \"{}\" takes pictures on demand, for which each step waits; capture with it alone",
+                  camera.camera().name()));
+}
+
+}  // namespace
+
+absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
+                                             const v1::Plan& plan) {
+  GW_RETURN_IF_ERROR(check_plan(plan));
+  const std::vector<v1::Plan> plans = view_plans(plan);
+  GW_ASSIGN_OR_RETURN(CheckedCapture checked, check_camera(rig, calibrations, plans.front()));
+  if (plans.size() == 1) return checked;
+  v1::EstimateSessionResponse& sum = checked.estimate;
+  std::set<std::string> warnings(sum.warnings().begin(), sum.warnings().end());
+  for (const v1::Plan& view : plans) {
+    GW_ASSIGN_OR_RETURN(CheckedCapture own, check_camera(rig, calibrations, view));
+    GW_RETURN_IF_ERROR(check_together(own.info));
+    *sum.add_cameras() = own.estimate.camera();
+    if (sum.cameras_size() == 1) continue;
+    sum.set_bytes(sum.bytes() + own.estimate.bytes());
+    sum.set_video_bytes(sum.video_bytes() + own.estimate.video_bytes());
+    sum.set_free_bytes(std::min(sum.free_bytes(), own.estimate.free_bytes()));
+    for (const std::string& warning : own.estimate.warnings()) {
+      if (warnings.insert(warning).second) sum.add_warnings(warning);
+    }
+  }
   return checked;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/pattern/plan.h"
+#include "glasswing/v1/camera_service.pb.h"
 #include "glasswing/v1/session_service.pb.h"
 #include "server/rig/rig_link.h"
 
@@ -14,6 +15,7 @@ namespace glasswing {
 struct CheckedCapture {
   std::vector<Step> steps;
   v1::EstimateSessionResponse estimate;  // without the rig's holder
+  v1::GetCameraResponse info;            // of the plan's first camera
 };
 
 // INVALID_ARGUMENT: the plan, or an exposure that the camera cannot make. FAILED_PRECONDITION: the rig lacks

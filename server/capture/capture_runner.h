@@ -9,6 +9,7 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <span>
 #include <stop_token>
 #include <string>
@@ -17,6 +18,7 @@
 
 #include "glasswing/v1/session_service.pb.h"
 #include "server/capture/capture.h"
+#include "server/capture/capture_check.h"
 #include "server/rig/calibration_store.h"
 #include "server/rig/node_registry.h"
 #include "server/rig/rig_lock.h"
@@ -53,8 +55,10 @@ class CaptureRunner {
   void take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions);
 
   absl::StatusOr<v1::EstimateSessionResponse> estimate(const v1::EstimateSessionRequest& request);
+  // Of a plan with several cameras a session with a view for each (server/sessions/views).
   absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request, const Caller& caller);
-  // Continues a paused or failed capture (session_state.h).
+  // Continues a paused or failed capture (session_state.h); of a session with views those that rest in
+  // theirs, together.
   absl::StatusOr<v1::Session> resume(SessionStore::Edit& edit, v1::Session session,
                                      const v1::ResumeSessionRequest& request, const Caller& caller);
   // Cancels a capture that is paused or was not started.
@@ -70,16 +74,26 @@ class CaptureRunner {
 
  private:
   absl::Status check_new_name(const std::string& name);
+  // The sessions that the request makes: one, or the views of one.
+  absl::StatusOr<std::vector<v1::Session>> sessions_of(const v1::CreateSessionRequest& request,
+                                                       const CheckedCapture& checked, const Caller& caller);
   absl::Status check_images(const std::vector<Step>& steps) const;
-  // The axes, and the session whose empty stage is taken.
-  absl::Status check_pose(const v1::CreateSessionRequest& request) const;
+  // The axes, and the sessions whose empty stage is taken.
+  absl::Status check_pose(const std::vector<v1::Session>& sessions) const;
   std::string chosen_name(const std::string& created);
   absl::StatusOr<RigLock::Drive> drive_for(const std::string& session, const Caller& caller);
-  v1::Session start(SessionStore::Edit& edit, v1::Session session, RigLock::Drive drive);
-  void capture_until_done(v1::Session session, std::optional<bool> object_confirmed, std::stop_token stop);
+  // Starts the capture of `name`.
+  void start(SessionStore::Edit& edit, const std::string& name, std::vector<v1::Session> sessions,
+             RigLock::Drive drive);
+  void capture_until_done(const std::string& name, std::vector<v1::Session> sessions,
+                          std::optional<bool> object_confirmed, std::stop_token stop);
+  // Stores and shows what a capture reports of a session, which it then is.
+  void note_progress(const v1::Session& progress, v1::Session& session, nanoseconds& saved_at);
+  void say_waiting(const std::string& reason, v1::Session& session);
   // The session as clients see it: while it is being stopped its reason says so.
   v1::Session as_it_ends(v1::Session session);
-  void note_outcome(v1::Session session, const CaptureOutcome& outcome);
+  void note_outcomes(std::vector<v1::Session> sessions, const std::vector<CaptureOutcome>& outcomes);
+  void note_outcome(SessionStore::Edit& edit, v1::Session session, const CaptureOutcome& outcome);
 
   SessionStore& sessions_;
   const NodeRegistry& nodes_;
@@ -91,11 +105,13 @@ class CaptureRunner {
   const std::function<void(const std::string&)> captured_;
   StepLog steps_;
 
-  std::mutex mutex_;                            // guards all below; taken after an Edit, never before
-  std::string capturing_;                       // the session that drives the rig; empty: none
-  RigLock::Drive drive_;                        // meanwhile
-  Wish wish_ = Wish::kNone;                     // how the capture shall be stopped
-  std::map<std::string, bool> operator_asked_;  // by session that waits for a person: to place the object?
+  std::mutex mutex_;             // guards all below; taken after an Edit, never before
+  std::string capturing_;        // the session that drives the rig; empty: none
+  std::set<std::string> views_;  // meanwhile: it, or its views that are being captured
+  RigLock::Drive drive_;         // meanwhile
+  Wish wish_ = Wish::kNone;      // how the capture shall be stopped
+  std::map<std::string, bool>
+      operator_asked_;  // by what is captured and waits for a person: to place the object?
   std::jthread thread_;
 };
 

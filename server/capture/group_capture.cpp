@@ -41,70 +41,74 @@ std::string listed(const std::vector<Step>& steps) {
 
 }  // namespace
 
-GroupCapture::GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPlayer& player,
-                           CaptureProgress& progress, RigWatch& watch,
-                           std::set<std::string>& patches_given_up, double exposure_ms)
-    : setup_(setup),
-      archive_(archive),
+GroupCapture::GroupCapture(CameraView& view, StepPlayer& player, double exposure_ms)
+    : view_(view),
+      setup_(view.setup),
+      archive_(*view.archive),
       player_(player),
-      progress_(progress),
-      watch_(watch),
+      progress_(view.progress),
+      watch_(view.watch),
       // The same after a restart of the server, but different from other servers' sessions.
-      recording_(setup.links, exposure_ms,
-                 fmt::format("{} {}", progress.session().name(), progress.session().created())),
+      recording_(setup_.links, exposure_ms,
+                 fmt::format("{} {}", progress_.session().name(), progress_.session().created())),
       // A held step waits for its own proof.
-      learning_(patches_given_up, on_demand() ? 1 : PatchLearning::kOthers),
-      stall_(stall_watch_of(setup, progress.session().plan())) {}
+      learning_(view.patches_given_up, on_demand() ? 1 : PatchLearning::kOthers),
+      stall_(stall_watch_of(setup_, progress_.session().plan())) {}
 
-absl::Status GroupCapture::start(std::stop_token stop) {
-  GW_RETURN_IF_ERROR(recording_.wait_running(stop));
-  return player_.measure_clocks(8, stop);
-}
-
-absl::Status GroupCapture::show(const std::vector<Step>& steps, std::stop_token stop) {
-  return play(learning_.begin_showing(steps), stop);
-}
-
-absl::Status GroupCapture::play(const std::vector<Step>& steps, std::stop_token stop) {
+Watching GroupCapture::watch(const std::vector<Step>& shown, const std::vector<Step>& needed,
+                             std::stop_token stop) {
   judged_now_.clear();
   refused_now_.clear();
   unreadable_now_.clear();
-  // Each patch-learning step is shown twice.
-  stall_.begin_program(2 * static_cast<int>(std::ranges::count_if(steps, is_patch_learning_step)));
-  const auto judging = [&](std::vector<v1::Frame> frames) -> absl::StatusOr<bool> {
-    absl::StatusOr<bool> go_on = true;
-    if (!frames.empty()) go_on = judge(std::move(frames), false, stop);
-    if (go_on.ok() && !on_demand()) look_for_stall(steps);
-    return go_on;
+  std::set<int> steps;
+  for (const Step& step : needed) steps.insert(step.number);
+  for (const Step& step : shown) {
+    if (RigWatch::is_repeat(step.number)) steps.insert(step.number);
+  }
+  // Each patch-learning step is shown twice, and other cameras' steps prove nothing to this one.
+  const auto held_back = [&](const Step& step) {
+    return !steps.contains(step.number) ? (is_patch_learning_step(step) ? 2 : 1)
+                                        : (is_patch_learning_step(step) ? 2 : 0);
   };
-  GW_RETURN_IF_ERROR(player_.play(steps, recording_, judging, stop));
-  if (stop.stop_requested()) return absl::CancelledError("stopped");
-  return judge({}, true, stop).status();
+  int count = 0;
+  for (const Step& step : shown) count += held_back(step);
+  stall_.begin_program(count);
+  return {.view = view_,
+          .recording = recording_,
+          .steps = std::move(steps),
+          .judge = [this, needed, stop](std::vector<v1::Frame> frames) -> absl::StatusOr<bool> {
+            absl::StatusOr<bool> go_on = true;
+            if (!frames.empty()) go_on = judge(std::move(frames), false, stop);
+            if (go_on.ok() && !on_demand()) look_for_stall(needed);
+            return go_on;
+          }};
 }
 
-absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) {
+void GroupCapture::begin(std::vector<Step> steps) {
+  pending_ = std::move(steps);
+  showings_ = 0;
+}
+
+absl::StatusOr<std::vector<Step>> GroupCapture::next_showing(std::stop_token stop) {
+  if (pending_.empty()) return pending_;
   const int retries = retries_of(progress_.session().plan());
-  for (int showings = 0; !steps.empty(); ++showings) {
-    if (showings - learning_.unseen_showings() > retries) {
-      progress_.note_unproven(steps);
-      return unproven(
-          fmt::format("{} steps had no proof after {} retries: {}", steps.size(), retries, listed(steps)),
-          steps, stop);
-    }
-    std::vector<Step> showing = learning_.begin_showing(steps);
-    // A repeat's frame is not judged by its pixels, which are the only proof without timestamps.
-    if (!on_demand()) {
-      showing = watch_.with_repeats(std::move(showing), hold_refreshes_of(progress_.session().plan()),
-                                    progress_.proven());
-    }
-    GW_RETURN_IF_ERROR(play(showing, stop));
-    if (const v1::UnseenPatch* const patch = learning_.hopeless()) return contradicted(*patch, steps, stop);
-    std::erase_if(steps, [this](const Step& step) { return progress_.is_proven(step.number); });
-    progress_.update_seconds();
-    note_retaken(steps);
-    if (progress_.session().reason().starts_with(kStalled)) say_stalled(steps);
-    progress_.report();
+  if (showings_ - learning_.unseen_showings() > retries) {
+    progress_.note_unproven(pending_);
+    return unproven(
+        fmt::format("{} steps had no proof after {} retries: {}", pending_.size(), retries, listed(pending_)),
+        pending_, stop);
   }
+  ++showings_;
+  return learning_.begin_showing(pending_);
+}
+
+absl::Status GroupCapture::note_showing(std::stop_token stop) {
+  if (const v1::UnseenPatch* const patch = learning_.hopeless()) return contradicted(*patch, pending_, stop);
+  std::erase_if(pending_, [this](const Step& step) { return progress_.is_proven(step.number); });
+  progress_.update_seconds();
+  note_retaken(pending_);
+  if (progress_.session().reason().starts_with(kStalled)) say_stalled(pending_);
+  progress_.report();
   return absl::OkStatus();
 }
 
@@ -252,8 +256,9 @@ absl::StatusOr<std::string> GroupCapture::lags(const Step& of_group, std::stop_t
     learning[step.stimulus.panel()].push_back(step);
     shown.push_back(step);
   }
-  GW_RETURN_IF_ERROR(player_.play(
-      shown, recording_, [](auto) { return true; }, stop));
+  Watching watching{.view = view_, .recording = recording_, .steps = {}, .judge = [](auto) { return true; }};
+  for (const Step& step : shown) watching.steps.insert(step.number);
+  GW_RETURN_IF_ERROR(player_.play(shown, {&watching, 1}, stop));
   const nanoseconds patience = monotonic_now() + kMaxWait;
   const nanoseconds needed = recording_.frames_seen_until().value_or(nanoseconds(0)) + kLatestLag;
   while (recording_.frames_seen_until().value_or(nanoseconds(0)) < needed && monotonic_now() < patience) {

@@ -1,5 +1,5 @@
-// Captures one group of steps: those of one stage and one exposure, during which the camera runs without
-// interruption.
+// One camera's part in capturing a group of steps: those of one stage and one exposure, during which the
+// camera runs without interruption. Capture shows the steps to all cameras at once.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,12 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "server/capture/capture_archive.h"
-#include "server/capture/capture_progress.h"
-#include "server/capture/capture_setup.h"
+#include "server/capture/camera_view.h"
 #include "server/capture/patch_learning.h"
 #include "server/capture/recording.h"
-#include "server/capture/rig_watch.h"
 #include "server/capture/stall_watch.h"
 #include "server/capture/step_player.h"
 
@@ -25,25 +22,33 @@ namespace glasswing {
 
 class GroupCapture {
  public:
-  // Starts the camera. All references are borrowed. `patches_given_up`: see PatchLearning.
-  GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPlayer& player, CaptureProgress& progress,
-               RigWatch& watch, std::set<std::string>& patches_given_up, double exposure_ms);
+  // Starts the camera. `view`, `player` are borrowed.
+  GroupCapture(CameraView& view, StepPlayer& player, double exposure_ms);
 
-  // Returns when the camera is running and the clocks are measured.
-  absl::Status start(std::stop_token stop);
-  // Repeats steps until each is proven. FAILED_PRECONDITION: some are not after the plan's retries, or the
-  // camera's pictures contradict the reported times. CANCELLED: stopped.
-  absl::Status prove(std::vector<Step> steps, std::stop_token stop);
-  // Shows steps once and lets the proven frames be stored. CANCELLED: stopped.
-  absl::Status show(const std::vector<Step>& steps, std::stop_token stop);
-  bool was_shown(const Step& step) const { return recording_.was_shown(step.number); }
+  CameraView& view() { return view_; }
+  // Returns when the camera is running.
+  absl::Status wait_running(std::stop_token stop) { return recording_.wait_running(stop); }
+
+  // The steps to repeat until each is proven.
+  void begin(std::vector<Step> steps);
+  // Those to show next; empty: all are proven. FAILED_PRECONDITION: some are not after the plan's retries.
+  absl::StatusOr<std::vector<Step>> next_showing(std::stop_token stop);
+  // Begins a showing of `shown`, of which the camera needs `needed` and the repeated pictures.
+  Watching watch(const std::vector<Step>& shown, const std::vector<Step>& needed, std::stop_token stop);
+  // Judges the rest of the showing's frames.
+  absl::Status end_showing(std::stop_token stop) { return judge({}, true, stop).status(); }
+  // Takes stock of next_showing()'s steps. FAILED_PRECONDITION: the camera's pictures contradict the reported
+  // times.
+  absl::Status note_showing(std::stop_token stop);
+  // The camera stops: nothing more is expected of it.
+  void stop() { recording_.stop_camera(); }
+  // The same for steps that are shown only once: drops what was queued before.
+  void begin_once(const std::vector<Step>& steps) { (void)learning_.begin_showing(steps); }
   // The error for `what`: these steps have no proof. Gives advice for the most common cause in the last
   // showing. If that is what the pixels show, measures the lag that would explain it, and stops the camera.
   absl::Status unproven(const std::string& what, const std::vector<Step>& steps, std::stop_token stop);
 
  private:
-  // Plays a program once, and lets the proven frames be stored.
-  absl::Status play(const std::vector<Step>& steps, std::stop_token stop);
   // Makes the camera node store the frames of one batch whose pixels agree. Returns false if a patch-learning
   // step was missed, or nothing was learned from it: frames of later steps cannot be judged, and the showing
   // ends.
@@ -72,6 +77,7 @@ class GroupCapture {
   v1::RetakeCause cause_of(const Step& step) const;
   std::map<v1::RetakeCause, int> causes_of(const std::vector<Step>& steps) const;
 
+  CameraView& view_;
   CaptureSetup& setup_;
   CaptureArchive& archive_;
   StepPlayer& player_;
@@ -80,6 +86,8 @@ class GroupCapture {
   Recording recording_;
   PatchLearning learning_;
   StallWatch stall_;
+  std::vector<Step> pending_;
+  int showings_ = 0;
   std::set<int> judged_now_, refused_now_, unreadable_now_;  // steps of the current showing
 };
 

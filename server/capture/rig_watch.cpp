@@ -94,7 +94,7 @@ std::vector<Step> RigWatch::with_repeats(const std::vector<Step>& steps, int hol
   size_t turn = 0, since = 0;
   for (const Step& step : steps) {
     shown.push_back(step);
-    order_.push_back(step.number);
+    if (!proven.contains(step.number)) order_.push_back(step.number);
     if (++since < between) continue;
     since = 0;
     repeat(pictures[turn++ % 2]);

@@ -27,7 +27,8 @@ class RigWatch {
   // Repeated pictures have their own numbers, beyond those of steps.
   static bool is_repeat(int number) { return number >= kFirstRepeat; }
   // The steps of one stage and exposure as they are to be shown: with repeated pictures between them and at
-  // their end. `proven`: the steps that have a frame.
+  // their end. `proven`: the steps that have a frame, and are shown for other cameras. The watches of cameras
+  // that are shown the same steps repeat the same pictures under the same numbers.
   std::vector<Step> with_repeats(const std::vector<Step>& steps, int hold_refreshes,
                                  const std::set<int>& proven);
 

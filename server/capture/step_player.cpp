@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
+#include <future>
 #include <memory>
 #include <thread>
 
@@ -51,20 +53,23 @@ double seconds_of(nanoseconds time) {
 // One program as it plays on all displays.
 class ProgramFeeds {
  public:
-  // `pictures`: of the program. A triggered camera exposes for `exposure_ms`.
-  ProgramFeeds(const RigLinks& links, const std::string& program, int pictures, int monitor_count,
+  // `pictures`: of the program. Triggered cameras expose for `exposure_ms`.
+  ProgramFeeds(const CameraViews& views, const std::string& program, int pictures, int monitor_count,
                nanoseconds start_at, int hold_refreshes, double exposure_ms, bool hold_last = false)
       : monitor_count_(monitor_count) {
-    for (const auto& display : links.displays) displays_.push_back(display.get());
+    for (const auto& display : views.front()->setup.links.displays) displays_.push_back(display.get());
     const nanoseconds step = common_step(displays_, hold_refreshes);
-    if (ExposureTriggers::are_wanted(links)) {
-      triggers_.emplace(links, pictures, monitor_count, step_time(displays_, hold_refreshes), exposure_ms);
+    for (const auto& view : views) {
+      const RigLinks& links = view->setup.links;
+      if (!view->failure.ok() || !ExposureTriggers::are_wanted(links)) continue;
+      triggers_.emplace_back(links, pictures, monitor_count, step_time(displays_, hold_refreshes),
+                             exposure_ms);
     }
     for (const DisplayLink* display : displays_) {
       feeds_.push_back(std::make_unique<PresentationStream>(
           *display, program, start_at, step,
           [this, display](const v1::Presentation& replaced) {
-            if (triggers_) triggers_->note(replaced, *display);
+            for (ExposureTriggers& camera : triggers_) camera.note(replaced, *display);
           },
           hold_last));
     }
@@ -102,7 +107,7 @@ class ProgramFeeds {
 
   const int monitor_count_;
   std::vector<const DisplayLink*> displays_;
-  std::optional<ExposureTriggers> triggers_;
+  std::deque<ExposureTriggers> triggers_;                   // of triggered cameras
   std::vector<std::unique_ptr<PresentationStream>> feeds_;  // they use the triggers
   std::map<int, std::vector<MonitorWindow>> incomplete_;    // by step, until every monitor has reported it
   std::optional<nanoseconds> last_replaced_;
@@ -194,9 +199,19 @@ class PictureDemand {
 
 }  // namespace
 
+RigLinks& StepPlayer::links() const {
+  const auto view = std::ranges::find_if(views_, [](const auto& each) { return each->failure.ok(); });
+  return (view == views_.end() ? views_.front() : *view)->setup.links;
+}
+
 absl::Status StepPlayer::measure_clocks(int count, const std::stop_token& stop) {
   clocks_measured_at_ = monotonic_now();
-  return setup_.links.exchange_clocks(count, stop);
+  GW_RETURN_IF_ERROR(links().exchange_clocks(count, stop));
+  for (const auto& view : views_) {
+    if (&view->setup.links == &links() || !view->failure.ok()) continue;
+    GW_RETURN_IF_ERROR(view->setup.links.camera->exchange_clocks(count, kNodeCall, stop));
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vector<Step>& steps,
@@ -209,7 +224,7 @@ absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vect
     patch_ids_[step.number] = ++showings_ * kSpread % kIds;
   }
   int monitor_count = 0;
-  for (const auto& display : setup_.links.displays) {
+  for (const auto& display : links().displays) {
     GW_RETURN_IF_ERROR(load(*display, program, steps, stop));
     monitor_count += display->info.monitors_size();
   }
@@ -221,13 +236,15 @@ absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
   v1::LoadProgramRequest load;
   load.set_program(program);
   load.set_request_id(random_token());
-  load.set_hold_refreshes(hold_refreshes_of(progress_.session().plan()));
-  for (const v1::DisplayCalibration& calibration : setup_.header.display_calibrations()) {
+  load.set_hold_refreshes(hold_refreshes());
+  for (const v1::DisplayCalibration& calibration : views_.front()->setup.header.display_calibrations()) {
     if (display.monitor(calibration.monitor()) != nullptr) *load.add_calibrations() = calibration;
   }
   // The report of a picture determines when the next one can be exposed, so a triggered camera needs a
   // picture before the first.
-  if (!setup_.links.camera_info.trigger().empty()) load.add_steps()->set_step(kNoStep);
+  const bool triggered = std::ranges::any_of(
+      views_, [](const auto& view) { return !view->setup.links.camera_info.trigger().empty(); });
+  if (triggered) load.add_steps()->set_step(kNoStep);
   for (const Step& step : steps) {
     v1::ProgramStep shown;
     shown.set_step(step.number);
@@ -250,18 +267,19 @@ absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
 }
 
 absl::StatusOr<std::vector<v1::Frame>> StepPlayer::records_of(const std::vector<FrameMatcher::Match>& matches,
-                                                              const Recording& recording) const {
-  const double calibrated_gain = setup_.header.camera_calibration().gain();
+                                                              const Watching& camera) const {
+  const CaptureSetup& setup = camera.view.setup;
+  const double calibrated_gain = setup.header.camera_calibration().gain();
   std::vector<v1::Frame> records;
   for (const FrameMatcher::Match& match : matches) {
-    const v1::FrameTaken* const found = recording.taken(match);
+    const v1::FrameTaken* const found = camera.recording.taken(match);
     if (found == nullptr) continue;  // the camera does not hold it any more either: the step is shown again
     const v1::FrameTaken& taken = *found;
     if (calibrated_gain != 0.0 && std::abs(taken.gain() - calibrated_gain) > 0.01 * calibrated_gain) {
       return absl::FailedPreconditionError(fmt::format(
-          "the camera runs at gain {}, its calibration is for gain {}: set it back, or measure it again with "
+          "{} runs at gain {}, its calibration is for gain {}: set it back, or measure it again with "
           "glasswing calibrate camera",
-          taken.gain(), calibrated_gain));
+          views_.size() == 1 ? "the camera" : setup.links.camera->title(), taken.gain(), calibrated_gain));
     }
     const Step& step = loaded_.at(match.step);
     v1::Frame& frame = records.emplace_back();
@@ -273,55 +291,82 @@ absl::StatusOr<std::vector<v1::Frame>> StepPlayer::records_of(const std::vector<
     frame.set_exposure_start_ns(match.frame.start.count());
     frame.set_exposure_end_ns(match.frame.end.count());
     frame.set_sequence(match.frame.sequence);
-    if (setup_.has_patches() && shows_id(step)) frame.set_patch_id(patch_ids_.at(step.number));
+    if (setup.has_patches() && shows_id(step)) frame.set_patch_id(patch_ids_.at(step.number));
   }
   return records;
 }
 
-absl::Status StepPlayer::play(const std::vector<Step>& steps, Recording& recording, const Judge& judge,
+std::string StepPlayer::next_program() {
+  return fmt::format("{}-{}", views_.front()->progress.session().name(), ++program_number_);
+}
+
+absl::Status StepPlayer::play(const std::vector<Step>& steps, std::span<Watching> cameras,
                               std::stop_token stop) {
-  recording.begin_showing();
-  if (setup_.links.camera_info.on_demand()) {
+  for (const Watching& camera : cameras) camera.recording.begin_showing();
+  if (cameras.front().view.setup.links.camera_info.on_demand()) {
     for (const Step& step : steps) {
-      GW_ASSIGN_OR_RETURN(const bool go_on, play_held(step, recording, judge, stop));
+      GW_ASSIGN_OR_RETURN(const bool go_on, play_held(step, cameras.front(), stop));
       if (!go_on) break;
     }
     return absl::OkStatus();
   }
-  const std::string program = fmt::format("{}-{}", progress_.session().name(), ++program_number_);
+  const std::string program = next_program();
   GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps, stop));
   while (true) {
-    GW_ASSIGN_OR_RETURN(const bool in_time, play_loaded(program, monitor_count, recording, judge, stop));
+    GW_ASSIGN_OR_RETURN(const bool in_time, play_loaded(program, monitor_count, cameras, stop));
     if (in_time) return absl::OkStatus();
     start_lead_ *= 2;
   }
 }
 
+absl::Status StepPlayer::judge(std::span<Watching> cameras) const {
+  std::vector<std::future<absl::Status>> judging;
+  for (Watching& camera : cameras) {
+    if (const auto end = camera.recording.end()) return *end;
+    camera.view.progress.note_frames_taken(camera.recording.take_frames());
+    if (camera.is_over) continue;
+    GW_ASSIGN_OR_RETURN(std::vector<v1::Frame> frames, records_of(camera.recording.take_matches(), camera));
+    // With frames it calls the camera's node.
+    const bool calls = !frames.empty() && cameras.size() > 1;
+    judging.push_back(std::async(calls ? std::launch::async : std::launch::deferred,
+                                 [&camera, frames = std::move(frames)]() mutable -> absl::Status {
+                                   GW_ASSIGN_OR_RETURN(const bool go_on, camera.judge(std::move(frames)));
+                                   camera.is_over = !go_on;
+                                   return absl::OkStatus();
+                                 }));
+  }
+  absl::Status judged;
+  for (std::future<absl::Status>& each : judging) judged.Update(each.get());
+  return judged;
+}
+
 absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int monitor_count,
-                                             Recording& recording, const Judge& judge, std::stop_token stop) {
-  ProgramFeeds feeds(setup_.links, program, pictures_, monitor_count, monotonic_now() + start_lead_,
-                     hold_refreshes_of(progress_.session().plan()), recording.exposure_ms());
+                                             std::span<Watching> cameras, std::stop_token stop) {
+  ProgramFeeds feeds(views_, program, pictures_, monitor_count, monotonic_now() + start_lead_,
+                     hold_refreshes(), cameras.front().recording.exposure_ms());
   const auto note_shown = [&](const StableWindow& window) {
-    const bool first = recording.add_window(window);
-    if (!RigWatch::is_repeat(window.step)) progress_.note_shown(window.step, !first);
+    for (const Watching& camera : cameras) {
+      if (camera.is_over || !camera.steps.contains(window.step)) continue;
+      const bool first = camera.recording.add_window(window);
+      if (!RigWatch::is_repeat(window.step)) camera.view.progress.note_shown(window.step, !first);
+    }
   };
   nanoseconds played_at{};
   while (!stop.stop_requested()) {
     const absl::StatusOr<bool> playing = feeds.poll(note_shown);
     if (absl::IsDeadlineExceeded(playing.status()) && start_lead_ < kMaxStartLead) return false;
     GW_RETURN_IF_ERROR(playing.status());
-    if (const auto end = recording.end()) return *end;
-    progress_.note_frames_taken(recording.take_frames());
-    GW_ASSIGN_OR_RETURN(std::vector<v1::Frame> frames, records_of(recording.take_matches(), recording));
-    GW_ASSIGN_OR_RETURN(const bool go_on, judge(std::move(frames)));
-    if (!go_on) return true;
+    GW_RETURN_IF_ERROR(judge(cameras));
+    if (std::ranges::all_of(cameras, &Watching::is_over)) return true;
     const nanoseconds now = monotonic_now();
     if (*playing) {
       played_at = now;
     } else {
       const std::optional<nanoseconds> replaced = feeds.last_replaced();
-      const bool all_seen =
-          !replaced || recording.frames_seen_until().value_or(nanoseconds(0)) > *replaced + milliseconds(50);
+      const bool all_seen = !replaced || std::ranges::all_of(cameras, [&](const Watching& camera) {
+        return camera.is_over ||
+               camera.recording.frames_seen_until().value_or(nanoseconds(0)) > *replaced + milliseconds(50);
+      });
       if (all_seen || now - played_at > kLastFrameWait) return true;
     }
     if (now - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1, stop));
@@ -338,29 +383,30 @@ absl::StatusOr<std::optional<StableWindow>> StepPlayer::wait_shown(ProgramFeeds&
     if (!playing) return absl::AbortedError("a display has ended a step that it should hold");
     if (!pause(stop, kPoll)) return std::nullopt;
   }
-  const nanoseconds lit = shown->from + setup_.links.camera->node_from_rig(monotonic_now()).error + kAskDelay;
+  const nanoseconds lit = shown->from + links().camera->node_from_rig(monotonic_now()).error + kAskDelay;
   while (monotonic_now() < lit) {
     if (!pause(stop, kPoll)) return std::nullopt;
   }
   return shown;
 }
 
-absl::StatusOr<bool> StepPlayer::play_held(const Step& step, Recording& recording, const Judge& judge,
-                                           std::stop_token stop) {
-  const std::string program = fmt::format("{}-{}", progress_.session().name(), ++program_number_);
+absl::StatusOr<bool> StepPlayer::play_held(const Step& step, Watching& camera, std::stop_token stop) {
+  CaptureProgress& progress = camera.view.progress;
+  Recording& recording = camera.recording;
+  const std::string program = next_program();
   GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, {step}, stop));
   if (monotonic_now() - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1, stop));
-  ProgramFeeds feeds(setup_.links, program, pictures_, monitor_count, monotonic_now() + start_lead_,
-                     hold_refreshes_of(progress_.session().plan()), recording.exposure_ms(), true);
+  ProgramFeeds feeds(views_, program, pictures_, monitor_count, monotonic_now() + start_lead_,
+                     hold_refreshes(), recording.exposure_ms(), true);
   absl::StatusOr<std::optional<StableWindow>> shown = wait_shown(feeds, stop);
   if (absl::IsDeadlineExceeded(shown.status()) && start_lead_ < kMaxStartLead) {
     start_lead_ *= 2;
-    return play_held(step, recording, judge, stop);
+    return play_held(step, camera, stop);
   }
   GW_RETURN_IF_ERROR(shown.status());
   if (!*shown) return false;
-  PictureDemand demand(setup_.links, progress_,
-                       fmt::format("picture {} of {}", step.number + 1, setup_.steps.size()));
+  PictureDemand demand(camera.view.setup.links, progress,
+                       fmt::format("picture {} of {}", step.number + 1, camera.view.setup.steps.size()));
   GW_RETURN_IF_ERROR(demand.ask(stop));
   bool noted = false;
   int came = 0;
@@ -370,18 +416,18 @@ absl::StatusOr<bool> StepPlayer::play_held(const Step& step, Recording& recordin
     if (const auto end = recording.end()) return *end;
     std::vector<v1::Frame> frames;
     if (const int count = recording.take_frames(); count > 0) {
-      progress_.note_frames_taken(count);
+      progress.note_frames_taken(count);
       came += count;
       // The step is shown until now, and was certainly shown when the frame arrived.
       StableWindow window = **shown;
       window.until = window.patch_until = wait_past(recording, stop);
       const bool first = recording.add_window(window);
-      if (!std::exchange(noted, true)) progress_.note_shown(step.number, !first);
-      GW_ASSIGN_OR_RETURN(frames, records_of(recording.take_matches(), recording));
+      if (!std::exchange(noted, true)) progress.note_shown(step.number, !first);
+      GW_ASSIGN_OR_RETURN(frames, records_of(recording.take_matches(), camera));
     }
-    GW_ASSIGN_OR_RETURN(const bool go_on, judge(std::move(frames)));
+    GW_ASSIGN_OR_RETURN(const bool go_on, camera.judge(std::move(frames)));
     const bool learns = is_patch_learning_step(step) && recording.was_matched_now(step.number);
-    if (!go_on || learns || progress_.is_proven(step.number)) {
+    if (!go_on || learns || progress.is_proven(step.number)) {
       demand.end();
       return go_on;
     }

@@ -1,4 +1,4 @@
-// Shows steps on all displays as one program, and turns the camera's frames that prove a step into records.
+// Shows steps on all displays as one program, and turns the cameras' frames that prove a step into records.
 #pragma once
 
 #include <absl/status/status.h>
@@ -6,36 +6,46 @@
 
 #include <functional>
 #include <map>
+#include <set>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
 
-#include "server/capture/capture_progress.h"
-#include "server/capture/capture_setup.h"
+#include "server/capture/camera_view.h"
 #include "server/capture/recording.h"
 
 namespace glasswing {
 
 class ProgramFeeds;
 
-class StepPlayer {
- public:
+// A camera that records a showing.
+struct Watching {
   // Takes the records of frames proven by time, in the order of their steps; called every few milliseconds
-  // while the program plays, often with none. Returns false to end the showing.
+  // while the program plays, often with none, and at the same time as other cameras' judges. Returns false to
+  // end the showing for this camera.
   using Judge = std::function<absl::StatusOr<bool>(std::vector<v1::Frame>)>;
 
-  // Both arguments are borrowed.
-  StepPlayer(CaptureSetup& setup, CaptureProgress& progress) : setup_(setup), progress_(progress) {}
+  CameraView& view;
+  Recording& recording;
+  std::set<int> steps;  // that it needs; the others are shown for other cameras
+  Judge judge;
+  bool is_over = false;  // its judge has ended the showing
+};
+
+class StepPlayer {
+ public:
+  // `views` are borrowed; they must be there, with their setup, when steps are shown.
+  explicit StepPlayer(const CameraViews& views) : views_(views) {}
 
   // Measures the offsets of all nodes' clocks. play() repeats this every second.
   absl::Status measure_clocks(int count, const std::stop_token& stop);
-  // Shows `steps` once. Returns when the last frame that may belong to them has arrived, or earlier, if
-  // `judge` or `stop` ends the showing. A start that a display refused, because the command arrived too late,
-  // is repeated with more time for the command. ABORTED: another program took over the screens. If the camera
-  // takes pictures on demand, each step is held until its frame is proven; FAILED_PRECONDITION: no picture
-  // arrives.
-  absl::Status play(const std::vector<Step>& steps, Recording& recording, const Judge& judge,
-                    std::stop_token stop);
+  // Shows `steps` once. Returns when the last frame that may belong to them has arrived, or earlier, if all
+  // judges or `stop` end the showing. A start that a display refused, because the command arrived too late,
+  // is repeated with more time for the command. ABORTED: another program took over the screens. If a camera
+  // takes pictures on demand, it is the only one, and each step is held until its frame is proven;
+  // FAILED_PRECONDITION: no picture arrives.
+  absl::Status play(const std::vector<Step>& steps, std::span<Watching> cameras, std::stop_token stop);
 
  private:
   // Returns how many monitors will report each step.
@@ -43,19 +53,23 @@ class StepPlayer {
   absl::Status load(DisplayLink& display, const std::string& program, const std::vector<Step>& steps,
                     std::stop_token stop);
   // Plays the loaded program. False: the command arrived too late at a display.
-  absl::StatusOr<bool> play_loaded(const std::string& program, int monitor_count, Recording& recording,
-                                   const Judge& judge, std::stop_token stop);
+  absl::StatusOr<bool> play_loaded(const std::string& program, int monitor_count, std::span<Watching> cameras,
+                                   std::stop_token stop);
+  // Gives the frames that have arrived to the judges, which run at the same time.
+  absl::Status judge(std::span<Watching> cameras) const;
   // Holds one step until it is proven (a patch-learning step until it has a frame), or until pictures arrive
-  // that do not prove it. False: `judge` or `stop` ends the showing.
-  absl::StatusOr<bool> play_held(const Step& step, Recording& recording, const Judge& judge,
-                                 std::stop_token stop);
+  // that do not prove it. False: the judge or `stop` ends the showing.
+  absl::StatusOr<bool> play_held(const Step& step, Watching& camera, std::stop_token stop);
   // When all monitors show it: a window without end. None: stopped.
   absl::StatusOr<std::optional<StableWindow>> wait_shown(ProgramFeeds& feeds, std::stop_token stop);
   absl::StatusOr<std::vector<v1::Frame>> records_of(const std::vector<FrameMatcher::Match>& matches,
-                                                    const Recording& recording) const;
+                                                    const Watching& camera) const;
+  std::string next_program();
+  // Of a camera that takes part: all share the displays.
+  RigLinks& links() const;
+  int hold_refreshes() const { return hold_refreshes_of(views_.front()->progress.session().plan()); }
 
-  CaptureSetup& setup_;
-  CaptureProgress& progress_;
+  const CameraViews& views_;
   int program_number_ = 0;
   int pictures_ = 0;                                         // of the last program
   nanoseconds start_lead_ = std::chrono::milliseconds(120);  // from a program's command to its first step

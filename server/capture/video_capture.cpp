@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/base/status.h"
+#include "server/capture/group_capture.h"
 
 namespace glasswing {
 
@@ -24,8 +25,8 @@ bool VideoCapture::has_run() const {
   return std::ranges::any_of(steps(), [this](int step) { return progress_.is_proven(step); });
 }
 
-absl::Status VideoCapture::take(const std::vector<Step>& frames, GroupCapture& group, std::stop_token stop) {
-  GW_RETURN_IF_ERROR(group.show(frames, stop));
+absl::Status VideoCapture::check_taken(const std::vector<Step>& frames, GroupCapture& group,
+                                       std::stop_token stop) const {
   if (has_run()) return absl::OkStatus();
   return group.unproven(fmt::format("none of the video's {} frames has a proof", frames.size()), frames,
                         stop);

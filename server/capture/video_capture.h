@@ -9,9 +9,10 @@
 
 #include "server/capture/capture_progress.h"
 #include "server/capture/capture_setup.h"
-#include "server/capture/group_capture.h"
 
 namespace glasswing {
+
+class GroupCapture;
 
 class VideoCapture {
  public:
@@ -21,8 +22,8 @@ class VideoCapture {
   bool is_video_frame(const Step& step) const;
   // Some of its frames are proven.
   bool has_run() const;
-  // Shows `frames` once, in `group`. FAILED_PRECONDITION: none has a proof. CANCELLED: stopped.
-  absl::Status take(const std::vector<Step>& frames, GroupCapture& group, std::stop_token stop);
+  // For `frames` that were shown once, in `group`. FAILED_PRECONDITION: none has a proof.
+  absl::Status check_taken(const std::vector<Step>& frames, GroupCapture& group, std::stop_token stop) const;
   // Counts the frames without a proof as lost. `broken_off`: the video had run before this capture began.
   void note_lost(bool broken_off);
 

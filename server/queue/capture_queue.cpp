@@ -296,7 +296,7 @@ void CaptureQueue::says(const v1::QueueItem& item, const std::string& reason) {
 }
 
 void CaptureQueue::follow(const v1::QueueItem& item, const std::stop_token& stop) {
-  const absl::StatusOr<v1::Session> session = parts_.sessions.find(item.session());
+  const absl::StatusOr<v1::Session> session = parts_.sessions.find_any(item.session());
   if (absl::IsNotFound(session.status())) return has_failed(item, "its session was deleted");
   if (!session.ok()) return has_failed(item, std::string(session.status().message()));
   switch (session->state()) {
@@ -402,7 +402,7 @@ std::string CaptureQueue::unsteady(const v1::QueueItem& item) {
       last = other.session();
     }
   }
-  const absl::StatusOr<v1::Session> session = parts_.sessions.find(last);
+  const absl::StatusOr<v1::Session> session = parts_.sessions.find_any(last);
   if (!session.ok() || session->rig_changes().empty()) return "";
   return fmt::format("session {}: {}", last, session->rig_changes().rbegin()->what());
 }
@@ -503,7 +503,7 @@ absl::StatusOr<v1::Session> CaptureQueue::created(const v1::QueueItem& item, con
   request.set_solve(wish.solve());
   *request.mutable_axes() = wish.axes();
   if (!wish.empty_stage_of().empty()) {
-    const absl::StatusOr<v1::Session> before = parts_.sessions.find(wish.empty_stage_of());
+    const absl::StatusOr<v1::Session> before = parts_.sessions.find_any(wish.empty_stage_of());
     if (before.ok() && is_wholly_proven(*before)) request.set_empty_stage_of(wish.empty_stage_of());
   }
   if (!wish.rail_mm().empty()) {
@@ -522,7 +522,7 @@ absl::StatusOr<v1::Session> CaptureQueue::driven(const v1::QueueItem& item, cons
                                                  const std::stop_token& stop) {
   const std::string id = request_id(item);
   absl::StatusOr<v1::Session> session = parts_.sessions.find_request(id);
-  if (session.ok()) session = parts_.sessions.find(session->name());  // as it is now
+  if (session.ok()) session = parts_.sessions.find_any(session->name());  // as it is now
   const bool rests = session.ok() && (session->state() == v1::SESSION_STATE_PAUSED ||
                                       session->state() == v1::SESSION_STATE_FAILED);
   if (!session.ok() || rests) GW_RETURN_IF_ERROR(place_monitors(item, holding, stop));
@@ -536,7 +536,7 @@ absl::StatusOr<v1::Session> CaptureQueue::driven(const v1::QueueItem& item, cons
   GW_RETURN_IF_ERROR(parts_.sessions.annotate(annotation).status());
   if (!rests) return session;
   SessionStore::Edit edit = parts_.sessions.edit();
-  GW_ASSIGN_OR_RETURN(v1::Session now, edit.find(session->name()));
+  GW_ASSIGN_OR_RETURN(v1::Session now, edit.find_any(session->name()));
   if (is_already(now, v1::SESSION_ACTION_RESUME)) return now;
   GW_RETURN_IF_ERROR(edit.check_stays(now.name()));
   GW_RETURN_IF_ERROR(check_allows(now, v1::SESSION_ACTION_RESUME));

@@ -170,17 +170,21 @@ absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const Calibra
   return links;
 }
 
+absl::Status connect_camera(const NodeRegistry& rig, const std::string& camera, RigLinks& links,
+                            std::stop_token stop) {
+  GW_ASSIGN_OR_RETURN(const v1::Node node, rig.camera(camera));
+  links.camera = std::make_unique<NodeLink>(node, rig.call_time());
+  links.camera_stub = v1::CameraService::NewStub(links.camera->channel());
+  return links.camera->call("describe its camera", std::move(stop), [&](grpc::ClientContext& context) {
+    return links.camera_stub->GetCamera(&context, {}, &links.camera_info);
+  });
+}
+
 absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                  const std::string& camera, const MonitorNames& monitors,
                                  std::stop_token stop) {
   GW_ASSIGN_OR_RETURN(RigLinks links, connect_displays(rig, calibrations, monitors, stop));
-  GW_ASSIGN_OR_RETURN(const v1::Node node, rig.camera(camera));
-  links.camera = std::make_unique<NodeLink>(node, rig.call_time());
-  links.camera_stub = v1::CameraService::NewStub(links.camera->channel());
-  GW_RETURN_IF_ERROR(
-      links.camera->call("describe its camera", std::move(stop), [&](grpc::ClientContext& context) {
-        return links.camera_stub->GetCamera(&context, {}, &links.camera_info);
-      }));
+  GW_RETURN_IF_ERROR(connect_camera(rig, camera, links, std::move(stop)));
   return links;
 }
 

@@ -82,7 +82,7 @@ struct DisplayLink {
 
 // Links to every display that answers, and the camera.
 struct RigLinks {
-  std::vector<std::unique_ptr<DisplayLink>> displays;
+  std::vector<std::shared_ptr<DisplayLink>> displays;  // shared by the cameras of a capture
   std::vector<std::string> silent_displays;  // titles of those that do not answer
   std::unique_ptr<NodeLink> camera;
   std::unique_ptr<v1::CameraService::Stub> camera_stub;
@@ -107,7 +107,10 @@ MonitorNames monitors_of(const v1::Plan& plan);
 absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                  const std::string& camera, const MonitorNames& monitors,
                                  std::stop_token stop = {});
-// The same without a camera.
+// Adds the camera to links without one.
+absl::Status connect_camera(const NodeRegistry& rig, const std::string& camera, RigLinks& links,
+                            std::stop_token stop = {});
+// The same as connect() without a camera.
 absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                           const MonitorNames& monitors, std::stop_token stop = {});
 

@@ -19,6 +19,7 @@
 #include "server/selftest/rig_findings.h"
 #include "server/selftest/sync_calibration.h"
 #include "server/services/pages.h"
+#include "server/sessions/views.h"
 
 namespace glasswing {
 
@@ -128,8 +129,16 @@ grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::Ch
     report(make_finding(v1::FINDING_LEVEL_WARNING, "server", problem));
   if (const auto damaged = judge_sessions(server_)) report(*damaged);
   if (const auto retakes = judge_last_capture(server_)) report(*retakes);
-  return run(context, "doctor", [&](std::stop_token stop) {
-    return check_rig(server_.rig(), server_.calibrations(), request->plan(), report, stop);
+  return run(context, "doctor", [&](std::stop_token stop) -> absl::Status {
+    for (const v1::Plan& plan : view_plans(request->plan())) {
+      const auto of_camera = [&](v1::Finding finding) {
+        if (!request->plan().cameras().empty())
+          finding.set_text(fmt::format("camera {}: {}", plan.camera(), finding.text()));
+        report(finding);
+      };
+      GW_RETURN_IF_ERROR(check_rig(server_.rig(), server_.calibrations(), plan, of_camera, stop));
+    }
+    return absl::OkStatus();
   });
 }
 

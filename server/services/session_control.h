@@ -1,4 +1,5 @@
-// Pauses, resumes and cancels sessions: consults the state table, then CaptureRunner or SolveRunner.
+// Pauses, resumes, cancels and solves sessions: consults the state table, then CaptureRunner or SolveRunner.
+// Of a session with views (server/sessions/views) it does so with each view that allows it.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -20,8 +21,10 @@ class SessionControl {
   absl::StatusOr<v1::Session> pause(const std::string& name, const Caller& caller);
   absl::StatusOr<v1::Session> resume(const v1::ResumeSessionRequest& request, const Caller& caller);
   absl::StatusOr<v1::Session> cancel(const std::string& name, const Caller& caller);
+  absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
 
  private:
+  absl::StatusOr<v1::Session> resume_solve(SessionStore::Edit& edit, const v1::Session& session);
   absl::StatusOr<v1::Session> retake(const v1::ResumeSessionRequest& request, const Caller& caller);
 
   SessionStore& sessions_;

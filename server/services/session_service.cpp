@@ -128,7 +128,7 @@ grpc::Status SessionServiceImpl::ListMethods(grpc::ServerContext*, const v1::Lis
 grpc::Status SessionServiceImpl::GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
                                             v1::GetSessionResponse* response) {
   GW_CHECK_LIMITS(*request);
-  return answer(server_.sessions().find(request->name()), response);
+  return answer(server_.sessions().find_any(request->name()), response);
 }
 
 grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
@@ -142,7 +142,7 @@ grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
     seen = std::max<std::int64_t>(
         server_.sessions().wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500)), 1);
     v1::WatchSessionResponse response;
-    const grpc::Status found = answer(server_.sessions().find(request->name()), &response);
+    const grpc::Status found = answer(server_.sessions().find_any(request->name()), &response);
     if (!found.ok()) return found;
     const std::string bytes = response.SerializeAsString();
     if (bytes != last && !writer->Write(response)) break;
@@ -218,7 +218,7 @@ grpc::Status SessionServiceImpl::AnnotateSession(grpc::ServerContext*,
 grpc::Status SessionServiceImpl::SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest* request,
                                               v1::SolveSessionResponse* response) {
   GW_CHECK_LIMITS(*request);
-  return answer(server_.solves().solve(*request), response);
+  return answer(server_.control().solve(*request), response);
 }
 
 grpc::Status SessionServiceImpl::ReplicateSession(grpc::ServerContext* context,

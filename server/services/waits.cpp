@@ -213,6 +213,14 @@ absl::StatusOr<v1::GetFleetResponse> Waits::fleet() {
 }
 
 v1::Session Waits::told(v1::Session session) {
+  if (!session.views().empty()) {
+    session.clear_waiting();
+    for (v1::Session& view : *session.mutable_views()) {
+      view = told(view);
+      if (view.has_waiting() && !session.has_waiting()) *session.mutable_waiting() = view.waiting();
+    }
+    return session;
+  }
   Surroundings around;
   if (session.state() == v1::SESSION_STATE_CAPTURING || session.state() == v1::SESSION_STATE_PAUSED ||
       session.state() == v1::SESSION_STATE_SOLVING)

@@ -116,19 +116,25 @@ absl::StatusOr<std::unique_ptr<Catalogue>> Catalogue::open(const std::filesystem
   return std::unique_ptr<Catalogue>(new Catalogue(std::move(database), path));
 }
 
-absl::Status Catalogue::insert(const v1::Session& session, const std::string& request_id) {
+absl::Status Catalogue::insert(const std::vector<v1::Session>& sessions, const std::string& request_id) {
   const std::lock_guard lock(mutex_);
-  const absl::Status status =
-      database_.query("INSERT INTO sessions (name, request_id, session) VALUES (?, ?, ?)")
-          .bind(session.name())
-          .bind(request_id)
-          .bind(session.SerializeAsString())
-          .finish();
-  if (absl::IsAlreadyExists(status)) {
+  GW_RETURN_IF_ERROR(database_.run("BEGIN"));
+  for (const v1::Session& session : sessions) {
+    const absl::Status status =
+        database_.query("INSERT INTO sessions (name, request_id, session) VALUES (?, ?, ?)")
+            .bind(session.name())
+            .bind(request_id)
+            .bind(session.SerializeAsString())
+            .finish();
+    if (status.ok()) continue;
+    GW_RETURN_IF_ERROR(database_.run("ROLLBACK"));
+    if (!absl::IsAlreadyExists(status)) return status;
     return absl::AlreadyExistsError(
         fmt::format("session \"{}\" already exists; choose another name", session.name()));
   }
-  return status;
+  const absl::Status committed = database_.run("COMMIT");
+  if (!committed.ok()) (void)database_.run("ROLLBACK");
+  return committed;
 }
 
 absl::Status Catalogue::update(const v1::Session& session) {
@@ -246,6 +252,20 @@ absl::StatusOr<v1::Session> Catalogue::find_locked(const std::string& name) {
 absl::StatusOr<v1::Session> Catalogue::find(const std::string& name) {
   const std::lock_guard lock(mutex_);
   return find_locked(name);
+}
+
+absl::StatusOr<std::vector<v1::Session>> Catalogue::views(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  // Names that begin with "session.": '/' follows '.'.
+  Database::Query query = database_.query(rows_of("session") + "WHERE name > ? AND name < ? ORDER BY id");
+  query.bind(session + ".").bind(session + "/");
+  std::vector<v1::Session> views;
+  while (query.next()) {
+    absl::StatusOr<v1::Session> view = parsed(query);
+    if (view.ok() && view->view_of() == session) views.push_back(*std::move(view));
+  }
+  GW_RETURN_IF_ERROR(query.status());
+  return views;
 }
 
 absl::StatusOr<v1::Session> Catalogue::find_request(const std::string& request_id) {

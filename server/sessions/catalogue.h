@@ -28,8 +28,8 @@ class Catalogue {
   // when they are read.
   static absl::StatusOr<std::unique_ptr<Catalogue>> open(const std::filesystem::path& path);
 
-  // ALREADY_EXISTS: the name is taken.
-  absl::Status insert(const v1::Session& session, const std::string& request_id);
+  // All of them or none. ALREADY_EXISTS: a name is taken.
+  absl::Status insert(const std::vector<v1::Session>& sessions, const std::string& request_id);
   // Durable when it returns. Does not change note, tags and replicas, which a running capture or solve does
   // not know.
   absl::Status update(const v1::Session& session);
@@ -50,6 +50,11 @@ class Catalogue {
   absl::Status remove(const std::string& name);
   // NOT_FOUND: "there is no session ...". DATA_LOSS: its record is damaged.
   absl::StatusOr<v1::Session> find(const std::string& name);
+  absl::Status insert(const v1::Session& session, const std::string& request_id) {
+    return insert(std::vector{session}, request_id);
+  }
+  // The readable views of the session (server/sessions/views), in the order of their creation.
+  absl::StatusOr<std::vector<v1::Session>> views(const std::string& session);
   // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id);
   // Newest first. A damaged record is listed with its name, SESSION_STATE_DAMAGED, and what to do as its

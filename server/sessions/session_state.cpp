@@ -159,6 +159,11 @@ bool waits_for_person(const v1::Session& session) {
 
 std::vector<v1::SessionAction> allowed_actions(const v1::Session& session) {
   std::vector<v1::SessionAction> actions;
+  if (!session.views().empty()) {  // their sum
+    for (const int action : session.allowed_actions())
+      actions.push_back(static_cast<v1::SessionAction>(action));
+    return actions;
+  }
   for (const Rule& rule : kRules) {
     if (rule.state == session.state() && rule.condition(session)) actions.push_back(rule.action);
   }
@@ -191,8 +196,9 @@ absl::Status not_now(const v1::Session& session, const std::string& verb) {
 }
 
 v1::Session with_allowed_actions(v1::Session session) {
+  const std::vector<v1::SessionAction> actions = allowed_actions(session);
   session.clear_allowed_actions();
-  for (const v1::SessionAction action : allowed_actions(session)) session.add_allowed_actions(action);
+  for (const v1::SessionAction action : actions) session.add_allowed_actions(action);
   return session;
 }
 

@@ -7,17 +7,24 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "server/sessions/session_state.h"
+#include "server/sessions/views.h"
 
 namespace glasswing {
+namespace {
+
+absl::Status already_exists(const std::string& name) {
+  return absl::AlreadyExistsError(fmt::format("session \"{}\" already exists; choose another name", name));
+}
+
+}  // namespace
 
 absl::StatusOr<std::unique_ptr<SessionStore>> SessionStore::open(const std::filesystem::path& data) {
   GW_ASSIGN_OR_RETURN(std::unique_ptr<Catalogue> catalogue, Catalogue::open(data / "catalogue.sqlite"));
   return std::unique_ptr<SessionStore>(new SessionStore(std::move(catalogue)));
 }
 
-absl::StatusOr<v1::Session> SessionStore::Edit::find(const std::string& name) const {
-  GW_ASSIGN_OR_RETURN(const v1::Session stored, store_.catalogue_->find(name));
-  const auto live = store_.live_.find(name);
+v1::Session SessionStore::Edit::live(const v1::Session& stored) const {
+  const auto live = store_.live_.find(stored.name());
   if (live == store_.live_.end()) return stored;
   // These change independently of the capture or solve that shows the live view.
   v1::Session session = live->second;
@@ -27,8 +34,38 @@ absl::StatusOr<v1::Session> SessionStore::Edit::find(const std::string& name) co
   return session;
 }
 
-absl::Status SessionStore::Edit::insert(const v1::Session& session, const std::string& request_id) {
-  return store_.catalogue_->insert(session, request_id);
+absl::StatusOr<v1::Session> SessionStore::Edit::find(const std::string& name) const {
+  GW_ASSIGN_OR_RETURN(v1::Session session, find_any(name));
+  if (!session.views().empty()) return choose_view(session);
+  return session;
+}
+
+absl::StatusOr<v1::Session> SessionStore::Edit::find_any(const std::string& name) const {
+  GW_ASSIGN_OR_RETURN(std::vector<v1::Session> sessions, find_each(name));
+  return sessions.front().name() == name ? std::move(sessions.front()) : sum_of(sessions);
+}
+
+absl::StatusOr<std::vector<v1::Session>> SessionStore::Edit::find_each(const std::string& name) const {
+  const absl::StatusOr<v1::Session> stored = store_.catalogue_->find(name);
+  if (stored.ok()) return std::vector<v1::Session>{live(*stored)};
+  if (!absl::IsNotFound(stored.status())) return stored.status();
+  GW_ASSIGN_OR_RETURN(std::vector<v1::Session> views, store_.catalogue_->views(name));
+  if (views.empty()) return stored.status();
+  for (v1::Session& view : views) view = live(view);
+  return views;
+}
+
+absl::Status SessionStore::Edit::insert(const std::vector<v1::Session>& sessions,
+                                        const std::string& request_id) {
+  // A session and views of its name exclude each other.
+  for (const v1::Session& session : sessions) {
+    GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> views, store_.catalogue_->views(session.name()));
+    if (!views.empty()) return already_exists(session.name());
+    if (session.view_of().empty()) continue;
+    const absl::Status other = store_.catalogue_->find(session.view_of()).status();
+    if (!absl::IsNotFound(other)) return already_exists(session.view_of());
+  }
+  return store_.catalogue_->insert(sessions, request_id);
 }
 
 absl::Status SessionStore::Edit::change(const v1::Session& session) {
@@ -109,17 +146,27 @@ void SessionStore::Edit::end_replicating(const std::string& name) {
   announce();
 }
 
-absl::StatusOr<v1::Session> SessionStore::find(const std::string& name) {
-  return edit().find(name);
+absl::Status SessionStore::check_free(const std::string& name) {
+  const absl::Status found = find_each(name).status();
+  if (absl::IsNotFound(found)) return absl::OkStatus();
+  return already_exists(name);
+}
+
+absl::StatusOr<v1::Session> SessionStore::find_request(const std::string& request_id) {
+  GW_ASSIGN_OR_RETURN(v1::Session session, catalogue_->find_request(request_id));
+  if (!session.view_of().empty()) return find_any(session.view_of());
+  return session;
 }
 
 absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessionsRequest& request) {
   GW_RETURN_IF_ERROR(matches({}, request).status());  // also where there is no session
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored, all_stored());
   std::vector<v1::Session> sessions;
+  std::set<std::string> summed;
   for (const v1::Session& each : stored) {
+    if (!each.view_of().empty() && !summed.insert(each.view_of()).second) continue;
     absl::StatusOr<v1::Session> session =
-        each.state() == v1::SESSION_STATE_DAMAGED ? each : find(each.name());
+        each.state() == v1::SESSION_STATE_DAMAGED ? each : find_any(capture_name(each));
     if (absl::IsNotFound(session.status())) continue;  // deleted just now
     GW_RETURN_IF_ERROR(session.status());
     GW_ASSIGN_OR_RETURN(const bool wanted, matches(*session, request));
@@ -155,9 +202,14 @@ std::set<std::string> photos_of(const v1::Session& session) {
 
 absl::StatusOr<v1::Session> SessionStore::annotate(const v1::AnnotateSessionRequest& request) {
   Edit edit = this->edit();
-  GW_RETURN_IF_ERROR(catalogue_->annotate(request).status());
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, edit.find_each(request.name()));
+  for (const v1::Session& session : sessions) {
+    v1::AnnotateSessionRequest own = request;
+    own.set_name(session.name());
+    GW_RETURN_IF_ERROR(catalogue_->annotate(own).status());
+  }
   edit.announce();
-  return edit.find(request.name());
+  return edit.find_any(request.name());
 }
 
 void SessionStore::observe(std::function<void(const v1::Session&)> observer) {

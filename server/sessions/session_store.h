@@ -36,9 +36,17 @@ class SessionStore {
   // Exclusive access: no other thread changes a session while this exists. A thread must not have two.
   class Edit {
    public:
+    // FAILED_PRECONDITION: it has views (server/sessions/views); names them.
     absl::StatusOr<v1::Session> find(const std::string& name) const;
-    // ALREADY_EXISTS: the name is taken. Durable, not announced.
-    absl::Status insert(const v1::Session& session, const std::string& request_id);
+    // Also a session with views: their sum, which no other call takes.
+    absl::StatusOr<v1::Session> find_any(const std::string& name) const;
+    // The session, or all of its views.
+    absl::StatusOr<std::vector<v1::Session>> find_each(const std::string& name) const;
+    // All of them or none. ALREADY_EXISTS: a name is taken. Durable, not announced.
+    absl::Status insert(const std::vector<v1::Session>& sessions, const std::string& request_id);
+    absl::Status insert(const v1::Session& session, const std::string& request_id) {
+      return insert(std::vector{session}, request_id);
+    }
     // Durable, then announced; the live view ends.
     absl::Status change(const v1::Session& session);
     // Announced without being durable: the live view, ahead of the catalogue. Its waiting.since is when its
@@ -66,6 +74,7 @@ class SessionStore {
 
    private:
     friend class SessionStore;
+    v1::Session live(const v1::Session& stored) const;
     explicit Edit(SessionStore& store) : store_(store), lock_(store.mutex_) {}
 
     SessionStore& store_;
@@ -77,18 +86,24 @@ class SessionStore {
 
   Edit edit() { return Edit(*this); }
 
-  absl::StatusOr<v1::Session> find(const std::string& name);
+  // As the Edit's.
+  absl::StatusOr<v1::Session> find(const std::string& name) { return edit().find(name); }
+  absl::StatusOr<v1::Session> find_any(const std::string& name) { return edit().find_any(name); }
+  absl::StatusOr<std::vector<v1::Session>> find_each(const std::string& name) {
+    return edit().find_each(name);
+  }
+  // OK: no session has the name, nor views of it.
+  absl::Status check_free(const std::string& name);
   // As in the catalogue, which may be behind a running session. Does not wait for an Edit.
   absl::StatusOr<v1::Session> stored(const std::string& name) { return catalogue_->find(name); }
   // Newest first, including damaged records.
   absl::StatusOr<std::vector<v1::Session>> all_stored() { return catalogue_->list(); }
   // NOT_FOUND: no session was created by this request.
-  absl::StatusOr<v1::Session> find_request(const std::string& request_id) {
-    return catalogue_->find_request(request_id);
-  }
+  absl::StatusOr<v1::Session> find_request(const std::string& request_id);
   // The photos that any session's plan shows. Absent: unknown, since a record is damaged.
   std::optional<std::set<std::string>> photos();
-  // Newest first, without plans, with allowed actions. INVALID_ARGUMENT: a time that cannot be parsed.
+  // Newest first, without plans, with allowed actions; views only in the sum of all. INVALID_ARGUMENT: a time
+  // that cannot be parsed.
   absl::StatusOr<std::vector<v1::Session>> list(const v1::ListSessionsRequest& request);
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
   absl::Status set_replica(const std::string& name, const v1::ArchiveCopy& replica) {

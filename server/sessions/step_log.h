@@ -17,7 +17,7 @@ namespace glasswing {
 // Thread-safe.
 class StepLog {
  public:
-  static constexpr size_t kMaxSessions = 8;
+  static constexpr size_t kMaxSessions = 32;
   static constexpr size_t kMaxEvents = 50'000;  // of a session; after these only proofs are kept
 
   // Ignores events of a step that is proven.

@@ -148,7 +148,8 @@ class Plan(_Value):
     default 2. ``exposure_ms``: 0.01 to 10000, default 4; every step is captured once with each. ``retries``: how often a
     step without proof is shown again, 0 to 100, default 10. ``skip_empty_stage``: leaves out the frames without the
     object; then no silhouette is found, and every pixel is solved. ``white_every``: repeats white and black after this
-    many steps, 2 to 10000, default never. ``camera``: the camera node that records; needed if several are up.
+    many steps, 2 to 10000, default never. ``camera``: the camera node that records; needed if several are up. ``cameras``: instead, those of
+    several, which see each step together.
 
     >>> plan = Plan(
     ...     method="gaussian",
@@ -174,6 +175,7 @@ class Plan(_Value):
     white_every: int | None = None
     fringes: Sequence[Fringes] = ()
     camera: str = ""
+    cameras: Sequence[str] = ()
     adapt: Adapt | None = None
     rounds: Sequence[Round] = ()
 

@@ -194,6 +194,10 @@ class SessionInfo:
     """For a session captured with ``solve``: what ``Session.draft()`` would fetch; None: nothing."""
     copies: tuple[str, ...]
     """Nodes with copies of its frames (``Session.replicate()``)."""
+    camera: str
+    """Of a view of a session with several cameras: its camera node; otherwise empty."""
+    views: tuple[SessionInfo, ...]
+    """Of a session with several cameras: those of each camera, which this one sums up (``Session.camera()``)."""
 
     @classmethod
     def from_message(cls, message: session_pb2.Session) -> SessionInfo:
@@ -238,6 +242,8 @@ class SessionInfo:
             allowed_actions=frozenset(map(Action, message.allowed_actions)),
             draft=Draft(message.draft.image_count, message.draft.planned_image_count) if message.HasField("draft") else None,
             copies=tuple(copy.node for copy in message.copies),
+            camera=message.view_camera,
+            views=tuple(map(cls.from_message, message.views)),
         )
 
     def __str__(self) -> str:
@@ -291,6 +297,20 @@ class Session:
     def name(self) -> str:
         """The session's name."""
         return self.info.name
+
+    def cameras(self) -> tuple[str, ...]:
+        """The names of several cameras, each of which has a session (``camera()``); empty: it has one camera."""
+        return tuple(view.camera for view in self.info.views)
+
+    def camera(self, name: str) -> Session:
+        """The session of one of several cameras, with its own frames and matte. InvalidInput: it has no such camera."""
+        for view in self.info.views:
+            if view.camera == name:
+                session = Session(self._connection, view)
+                session.refresh()  # with its plan
+                return session
+        cameras = ", ".join(self.cameras()) or "one, which is not named"
+        raise InvalidInput(f"session {self.name} has no camera {name}; it has {cameras}")
 
     def refresh(self) -> SessionInfo:
         """Asks the server for the session's state."""
@@ -412,9 +432,13 @@ class Session:
         return Matte.from_bytes(self._matte_bytes(pb.FetchMatteRequest(name=self.name, partial=True)))
 
     def frames(self) -> Frames:
-        """The captured frames, as numpy arrays, from the camera node or a node with a copy. NotFound: there are none yet."""
+        """The captured frames, as numpy arrays, from the camera node or a node with a copy. NotFound: there are none yet.
+        Refused: it has several cameras (``camera()``)."""
         answer: pb.GetSessionResponse = self._connection.call(self._stub.GetSession, pb.GetSessionRequest(name=self.name))
         found = answer.session
+        if found.views:
+            names = ", ".join(view.view_camera for view in found.views)
+            raise Refused(f"session {self.name} has several cameras; choose one with camera(): {names}")
         addresses = [found.archive_address, *(copy.address for copy in found.copies)]
         return Frames(self._connection, [address for address in addresses if address], self.name)
 

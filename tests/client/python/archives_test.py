@@ -45,6 +45,7 @@ class Server(
         self.file_name = "frames/{}.tif"
         self.note = ""
         self.size_bytes = len(FILE)
+        self.cameras: list[str] = []  # several
         self.server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
         node_service_pb2_grpc.add_NodeServiceServicer_to_server(self, self.server)
         session_service_pb2_grpc.add_SessionServiceServicer_to_server(self, self.server)
@@ -62,7 +63,16 @@ class Server(
         return node_service_pb2.ListNodesResponse()
 
     def GetSession(self, request, context):
-        return session_service_pb2.GetSessionResponse(session=self.session())
+        views = []
+        for camera in self.cameras:
+            view = self.session()
+            view.name, view.view_of, view.view_camera = f"vase.{camera}", "vase", camera
+            if view.name == request.name:
+                return session_service_pb2.GetSessionResponse(session=view)
+            views.append(view)
+        session = self.session()
+        session.views.extend(views)
+        return session_service_pb2.GetSessionResponse(session=session)
 
     def WatchSession(self, request, context):
         yield session_service_pb2.WatchSessionResponse(session=self.session())
@@ -161,6 +171,20 @@ class ArchivesTest(unittest.TestCase):
             self.server.states = [session_pb2.SESSION_STATE_PAUSED]
             with self.assertRaisesRegex(glasswing.Refused, "vase is paused; it must be captured"):
                 self.session.export(pathlib.Path(work, "other"))
+
+    def test_each_of_several_cameras_has_a_session(self) -> None:
+        self.assertEqual((self.session.cameras(), self.session.info.camera), ((), ""))
+        self.server.cameras = ["left", "right"]
+        session = self.rig.session("vase")
+        self.assertEqual(session.cameras(), ("left", "right"))
+        self.assertEqual([view.name for view in session.info.views], ["vase.left", "vase.right"])
+        right = session.camera("right")
+        self.assertEqual((right.name, right.info.camera), ("vase.right", "right"))
+        np.testing.assert_array_equal(right.frames()[0].read(), CODES[0])
+        with self.assertRaisesRegex(glasswing.Refused, "several cameras; .*: left, right"):
+            session.frames()
+        with self.assertRaisesRegex(glasswing.InvalidInput, "no camera top; it has left, right"):
+            session.camera("top")
 
     def test_a_session_is_copied_to_a_node(self) -> None:
         self.assertEqual(self.session.replicate("solver-2"), 30)

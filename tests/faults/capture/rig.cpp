@@ -5,6 +5,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <deque>
 
 #include "camera-node/backends/emission_client.h"
 #include "camera-node/services/camera_service.h"
@@ -44,6 +45,10 @@ v1::RegisterRequest registered(v1::NodeKind kind, const std::string& name, const
   node.set_name(name);
   node.set_address(address);
   return node;
+}
+
+std::string camera_name(size_t index) {
+  return fmt::format("camera-{}", index + 1);
 }
 
 }  // namespace
@@ -125,31 +130,40 @@ struct FaultyRig::CameraNode {
 // Nodes stay registered when they are started again: at the same address, behind the same relay.
 struct FaultyRig::Network {
   Network(nanoseconds most, std::uint64_t seed, const std::string& server, const std::string& display_address,
-          const std::string& camera_address)
+          const std::vector<std::unique_ptr<CameraNode>>& nodes)
       : display_relay(display_address, most, seed),
-        camera_relay(camera_address, most, seed + 1000),
         display(server, registered(v1::NODE_KIND_DISPLAY, "display-1",
-                                   most > nanoseconds(0) ? display_relay.address() : display_address)),
-        camera(server, registered(v1::NODE_KIND_CAMERA, "camera-1",
-                                  most > nanoseconds(0) ? camera_relay.address() : camera_address)) {}
-  DelayRelay display_relay, camera_relay;
-  Registration display, camera;
+                                   most > nanoseconds(0) ? display_relay.address() : display_address)) {
+    for (const auto& node : nodes) {
+      const std::string& address = node->host->address();
+      camera_relays.emplace_back(address, most, seed + 1000 * (camera_relays.size() + 1));
+      cameras.emplace_back(server,
+                           registered(v1::NODE_KIND_CAMERA, camera_name(cameras.size()),
+                                      most > nanoseconds(0) ? camera_relays.back().address() : address));
+    }
+  }
+  DelayRelay display_relay;
+  std::deque<DelayRelay> camera_relays;
+  Registration display;
+  std::deque<Registration> cameras;
 };
 
 FaultyRig::FaultyRig(const RigFaults& faults, std::uint64_t seed, int patch_rows,
                      const std::filesystem::path& data)
     : faults_(faults), seed_(seed), patch_rows_(patch_rows), data_(data) {
   std::filesystem::create_directories(data / "server");
-  std::filesystem::create_directories(data / "archives");
   server_ = std::make_unique<ServerNode>(data / "server", faults);
   restart_display();
-  restart_camera();
+  for (size_t i = 0; i <= faults.cameras.size(); ++i) {
+    cameras_.push_back(nullptr);
+    restart_camera(static_cast<int>(i));
+  }
   network_ = std::make_unique<Network>(faults.network_delay, seed, server_->host->address(),
-                                       display_->host->address(), camera_->host->address());
+                                       display_->host->address(), cameras_);
   sessions_ = v1::SessionService::NewStub(dial(server_->host->address()));
   const NodeRegistry& rig = server_->server->rig();
   const nanoseconds deadline = monotonic_now() + kSoon;
-  while (!rig.camera("").ok() || !rig.displays().ok()) {
+  while (rig.up(v1::NODE_KIND_CAMERA).size() < cameras_.size() || !rig.displays().ok()) {
     if (monotonic_now() > deadline) {
       std::fputs("the nodes did not register\n", stderr);
       std::abort();
@@ -161,7 +175,7 @@ FaultyRig::FaultyRig(const RigFaults& faults, std::uint64_t seed, int patch_rows
 FaultyRig::~FaultyRig() {
   network_.reset();
   server_.reset();
-  camera_.reset();
+  cameras_.clear();
   display_.reset();
 }
 
@@ -177,8 +191,12 @@ const std::string& FaultyRig::display_address() const {
   return display_->host->address();
 }
 
-std::filesystem::path FaultyRig::archive(const std::string& session) const {
-  return data_ / "archives" / session;
+std::filesystem::path FaultyRig::archives(int camera) const {
+  return data_ / (camera == 0 ? "archives" : fmt::format("archives-{}", camera + 1));
+}
+
+std::filesystem::path FaultyRig::archive(const std::string& session, int camera) const {
+  return archives(camera) / session;
 }
 
 void FaultyRig::restart_display() {
@@ -212,27 +230,31 @@ v1::Session FaultyRig::watch(const std::function<void(const v1::Session&)>& seen
   return response.session();
 }
 
-void FaultyRig::restart_camera() {
-  const std::string address = camera_ == nullptr ? "127.0.0.1:0" : camera_->host->address();
-  camera_.reset();
+void FaultyRig::restart_camera(int camera) {
+  std::unique_ptr<CameraNode>& node = cameras_[camera];
+  const RigFaults& faults = camera == 0 ? faults_ : faults_.cameras[camera - 1];
+  const std::string address = node == nullptr ? "127.0.0.1:0" : node->host->address();
+  node.reset();
+  std::filesystem::create_directories(archives(camera));
   SimCameraOptions options;
   options.scene = "none";
   options.width_px = kWidth_px;
   options.height_px = kHeight_px;
-  options.frame_rate_hz = faults_.frame_rate_hz;
-  options.sensor.seed = seed_;
+  options.frame_rate_hz = faults.frame_rate_hz;
+  options.sensor.seed = seed_ + 100 * camera;
+  if (faults.noiseless) options.sensor.read_sd = options.sensor.gain = 0.0;
   options.sensor.readout = microseconds(300);
   options.sensor.full_scale_exposure_ms = kExposure_ms;
-  options.clock = NodeClock(faults_.clock_offset, faults_.clock_drift_ppm);
-  options.drop = faults_.drop;
-  options.duplicate = faults_.duplicate;
-  options.late = faults_.late;
-  options.stamp_jitter = faults_.stamp_jitter;
-  options.stamp_shift = faults_.stamp_shift;
-  options.disturbances = faults_.disturbances;
-  camera_ = std::make_unique<CameraNode>(options, faults_.folder, data_ / "archives", faults_.space,
-                                         display_->host->address(), address);
-  if (!camera_->timeline.wait_known_until(monotonic_now(), kSoon)) {
+  options.clock = NodeClock(faults.clock_offset, faults.clock_drift_ppm);
+  options.drop = faults.drop;
+  options.duplicate = faults.duplicate;
+  options.late = faults.late;
+  options.stamp_jitter = faults.stamp_jitter;
+  options.stamp_shift = faults.stamp_shift;
+  options.disturbances = faults.disturbances;
+  node = std::make_unique<CameraNode>(options, faults.folder, archives(camera), faults.space,
+                                      display_->host->address(), address);
+  if (!node->timeline.wait_known_until(monotonic_now(), kSoon)) {
     std::fputs("the camera sees no display\n", stderr);
     std::abort();
   }

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "camera-node/backends/folder_camera.h"
 #include "camera-node/backends/sim_camera.h"
@@ -34,6 +35,9 @@ struct RigFaults {
   // A camera whose pictures come into a folder, in place of the simulated one; in its command {tap} becomes
   // the address of the display's light.
   std::optional<FolderCamera::Options> folder = {};
+  bool noiseless = false;  // frames of one picture are equal
+  std::vector<RigFaults> cameras =
+      {};  // beside the first, "camera-1": "camera-2" and so on, with these faults of theirs
 };
 
 class FaultyRig {
@@ -53,8 +57,9 @@ class FaultyRig {
   Server& server();
   const std::string& address() const;  // of the server
   const std::string& display_address() const;
-  std::filesystem::path archive(const std::string& session) const;
-  void restart_camera();
+  // `camera`: 0 for the first.
+  std::filesystem::path archive(const std::string& session, int camera = 0) const;
+  void restart_camera(int camera = 0);
   void restart_display();
 
  private:
@@ -63,13 +68,15 @@ class FaultyRig {
   struct CameraNode;
   struct Network;
 
+  std::filesystem::path archives(int camera) const;
+
   const RigFaults faults_;
   const std::uint64_t seed_;
   const int patch_rows_;
   const std::filesystem::path data_;
   std::unique_ptr<ServerNode> server_;
   std::unique_ptr<DisplayNode> display_;
-  std::unique_ptr<CameraNode> camera_;
+  std::vector<std::unique_ptr<CameraNode>> cameras_;
   std::unique_ptr<Network> network_;
   std::unique_ptr<v1::SessionService::Stub> sessions_;
 };

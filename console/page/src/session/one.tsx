@@ -11,11 +11,13 @@ import { plainName, timeText } from "../parts/words";
 import { Annotations } from "./annotations";
 import { Controls } from "./controls";
 import { framesBySteps, newestOf, placeOfStep, showpieceOf } from "./frames";
+import { type Order, ordered } from "./order";
 import { Progress } from "./progress";
 import { stepLimit } from "./rates";
 import { Retakes } from "./retakes";
 import { RigChanges } from "./rig_changes";
 import { Scrubber } from "./scrubber";
+import { SessionTable } from "./session_table";
 import { isCalibration, isCapturing, isUnderWay, kindOf, waitingText } from "./states";
 import { TimelineView } from "./timeline_view";
 import { useArchive } from "./use_archive";
@@ -24,6 +26,7 @@ import { useTimeline } from "./use_timeline";
 const kLookAgain_s = 2;
 
 function matteOf(session: SessionJson): "done" | "draft" | "partial" | undefined {
+  if (session.views) return undefined; // one for each camera
   if (session.frameCount) return undefined; // a video has one for each frame, on the matte's page
   if (session.draft) return "draft";
   if (session.state === "SESSION_STATE_SOLVING" && (session.tilesDone ?? 0) > 0) return "partial";
@@ -32,7 +35,7 @@ function matteOf(session: SessionJson): "done" | "draft" | "partial" | undefined
 
 function Head({ session }: { session: SessionJson }) {
   const name = session.name ?? "";
-  const looks = session.matteReady || (session.solvedFrames?.length ?? 0) > 0;
+  const looks = !session.views && (session.matteReady || (session.solvedFrames?.length ?? 0) > 0);
   return (
     <div class="row">
       <h1>{name}</h1>
@@ -41,6 +44,12 @@ function Head({ session }: { session: SessionJson }) {
         {session.method}, {timeText(session.created ?? "")}
         {session.startedBy && `, by ${session.startedBy}`}
       </span>
+      {session.viewOf && (
+        <span>
+          camera {session.viewCamera} of{" "}
+          <a href={`#/session/${encodeURIComponent(session.viewOf)}`}>{session.viewOf}</a>
+        </span>
+      )}
       <span class="spacer" />
       <Downloads session={name} captured={isCaptured(session)} matte={matteOf(session)} />
       {looks && <a href={`#/matte/${encodeURIComponent(name)}`}>View the matte</a>}
@@ -51,6 +60,48 @@ function Head({ session }: { session: SessionJson }) {
       )}
       {isCalibration(session) ? <a href="#/calibrations">All calibrations</a> : <a href="#/session">All sessions</a>}
     </div>
+  );
+}
+
+/** What it waits for, why it rests, and what is uncertain. */
+function Says({ session }: { session: SessionJson }) {
+  return (
+    <>
+      {session.waiting && (
+        <p class="caution-text" role="status">
+          <Message text={waitingText(session.waiting)} />
+        </p>
+      )}
+      {session.reason && !(session.waiting && isUnderWay(session)) && (
+        <p class={kindOf(session) === "bad" ? "failure" : "caution-text"} role="status">
+          <Message text={session.reason} />
+        </p>
+      )}
+      {session.warning && (
+        <p class="caution-text">
+          <Message text={session.warning} />
+        </p>
+      )}
+    </>
+  );
+}
+
+/** A session with several cameras: the views that it sums up. */
+function Views({ session, views }: { session: SessionJson; views: readonly SessionJson[] }) {
+  const [order, setOrder] = useState<Order>({ column: "name", descending: false });
+  return (
+    <>
+      <section class="card">
+        <Says session={session} />
+        <RigChanges session={session} />
+        <Controls session={session} />
+      </section>
+      <section class="card">
+        <h2>Cameras</h2>
+        <SessionTable sessions={ordered(views, order)} order={order} setOrder={setOrder} />
+      </section>
+      <Annotations session={session} />
+    </>
   );
 }
 
@@ -67,21 +118,7 @@ function Session({ session }: { session: SessionJson }) {
   return (
     <>
       <section class="card">
-        {session.waiting && (
-          <p class="caution-text" role="status">
-            <Message text={waitingText(session.waiting)} />
-          </p>
-        )}
-        {session.reason && !(session.waiting && isUnderWay(session)) && (
-          <p class={kindOf(session) === "bad" ? "failure" : "caution-text"} role="status">
-            <Message text={session.reason} />
-          </p>
-        )}
-        {session.warning && (
-          <p class="caution-text">
-            <Message text={session.warning} />
-          </p>
-        )}
+        <Says session={session} />
         <RigChanges session={session} />
         <Progress session={session} timeline={timeline} archive={archive} />
         <Controls session={session} />
@@ -122,7 +159,12 @@ export function One({ name }: { name: string }) {
     <div class={live || !value ? "session" : "session stale"}>
       {!live && <FeedFailure error={error} />}
       {value?.session && <Head session={value.session} />}
-      {value?.session && <Session key={name} session={value.session} />}
+      {value?.session &&
+        (value.session.views ? (
+          <Views session={value.session} views={value.session.views} />
+        ) : (
+          <Session key={name} session={value.session} />
+        ))}
     </div>
   );
 }

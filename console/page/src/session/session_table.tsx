@@ -96,11 +96,12 @@ function Row({ session, pictured, search, selected, select }: RowProps) {
       )}
       <td data-label="Session">
         <span class="titled">
-          {pictured && <Thumbnail session={session} />}
+          {pictured && <Thumbnail session={session.views?.[0] ?? session} />}
           <span>
             <a href={`#/session/${encodeURIComponent(name)}`}>
               <b>{name}</b>
             </a>
+            {session.views && <span class="note">{countText(session.views.length, "camera")}</span>}
             {note && <span class="note clip">{note}</span>}
           </span>
         </span>
