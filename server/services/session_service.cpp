@@ -202,7 +202,8 @@ grpc::Status SessionServiceImpl::CancelSession(grpc::ServerContext* context,
 grpc::Status SessionServiceImpl::DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
                                                v1::DeleteSessionResponse* response) {
   GW_CHECK_LIMITS(*request);
-  const absl::StatusOr<std::int64_t> freed_bytes = server_.deleter().remove(request->name());
+  const absl::StatusOr<std::int64_t> freed_bytes =
+      server_.storage().remove(request->name(), request->trash(), *response->mutable_ends());
   if (!freed_bytes.ok()) return to_grpc(freed_bytes.status());
   response->set_freed_bytes(*freed_bytes);
   return grpc::Status::OK;

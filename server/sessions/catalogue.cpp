@@ -45,6 +45,12 @@ absl::Status add_columns(Database& database) {
   return absl::OkStatus();
 }
 
+absl::Status check_not_in_trash(const v1::Session& session) {
+  if (session.deleted().empty()) return absl::OkStatus();
+  return absl::NotFoundError(
+      fmt::format("session \"{0}\" is in the trash; take it back: glasswing undelete {0}", session.name()));
+}
+
 absl::StatusOr<absl::Time> time_of(const char* field, const std::string& text, absl::Time otherwise) {
   if (text.empty()) return otherwise;
   absl::Time time;
@@ -125,6 +131,13 @@ absl::Status Catalogue::insert(const v1::Session& session, const std::string& re
           .bind(session.SerializeAsString())
           .finish();
   if (absl::IsAlreadyExists(status)) {
+    const absl::StatusOr<v1::Session> taken = find_locked(session.name());
+    if (taken.ok() && !taken->deleted().empty()) {
+      return absl::AlreadyExistsError(
+          fmt::format("session \"{0}\" is in the trash; choose another name, or give it up: glasswing delete "
+                      "{0} --now",
+                      session.name()));
+    }
     return absl::AlreadyExistsError(
         fmt::format("session \"{}\" already exists; choose another name", session.name()));
   }
@@ -159,6 +172,7 @@ absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest
   for (const std::string& tag : request.add_tags()) GW_RETURN_IF_ERROR(check_name("tag", tag));
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(const v1::Session session, find_locked(request.name()));
+  GW_RETURN_IF_ERROR(check_not_in_trash(session));
   std::set<std::string> tags(session.tags().begin(), session.tags().end());
   tags.insert(request.add_tags().begin(), request.add_tags().end());
   for (const std::string& tag : request.remove_tags()) tags.erase(tag);
@@ -243,9 +257,15 @@ absl::StatusOr<v1::Session> Catalogue::find_locked(const std::string& name) {
                fmt::format("there is no session \"{}\"; `glasswing sessions` lists them", name));
 }
 
-absl::StatusOr<v1::Session> Catalogue::find(const std::string& name) {
+absl::StatusOr<v1::Session> Catalogue::find_anywhere(const std::string& name) {
   const std::lock_guard lock(mutex_);
   return find_locked(name);
+}
+
+absl::StatusOr<v1::Session> Catalogue::find(const std::string& name) {
+  GW_ASSIGN_OR_RETURN(v1::Session session, find_anywhere(name));
+  GW_RETURN_IF_ERROR(check_not_in_trash(session));
+  return session;
 }
 
 absl::StatusOr<v1::Session> Catalogue::find_request(const std::string& request_id) {
@@ -255,13 +275,14 @@ absl::StatusOr<v1::Session> Catalogue::find_request(const std::string& request_i
   return first(std::move(query), "no session was made by this request");
 }
 
-absl::StatusOr<std::vector<v1::Session>> Catalogue::list() {
+absl::StatusOr<std::vector<v1::Session>> Catalogue::listed(bool in_trash) {
   const std::lock_guard lock(mutex_);
   Database::Query query = database_.query(rows_of("session") + "ORDER BY id DESC");
   std::vector<v1::Session> sessions;
   while (query.next()) {
     absl::StatusOr<v1::Session> session = parsed(query);
-    sessions.push_back(session.ok() ? *std::move(session) : damaged(query));
+    if (session.ok() && session->deleted().empty() == in_trash) continue;
+    if (session.ok() || !in_trash) sessions.push_back(session.ok() ? *std::move(session) : damaged(query));
   }
   GW_RETURN_IF_ERROR(query.status());
   return sessions;

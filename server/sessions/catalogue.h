@@ -48,13 +48,16 @@ class Catalogue {
   absl::StatusOr<v1::Session> finished(const std::string& name);
   // With its note, tags and replicas.
   absl::Status remove(const std::string& name);
-  // NOT_FOUND: "there is no session ...". DATA_LOSS: its record is damaged.
+  // NOT_FOUND: "there is no session ...", or it is in the trash. DATA_LOSS: its record is damaged.
   absl::StatusOr<v1::Session> find(const std::string& name);
+  // The same, also of a session in the trash.
+  absl::StatusOr<v1::Session> find_anywhere(const std::string& name);
   // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id);
-  // Newest first. A damaged record is listed with its name, SESSION_STATE_DAMAGED, and what to do as its
-  // reason.
-  absl::StatusOr<std::vector<v1::Session>> list();
+  // Newest first, without the trash. A damaged record is listed with its name, SESSION_STATE_DAMAGED, and
+  // what to do as its reason.
+  absl::StatusOr<std::vector<v1::Session>> list() { return listed(false); }
+  absl::StatusOr<std::vector<v1::Session>> trash() { return listed(true); }
 
  private:
   Catalogue(Database database, std::filesystem::path path)
@@ -64,6 +67,7 @@ class Catalogue {
   // Call these with mutex_ held.
   absl::StatusOr<v1::Session> first(Database::Query query, const std::string& missing);
   absl::StatusOr<v1::Session> find_locked(const std::string& name);
+  absl::StatusOr<std::vector<v1::Session>> listed(bool in_trash);
   absl::Status write(const v1::Session& session);
   absl::Status store_replicas(const v1::Session& session);
 

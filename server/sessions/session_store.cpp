@@ -85,12 +85,17 @@ absl::Status SessionStore::Edit::check_stays(const std::string& name) const {
   return absl::FailedPreconditionError(fmt::format("session \"{}\" is being deleted", name));
 }
 
-absl::Status SessionStore::Edit::begin_deleting(const std::string& name) {
+absl::Status SessionStore::Edit::check_unused(const std::string& name) const {
   GW_RETURN_IF_ERROR(check_stays(name));
   if (store_.replicating_.contains(name)) {
     return absl::FailedPreconditionError(
         fmt::format("session \"{}\" is being replicated; wait for it, or interrupt that first", name));
   }
+  return absl::OkStatus();
+}
+
+absl::Status SessionStore::Edit::begin_deleting(const std::string& name) {
+  GW_RETURN_IF_ERROR(check_unused(name));
   store_.deleting_.insert(name);
   return absl::OkStatus();
 }
@@ -137,12 +142,13 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
 }
 
 std::optional<std::set<std::string>> SessionStore::photos() {
-  const absl::StatusOr<std::vector<v1::Session>> sessions = all_stored();
-  if (!sessions.ok()) return std::nullopt;
   std::set<std::string> photos;
-  for (const v1::Session& session : *sessions) {
-    if (session.state() == v1::SESSION_STATE_DAMAGED) return std::nullopt;
-    photos.merge(photos_of(session));
+  for (const auto& sessions : {all_stored(), trash()}) {
+    if (!sessions.ok()) return std::nullopt;
+    for (const v1::Session& session : *sessions) {
+      if (session.state() == v1::SESSION_STATE_DAMAGED) return std::nullopt;
+      photos.merge(photos_of(session));
+    }
   }
   return photos;
 }

@@ -37,6 +37,10 @@ class SessionStore {
   class Edit {
    public:
     absl::StatusOr<v1::Session> find(const std::string& name) const;
+    // As the catalogue has it, also in the trash.
+    absl::StatusOr<v1::Session> find_anywhere(const std::string& name) const {
+      return store_.catalogue_->find_anywhere(name);
+    }
     // ALREADY_EXISTS: the name is taken. Durable, not announced.
     absl::Status insert(const v1::Session& session, const std::string& request_id);
     // Durable, then announced; the live view ends.
@@ -59,6 +63,8 @@ class SessionStore {
     // FAILED_PRECONDITION: the session is being deleted.
     absl::Status check_stays(const std::string& name) const;
     // FAILED_PRECONDITION: the session is being deleted or replicated.
+    absl::Status check_unused(const std::string& name) const;
+    // The same.
     absl::Status begin_deleting(const std::string& name);
     void end_deleting(const std::string& name);
     void begin_replicating(const std::string& name);
@@ -80,13 +86,14 @@ class SessionStore {
   absl::StatusOr<v1::Session> find(const std::string& name);
   // As in the catalogue, which may be behind a running session. Does not wait for an Edit.
   absl::StatusOr<v1::Session> stored(const std::string& name) { return catalogue_->find(name); }
-  // Newest first, including damaged records.
+  // Newest first, including damaged records, without the trash.
   absl::StatusOr<std::vector<v1::Session>> all_stored() { return catalogue_->list(); }
+  absl::StatusOr<std::vector<v1::Session>> trash() { return catalogue_->trash(); }
   // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id) {
     return catalogue_->find_request(request_id);
   }
-  // The photos that any session's plan shows. Absent: unknown, since a record is damaged.
+  // The photos that any session's plan shows, also in the trash. Absent: unknown, since a record is damaged.
   std::optional<std::set<std::string>> photos();
   // Newest first, without plans, with allowed actions. INVALID_ARGUMENT: a time that cannot be parsed.
   absl::StatusOr<std::vector<v1::Session>> list(const v1::ListSessionsRequest& request);

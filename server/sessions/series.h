@@ -1,0 +1,12 @@
+// Sessions that belong together.
+#pragma once
+
+#include <string>
+
+namespace glasswing {
+
+// The session's name without the numbers at its end: "vase" of "vase-7", "vase-090.5" and
+// "vase-20261101-203000". A name that is nothing else is a series of its own.
+std::string series_of(const std::string& session);
+
+}  // namespace glasswing
