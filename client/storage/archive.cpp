@@ -14,7 +14,7 @@
 #include "client/storage/checksum_list.h"
 #include "client/storage/commands.h"
 #include "client/storage/session_record.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/base/status.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/output.h"

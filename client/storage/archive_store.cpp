@@ -6,7 +6,7 @@
 #include <chrono>
 
 #include "client/storage/checksum_list.h"
-#include "core/base/run_program.h"
+#include "core/process/run_program.h"
 #include "core/base/status.h"
 
 namespace glasswing {

@@ -11,8 +11,8 @@
 #include <memory>
 #include <string>
 
-#include "core/base/file.h"
-#include "core/base/positioned_file.h"
+#include "core/file/file.h"
+#include "core/file/positioned_file.h"
 #include "core/base/status.h"
 #include "core/cli/progress.h"
 

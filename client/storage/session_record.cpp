@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/base/status.h"
 
 namespace glasswing {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <chrono>
 
-#include "core/base/pause.h"
+#include "core/process/pause.h"
 #include "core/base/status.h"
 #include "server/archives/replicas.h"
 #include "server/sessions/series.h"

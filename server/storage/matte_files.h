@@ -22,7 +22,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/base/positioned_file.h"
+#include "core/file/positioned_file.h"
 
 namespace glasswing {
 
