@@ -83,6 +83,8 @@ constexpr MethodAccess kTable[] = {
     {"QueueService/RunQueueItem", kOperator, kAudited},
     {"QueueService/ApproveQueueItem", kOperator, kAudited},
     {"QueueService/SetQueue", kOperator, kAudited},
+    {"QueueService/HoldQueue", kOperator, kAudited},
+    {"QueueService/ReleaseQueue", kOperator, kAudited},
     {"QueueService/ListQueueHistory", kPeople},
     {"RigService/CalibrateSync", kOperator, kAudited},
     {"RigService/CheckRig", kOperator, kAudited},

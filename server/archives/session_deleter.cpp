@@ -141,7 +141,7 @@ absl::Status SessionDeleter::remove_frames(const std::string& name) {
     GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_DELETE));
     absl::Time marked = absl::InfinitePast();
     (void)absl::ParseTime(absl::RFC3339_full, session.frames_deleted(), &marked, nullptr);
-    if (session.state() != v1::SESSION_STATE_DONE || mattes_.finished_at(name) > marked) {
+    if (session.state() != v1::SESSION_STATE_DONE || mattes_.finished_at(name) > marked + absl::Seconds(1)) {
       session.clear_frames_deleted();
       return edit.change(session);
     }

@@ -128,7 +128,9 @@ grpc::Status SessionServiceImpl::ListMethods(grpc::ServerContext*, const v1::Lis
 grpc::Status SessionServiceImpl::GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
                                             v1::GetSessionResponse* response) {
   GW_CHECK_LIMITS(*request);
-  return answer(server_.sessions().find(request->name()), response);
+  absl::StatusOr<v1::Session> session = server_.sessions().find(request->name());
+  if (session.ok()) session = server_.sessions().judged(*std::move(session));
+  return answer(std::move(session), response);
 }
 
 grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,

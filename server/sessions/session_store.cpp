@@ -7,8 +7,18 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "server/sessions/session_state.h"
+#include "server/sessions/verdict.h"
 
 namespace glasswing {
+
+namespace {
+
+void enter_verdict(const Verdicts& verdicts, v1::Session& session) {
+  v1::SessionVerdict verdict = verdicts.of(session);
+  if (!verdict.measures().empty()) *session.mutable_verdict() = std::move(verdict);
+}
+
+}  // namespace
 
 absl::StatusOr<std::unique_ptr<SessionStore>> SessionStore::open(const std::filesystem::path& data) {
   GW_ASSIGN_OR_RETURN(std::unique_ptr<Catalogue> catalogue, Catalogue::open(data / "catalogue.sqlite"));
@@ -121,6 +131,7 @@ absl::StatusOr<v1::Session> SessionStore::find(const std::string& name) {
 absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessionsRequest& request) {
   GW_RETURN_IF_ERROR(matches({}, request).status());  // also where there is no session
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored, all_stored());
+  const Verdicts verdicts(stored);
   std::vector<v1::Session> sessions;
   for (const v1::Session& each : stored) {
     absl::StatusOr<v1::Session> session =
@@ -130,6 +141,8 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
     GW_ASSIGN_OR_RETURN(const bool wanted, matches(*session, request));
     if (!wanted) continue;
     v1::Session listed = with_allowed_actions(*std::move(session));  // they depend on the plan
+    enter_verdict(verdicts, listed);
+    if (listed.has_verdict()) listed.mutable_verdict()->clear_measures();
     // Long, and useless in a list, except for what distinguishes a calibration from a session with an object.
     v1::Plan plan;
     if (listed.plan().has_calibration()) *plan.mutable_calibration() = listed.plan().calibration();
@@ -139,6 +152,12 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
     sessions.push_back(std::move(listed));
   }
   return sessions;
+}
+
+absl::StatusOr<v1::Session> SessionStore::judged(v1::Session session) {
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored, all_stored());
+  enter_verdict(Verdicts(stored), session);
+  return session;
 }
 
 std::optional<std::set<std::string>> SessionStore::photos() {

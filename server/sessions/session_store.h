@@ -95,7 +95,10 @@ class SessionStore {
   }
   // The photos that any session's plan shows, also in the trash. Absent: unknown, since a record is damaged.
   std::optional<std::set<std::string>> photos();
-  // Newest first, without plans, with allowed actions. INVALID_ARGUMENT: a time that cannot be parsed.
+  // The session with its verdict.
+  absl::StatusOr<v1::Session> judged(v1::Session session);
+  // Newest first, without plans, with allowed actions and verdicts. INVALID_ARGUMENT: a time that cannot be
+  // parsed.
   absl::StatusOr<std::vector<v1::Session>> list(const v1::ListSessionsRequest& request);
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
   absl::Status set_replica(const std::string& name, const v1::ArchiveCopy& replica) {

@@ -128,7 +128,7 @@ export function Controls({ session }: { session: SessionJson }) {
         <Confirm
           title={`Delete ${name}?`}
           action="Delete"
-          run={() => call<DeleteSessionResponseJson>("SessionService/DeleteSession", { name })}
+          run={() => call<DeleteSessionResponseJson>("SessionService/DeleteSession", { name, trash: true })}
           done={() => (location.hash = isCalibration(session) ? "#/calibrations" : "#/session")}
           close={() => setAsked(undefined)}
         >

@@ -29,7 +29,7 @@ function stepsText(session: SessionJson): string {
 async function deleteAll(names: readonly string[]): Promise<void> {
   const failures: string[] = [];
   for (const name of names) {
-    await call("SessionService/DeleteSession", { name }).catch((error: unknown) =>
+    await call("SessionService/DeleteSession", { name, trash: true }).catch((error: unknown) =>
       failures.push(`${name}: ${errorText(error)}`),
     );
   }
