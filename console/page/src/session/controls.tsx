@@ -132,7 +132,7 @@ export function Controls({ session }: { session: SessionJson }) {
           done={() => (location.hash = isCalibration(session) ? "#/calibrations" : "#/session")}
           close={() => setAsked(undefined)}
         >
-          <p>Its frames and mattes are removed for good.</p>
+          <p>It stays in the trash for a day; glasswing undelete takes it back.</p>
         </Confirm>
       )}
     </div>
