@@ -8,8 +8,10 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/file/fault_point.h"
+#include "core/process/pause.h"
 #include "server/queue/queue_wish.h"
 #include "server/rig/rig_link.h"
+#include "server/rig/static_pattern.h"
 #include "server/selftest/rig_check.h"
 #include "server/sessions/session_state.h"
 
@@ -558,6 +560,31 @@ absl::Status CaptureQueue::place_monitors(const v1::QueueItem& item, const Calle
   return absl::OkStatus();
 }
 
+absl::Status CaptureQueue::warm_up(const v1::QueueItem& item, const Caller& holding,
+                                   const std::stop_token& stop) {
+  const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                      std::chrono::duration<double>(item.wish().warm_up_s()));
+  GW_ASSIGN_OR_RETURN(const RigLock::Drive drive, parts_.rig_lock.drive(holding, "warming up"));
+  MonitorNames wanted;
+  for (const v1::PlanMonitor& monitor : item.wish().plan().monitors()) wanted.push_back(monitor.name());
+  GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(parts_.nodes, parts_.calibrations, wanted, stop));
+  GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, rig.monitors());
+  GW_RETURN_IF_ERROR(check_monitors(wanted, monitors));
+  std::erase_if(monitors, [&](const v1::Monitor& monitor) {
+    return !wanted.empty() && std::ranges::count(wanted, monitor.name()) == 0;
+  });
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Stimulus> white, test_pattern("white", monitors));
+  says(item, fmt::format("warms up the monitors for {:.0f} s", item.wish().warm_up_s()));
+  GW_ASSIGN_OR_RETURN(const auto showing, StaticPattern::start(rig, white, {}, stop));
+  while (Clock::now() < end) {
+    GW_RETURN_IF_ERROR(showing->check());
+    const auto left = std::min<Clock::duration>(end - Clock::now(), kLookEvery);
+    if (!pause(stop, std::chrono::duration_cast<std::chrono::milliseconds>(left)))
+      return absl::CancelledError("the server is stopping");
+  }
+  return absl::OkStatus();
+}
+
 // UNAVAILABLE: what is wrong, which may pass.
 absl::Status CaptureQueue::check_rig_for(const v1::QueueItem& item, const Caller& holding,
                                          const std::stop_token& stop) {
@@ -583,6 +610,7 @@ absl::Status CaptureQueue::check_rig_for(const v1::QueueItem& item, const Caller
 
 absl::StatusOr<v1::Session> CaptureQueue::created(const v1::QueueItem& item, const std::string& id,
                                                   const Caller& holding, const std::stop_token& stop) {
+  if (item.wish().warm_up_s() > 0.0) GW_RETURN_IF_ERROR(warm_up(item, holding, stop));
   GW_RETURN_IF_ERROR(check_rig_for(item, holding, stop));
   const v1::QueueWish& wish = item.wish();
   v1::CreateSessionRequest request;

@@ -107,6 +107,8 @@ class CaptureQueue {
   absl::StatusOr<v1::Session> created(const v1::QueueItem& item, const std::string& request_id,
                                       const Caller& holding, const std::stop_token& stop);
   absl::Status check_rig_for(const v1::QueueItem& item, const Caller& holding, const std::stop_token& stop);
+  // Lights the plan's monitors for as long as the wish says.
+  absl::Status warm_up(const v1::QueueItem& item, const Caller& holding, const std::stop_token& stop);
   absl::Status place_monitors(const v1::QueueItem& item, const Caller& holding, const std::stop_token& stop);
   void try_again(const v1::QueueItem& item, const std::string& why, const std::stop_token& stop);
 

@@ -1,5 +1,6 @@
 """The queue of captures from Python, on a simulated rig."""
 
+import datetime
 import unittest
 
 import glasswing
@@ -34,6 +35,11 @@ class Queue(unittest.TestCase):
         with self.assertRaisesRegex(glasswing.InvalidInput, "braces"):
             queue.add(self.plan, "{pose}")
         self.assertFalse(queue.running)
+        now = datetime.datetime.now()
+        held = queue.hold(now, now + datetime.timedelta(hours=1), "visitors")
+        with self.assertRaises(glasswing.InvalidInput):
+            queue.hold(now, now - datetime.timedelta(hours=1))
+        queue.release(held)
         queue.approve(first.number)
         queue.start()
         self.assertTrue(queue.running)

@@ -301,6 +301,19 @@ TEST_F(CaptureQueueTest, AsksAPersonWhereTheCaptureBeforeSawTheRigChange) {
   EXPECT_EQ(queue().find(c)->approved_by(), "");
 }
 
+TEST_F(CaptureQueueTest, WarmsUpTheMonitors) {
+  v1::QueueWish warmed = wish("a");
+  warmed.set_warm_up_s(2.0);
+  const std::int64_t a = add(warmed);
+  const nanoseconds began = monotonic_now();
+  run();
+  EXPECT_THAT(until(a, [](const v1::QueueItem& item) { return !item.reason().empty(); }).reason(),
+              HasSubstr("warms up"));
+  EXPECT_EQ(rig_->server().rig_lock().holder()->what(), "warming up");
+  EXPECT_EQ(ended(a).state(), v1::QUEUE_ITEM_STATE_DONE) << queue().find(a)->reason();
+  EXPECT_GE(monotonic_now() - began, std::chrono::seconds(2));
+}
+
 TEST_F(CaptureQueueTest, TestsTheRigBeforeAnItem) {
   v1::QueueWish tested = wish("a");
   tested.set_doctor(true);
