@@ -305,7 +305,8 @@ absl::Duration CaptureQueue::expected(const v1::QueueItem& item) {
 
 std::string CaptureQueue::held_for_people(const v1::QueueItem& item) {
   const absl::Time now = absl::Now();
-  for (const v1::QueueHold& hold : state().holds()) {
+  const v1::QueueState queue = state();
+  for (const v1::QueueHold& hold : queue.holds()) {
     if (time_of(hold.from()) > now && time_of(hold.from()) - now >= expected(item)) continue;
     return fmt::format("waits until {}: the rig is held for people{}{}", hold.to(),
                        hold.why().empty() ? "" : ": ", hold.why());
