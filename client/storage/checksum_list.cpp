@@ -10,11 +10,12 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
-#include "core/file/file.h"
-#include "core/file/positioned_file.h"
 #include "core/base/status.h"
 #include "core/cli/progress.h"
+#include "core/file/file.h"
+#include "core/file/positioned_file.h"
 
 namespace glasswing {
 namespace {
@@ -62,11 +63,11 @@ absl::StatusOr<std::map<std::string, std::string>> read_list(const fs::path& pat
     return absl::DataLossError(fmt::format("{} is larger than any list of checksums", path.string()));
   GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
   std::map<std::string, std::string> list;
-  for (const std::string_view line : absl::StrSplit(text, '\n', absl::SkipEmpty())) {
+  for (const std::string& line : std::vector<std::string>(absl::StrSplit(text, '\n', absl::SkipEmpty()))) {
     const bool good = line.size() > kDigits + 2 && line.substr(kDigits, 2) == "  " &&
                       line.find_first_not_of("0123456789abcdef") == kDigits;
     if (!good) return absl::DataLossError(fmt::format("{} is damaged: \"{}\"", path.string(), line));
-    list[std::string(line.substr(kDigits + 2))] = std::string(line.substr(0, kDigits));
+    list[line.substr(kDigits + 2)] = line.substr(0, kDigits);
   }
   return list;
 }
