@@ -14,11 +14,11 @@
 #include "client/storage/checksum_list.h"
 #include "client/storage/commands.h"
 #include "client/storage/session_record.h"
-#include "core/file/file.h"
 #include "core/base/status.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
+#include "core/file/file.h"
 #include "core/method/methods.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
@@ -64,7 +64,7 @@ absl::StatusOr<int> write_session(const Sessions& server, const v1::Session& ses
   GW_RETURN_IF_ERROR(write_session_record(
       {.session = session, .computes = mattes > 0 ? computes(session.method()) : ""}, directory));
   GW_RETURN_IF_ERROR(write_checksum_list(directory));
-  GW_RETURN_IF_ERROR(check_checksum_list(directory));  // as the disk has it
+  GW_RETURN_IF_ERROR(check_checksum_list(directory, directory.string()));  // as the disk has it
   return mattes;
 }
 

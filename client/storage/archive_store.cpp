@@ -6,8 +6,8 @@
 #include <chrono>
 
 #include "client/storage/checksum_list.h"
-#include "core/process/run_program.h"
 #include "core/base/status.h"
+#include "core/process/run_program.h"
 
 namespace glasswing {
 namespace {

@@ -84,14 +84,14 @@ absl::Status write_checksum_list(const fs::path& directory) {
   return write_file_durably(directory / kChecksumList, list);
 }
 
-absl::Status check_checksum_list(const fs::path& directory) {
+absl::Status check_checksum_list(const fs::path& directory, const std::string& title) {
   const fs::path path = directory / kChecksumList;
   std::error_code ignored;
   if (!fs::exists(path, ignored)) {
     return absl::NotFoundError(fmt::format(
         "{} has no {}: it is no archive that glasswing archive wrote, or it is incomplete; frames without a "
         "list of checksums are taken by glasswing import",
-        directory.string(), kChecksumList));
+        title, kChecksumList));
   }
   GW_ASSIGN_OR_RETURN(auto list, read_list(path));
   GW_ASSIGN_OR_RETURN(const auto files, files_of(directory));
@@ -100,17 +100,17 @@ absl::Status check_checksum_list(const fs::path& directory) {
   for (const auto& [name, file] : files) {
     const auto listed = list.find(name);
     if (listed == list.end())
-      return absl::DataLossError(fmt::format("{} is not in {}", file.string(), kChecksumList));
+      return absl::DataLossError(fmt::format("{}/{} is not in {}", title, name, kChecksumList));
     GW_ASSIGN_OR_RETURN(const std::string sum, sha256_of(file));
     if (sum != listed->second) {
-      return absl::DataLossError(fmt::format("{} is damaged: its SHA-256 is {}, {} says {}", file.string(),
+      return absl::DataLossError(fmt::format("{}/{} is damaged: its SHA-256 is {}, {} says {}", title, name,
                                              sum, kChecksumList, listed->second));
     }
     list.erase(listed);
     progress.update(static_cast<double>(++done) / static_cast<double>(files.size()));
   }
   if (list.empty()) return absl::OkStatus();
-  return absl::DataLossError(fmt::format("{} is missing", (directory / list.begin()->first).string()));
+  return absl::DataLossError(fmt::format("{}/{} is missing", title, list.begin()->first));
 }
 
 }  // namespace glasswing

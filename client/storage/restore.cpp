@@ -58,7 +58,7 @@ absl::StatusOr<v1::Session> annotate(const Client& client, const std::string& na
 
 absl::Status restore_from(const Client& client, const fs::path& directory,
                           const RestoreArguments& arguments) {
-  GW_RETURN_IF_ERROR(check_checksum_list(directory));
+  GW_RETURN_IF_ERROR(check_checksum_list(directory, arguments.archive));
   GW_ASSIGN_OR_RETURN(const SessionRecord record, read_session_record(directory));
   const std::string name = arguments.session.empty() ? record.session.name() : arguments.session;
   GW_RETURN_IF_ERROR(check_name("session", name));

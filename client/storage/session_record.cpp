@@ -5,8 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/file/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 namespace {

@@ -47,7 +47,8 @@ class Storage:
         """The command fails, and one line says why."""
         command = [str(BIN / "glasswing"), *arguments]
         done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=100.0)
-        assert done.returncode != 0 and why in done.stderr and done.stderr.count("\n") == 1, f"{arguments}: {done.returncode} {done.stderr}"
+        errors = [line for line in done.stderr.splitlines() if line.startswith("glasswing: ")]  # beside progress
+        assert done.returncode != 0 and len(errors) == 1 and why in errors[0], f"{arguments}: {done.returncode} {done.stderr}"
 
     def usage(self, by: str) -> dict[str, dict[str, object]]:
         rows = json.loads(self.run("du", "--by", by, "--json"))["rows"]
