@@ -12,6 +12,7 @@
 #include "client/sessions/commands.h"
 #include "client/sessions/matte_input.h"
 #include "client/solve/commands.h"
+#include "client/storage/commands.h"
 #include "compositing/commands.h"
 #include "core/cli/completion.h"
 
@@ -57,6 +58,11 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_export_command(app, client);
   add_replicate_command(app, client);
   add_fsck_command(app, client);
+  add_du_command(app, client);
+  add_undelete_command(app, client);
+  add_retention_command(app, client);
+  add_archive_command(app, client);
+  add_restore_command(app, client);
   app.group("Mattes");
   add_solve_command(app, client);
   add_priority_command(app, client);

@@ -18,6 +18,7 @@
 #include "server/services/rig_service.h"
 #include "server/services/server.h"
 #include "server/services/session_service.h"
+#include "server/services/storage_service.h"
 #include "server/services/work_service.h"
 
 namespace glasswing {
@@ -35,6 +36,7 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   MatteServiceImpl mattes(*server);
   QueueServiceImpl queue(*server);
   JobServiceImpl jobs(*server);
+  StorageServiceImpl storage(server->storage());
   FleetServiceImpl fleet([&] { return server->fleet(); });
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens,
                       AccessTokens::open(options.store.data, server->problems()));
@@ -50,7 +52,7 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   const EventWatch events(server->sessions(), options.store.data, *hook);
   server->queue().observe([&hook](const Event& event) { hook->add(event); });
   return serve(daemon,
-               {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs, &console},
+               {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs, &storage, &console},
                 .principal_of =
                     [&](const std::string& login) {
                       return tokens->principal_of(login, AccessTokens::current_time());

@@ -25,6 +25,23 @@ void add_server_options(CLI::App& app, DaemonOptions& daemon, ServerProgramOptio
          "are handed out")
       ->check(CLI::Range(0.01, 2.0))
       ->capture_default_str();
+  StorageOptions& storage = server.store.storage;
+  app.add_option("--trash-hours", storage.trash_hours,
+                 "hours until the trash is emptied of what was deleted; 0: there is no trash")
+      ->check(CLI::Range(0.0, 87600.0))
+      ->capture_default_str();
+  app.add_option("--keep-newest", storage.rules.newest,
+                 "put all but the newest so many sessions of each series (vase-1, vase-2) into the trash; 0: "
+                 "keep all")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
+  app.add_option("--keep-frames-days", storage.rules.frames_days,
+                 "remove the frames of a session so many days after its matte was solved; 0: never")
+      ->check(CLI::Range(0.0, 36500.0))
+      ->capture_default_str();
+  app.add_option("--keep-tags", storage.rules.exempt_tags,
+                 "tags, divided by commas, whose sessions these rules leave alone")
+      ->delimiter(',');
   app.add_option("--hook", server.hook.command,
                  "program and arguments, separated by spaces, to run on events, with one line of JSON on its "
                  "standard input; no shell is involved");

@@ -1,3 +1,5 @@
+#include "client/exchange/import.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -189,7 +191,7 @@ absl::StatusOr<FrameSource> source_of(const ImportArguments& arguments) {
   return arguments.sequence.empty() ? archive_source(path) : sequence_source(path, arguments.sequence);
 }
 
-absl::Status send(const Client& client, const FrameSource& source, const std::string& camera) {
+absl::StatusOr<v1::Session> send(const Client& client, const FrameSource& source, const std::string& camera) {
   GW_RETURN_IF_ERROR(verify(source));
   const std::string& name = source.manifest.session();
   const Peer<v1::SessionService> server(client.server_title(), client.server);
@@ -211,10 +213,9 @@ absl::Status send(const Client& client, const FrameSource& source, const std::st
   GW_RETURN_IF_ERROR(sender.finish());
   v1::FinishImportRequest finish;
   finish.set_name(name);
-  GW_ASSIGN_OR_RETURN(const v1::FinishImportResponse finished,
+  GW_ASSIGN_OR_RETURN(v1::FinishImportResponse finished,
                       call(server, &v1::SessionService::Stub::FinishImport, finish, kLongCallTimeout));
-  print_session(finished.session(), client.json);
-  return absl::OkStatus();
+  return std::move(*finished.mutable_session());
 }
 
 absl::Status write(const Client& client, const FrameSource& source, const std::string& directory) {
@@ -250,14 +251,25 @@ absl::Status import(const Client& client, const ImportArguments& arguments) {
   const std::string& named_after = arguments.archive.empty() ? arguments.directory : arguments.archive;
   source.manifest.set_session(arguments.session.empty() ? name_of_directory(named_after) : arguments.session);
   GW_RETURN_IF_ERROR(check_name("session", source.manifest.session()));
-  GW_RETURN_IF_ERROR(arguments.archive.empty() ? send(client, source, arguments.camera)
-                                               : write(client, source, arguments.archive));
+  if (arguments.archive.empty()) {
+    GW_ASSIGN_OR_RETURN(const v1::Session session, send(client, source, arguments.camera));
+    print_session(session, client.json);
+  } else {
+    GW_RETURN_IF_ERROR(write(client, source, arguments.archive));
+  }
   for (const std::string& warning : source.warnings)
     std::cerr << fmt::format("warning: {}\n", printable(warning));
   return absl::OkStatus();
 }
 
 }  // namespace
+
+absl::StatusOr<v1::Session> import_archive(const Client& client, const fs::path& directory,
+                                           const std::string& session, const std::string& camera) {
+  GW_ASSIGN_OR_RETURN(FrameSource source, archive_source(directory));
+  source.manifest.set_session(session);
+  return send(client, source, camera);
+}
 
 void add_layout_options(CLI::App& command, const std::shared_ptr<ImportArguments>& arguments) {
   LayoutOptions& options = arguments->layout;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <functional>
 #include <iostream>
 
 #include "client/capture/stage_axes.h"
@@ -148,20 +149,38 @@ std::shared_ptr<Number> add_number(CLI::App& command, const std::string& help = 
   return number;
 }
 
-// A verb that calls with the item's number and prints the item.
+// What a verb does with a number.
+using ByNumber = std::function<absl::Status(const Client&, Number)>;
+
+// Calls with the number, and prints the item that is answered, if one is.
 template <typename Request, typename Response>
-void add_number_verb(CLI::App& queue, Client& client, const std::string& verb, const std::string& help,
-                     grpc::Status (Stub::*rpc)(grpc::ClientContext*, const Request&, Response*)) {
-  CLI::App& command = add_verb(queue, verb, help, fmt::format("  glasswing queue {} 7", verb));
-  const auto number = add_number(command);
-  command.callback([&client, number, rpc] {
-    client.run = [&client, number, rpc]() -> absl::Status {
-      Request request;
-      request.set_number(*number);
-      GW_ASSIGN_OR_RETURN(const Response answer, call(server_of(client), rpc, request));
-      if constexpr (requires { answer.item(); }) print_item(client, answer.item());
-      return absl::OkStatus();
-    };
+ByNumber calls(grpc::Status (Stub::*rpc)(grpc::ClientContext*, const Request&, Response*)) {
+  return [rpc](const Client& client, Number number) -> absl::Status {
+    Request request;
+    request.set_number(number);
+    absl::StatusOr<Response> answer;
+    if constexpr (requires { request.request_id(); }) {
+      answer = call_once(server_of(client), rpc, request);
+    } else {
+      answer = call(server_of(client), rpc, request);
+    }
+    GW_RETURN_IF_ERROR(answer.status());
+    if constexpr (requires { answer->item(); }) print_item(client, answer->item());
+    return absl::OkStatus();
+  };
+}
+
+struct NumberVerb {
+  const char *verb, *help;
+  ByNumber run;
+  const char* number = "the item's number";
+};
+
+void add_number_verb(CLI::App& queue, Client& client, const NumberVerb& verb) {
+  CLI::App& command = add_verb(queue, verb.verb, verb.help, fmt::format("  glasswing queue {} 7", verb.verb));
+  const auto number = add_number(command, verb.number);
+  command.callback([&client, number, run = verb.run] {
+    client.run = [&client, number, run] { return run(client, *number); };
   });
 }
 
@@ -239,6 +258,36 @@ void add_list_verbs(CLI::App& queue, Client& client) {
   });
 }
 
+absl::Status hold_queue(const Client& client, const v1::HoldQueueRequest& request) {
+  GW_ASSIGN_OR_RETURN(const v1::HoldQueueResponse held, call(server_of(client), &Stub::HoldQueue, request));
+  if (client.json) {
+    print_json(held.hold());
+  } else {
+    std::cout << printable(hold_text(held.hold())) << "\n";
+  }
+  return absl::OkStatus();
+}
+
+void add_hold_verb(CLI::App& queue, Client& client) {
+  CLI::App& hold =
+      add_verb(queue, "hold", "Keep the rig free for people: nothing begins that would not end before.",
+               "  glasswing queue hold 2026-11-30T14:00:00+01:00 2026-11-30T16:00:00+01:00 --why visitors\n"
+               "  glasswing queue hold \"$(date -d 14:00 +%FT%T%:z)\" \"$(date -d 16:00 +%FT%T%:z)\"");
+  auto request = std::make_shared<v1::HoldQueueRequest>();
+  hold.add_option_function<std::string>(
+          "from", [request](const std::string& from) { request->set_from(from); }, "RFC 3339")
+      ->required()
+      ->type_name("TIME");
+  hold.add_option_function<std::string>(
+          "to", [request](const std::string& to) { request->set_to(to); }, "RFC 3339")
+      ->required()
+      ->type_name("TIME");
+  hold.add_option_function<std::string>(
+      "--why", [request](const std::string& why) { request->set_why(why); }, "for others");
+  hold.callback(
+      [&client, request] { client.run = [&client, request] { return hold_queue(client, *request); }; });
+}
+
 void add_move_verb(CLI::App& queue, Client& client) {
   CLI::App& command = add_verb(queue, "move", "Move an item that waits.",
                                "  glasswing queue move 7 --before 3\n  glasswing queue move 7 --last");
@@ -263,22 +312,6 @@ void add_move_verb(CLI::App& queue, Client& client) {
   });
 }
 
-void add_duplicate_verb(CLI::App& queue, Client& client) {
-  CLI::App& command = add_verb(queue, "duplicate", "Add a copy of an item, also of one that has ended.",
-                               "  glasswing queue duplicate 7");
-  const auto number = add_number(command);
-  command.callback([&client, number] {
-    client.run = [&client, number]() -> absl::Status {
-      v1::DuplicateQueueItemRequest request;
-      request.set_number(*number);
-      GW_ASSIGN_OR_RETURN(const v1::DuplicateQueueItemResponse added,
-                          call_once(server_of(client), &Stub::DuplicateQueueItem, request));
-      print_item(client, added.item());
-      return absl::OkStatus();
-    };
-  });
-}
-
 void add_queue_verbs(CLI::App& queue, Client& client) {
   CLI::App& start =
       add_verb(queue, "start", "Run what the queue has, and what is added later.", "  glasswing queue start");
@@ -286,12 +319,6 @@ void add_queue_verbs(CLI::App& queue, Client& client) {
   CLI::App& pause =
       add_verb(queue, "pause", "Begin no further item; the running one goes on.", "  glasswing queue pause");
   pause.callback([&client] { client.run = [&client] { return set_queue(client, false); }; });
-  CLI::App& stop =
-      add_verb(queue, "stop-after", "Pause the queue once an item has been captured or has failed.",
-               "  glasswing queue stop-after 7");
-  const auto number = add_number(stop);
-  stop.callback(
-      [&client, number] { client.run = [&client, number] { return stop_after(client, *number); }; });
 }
 
 }  // namespace
@@ -306,16 +333,25 @@ void add_queue_commands(CLI::App& app, Client& client) {
       "  glasswing queue list");
   add_add_verb(queue, client);
   add_list_verbs(queue, client);
-  add_number_verb(queue, client, "show", "Show an item; with --json all of it.", &Stub::GetQueueItem);
   add_edit_verb(queue, client);
   add_move_verb(queue, client);
-  add_duplicate_verb(queue, client);
-  add_number_verb(queue, client, "remove", "Remove an item that is not being captured; its session stays.",
-                  &Stub::RemoveQueueItem);
-  add_number_verb(queue, client, "run", "Run an item next, also while the queue is paused, and approve it.",
-                  &Stub::RunQueueItem);
-  add_number_verb(queue, client, "approve", "Approve an item that waits for it.", &Stub::ApproveQueueItem);
+  add_hold_verb(queue, client);
   add_queue_verbs(queue, client);
+  for (const NumberVerb& verb : {
+           NumberVerb{"show", "Show an item; with --json all of it.", calls(&Stub::GetQueueItem)},
+           NumberVerb{"duplicate", "Add a copy of an item, also of one that has ended.",
+                      calls(&Stub::DuplicateQueueItem)},
+           NumberVerb{"remove", "Remove an item that is not being captured; its session stays.",
+                      calls(&Stub::RemoveQueueItem)},
+           NumberVerb{"run", "Run an item next, also while the queue is paused, and approve it.",
+                      calls(&Stub::RunQueueItem)},
+           NumberVerb{"approve", "Approve an item that waits for it.", calls(&Stub::ApproveQueueItem)},
+           NumberVerb{"stop-after", "Pause the queue once an item has been captured or has failed.",
+                      stop_after},
+           NumberVerb{"release", "Take back a time that was held for people; queue list numbers them.",
+                      calls(&Stub::ReleaseQueue), "the hold's number"},
+       })
+    add_number_verb(queue, client, verb);
 }
 
 }  // namespace glasswing

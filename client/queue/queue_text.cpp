@@ -54,6 +54,12 @@ std::string state_text(const v1::QueueState& queue) {
                      queue.by().empty() ? "" : " by " + queue.by(), queue.since());
 }
 
+std::string hold_text(const v1::QueueHold& hold) {
+  return fmt::format("hold {}: {} to {}{}{}", hold.number(), hold.from(), hold.to(),
+                     hold.by().empty() ? "" : ", for " + hold.by(),
+                     hold.why().empty() ? "" : ": " + hold.why());
+}
+
 std::string summary_of(const v1::QueueItem& item) {
   const std::string name = name_of(item);
   return fmt::format("item {}{} is {}{}", item.number(), name.empty() ? "" : fmt::format(" ({})", name),
@@ -62,7 +68,10 @@ std::string summary_of(const v1::QueueItem& item) {
 
 void print_queue(const Client& client, const v1::GetQueueResponse& queue) {
   if (client.json) return print_json(queue);
-  if (!client.tsv) std::cout << printable(state_text(queue.queue())) << "\n";
+  if (!client.tsv) {
+    std::cout << printable(state_text(queue.queue())) << "\n";
+    for (const v1::QueueHold& hold : queue.queue().holds()) std::cout << printable(hold_text(hold)) << "\n";
+  }
   if (queue.items().empty() && !client.tsv) {
     std::cout << "it has no items; add one with: glasswing queue add PLAN --session NAME\n";
     return;

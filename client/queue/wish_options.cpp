@@ -51,6 +51,10 @@ void add_wish_options(CLI::App& command, const std::shared_ptr<WishOptions>& opt
   command.add_option("--not-before", wish.not_before, "wait until this time: 2026-11-01T20:00:00+01:00")
       ->type_name("TIME");
   command
+      .add_option("--warm-up", wish.warm_up_s,
+                  "seconds for which the plan's monitors are white just before the capture")
+      ->check(CLI::Range(0.0, 86400.0));
+  command
       .add_option("--give-up", wish.give_up_s,
                   "seconds to wait for people; then the next item runs; 0: for ever")
       ->check(CLI::Range(0.0, 1e7));
@@ -80,6 +84,7 @@ absl::Status enter_wish(const WishOptions& options, v1::QueueWish& wish) {
   if (options.steady) wish.set_steady(*options.steady);
   if (options.doctor) wish.set_doctor(*options.doctor);
   if (options.no_warnings) wish.set_no_warnings(*options.no_warnings);
+  if (options.warm_up_s) wish.set_warm_up_s(*options.warm_up_s);
   if (options.give_up_s) wish.set_give_up_s(*options.give_up_s);
   if (options.pause_after) wish.set_pause_after(*options.pause_after);
   return absl::OkStatus();

@@ -19,7 +19,7 @@ struct WishOptions {
   std::vector<double> exposure_ms;
   std::optional<bool> solve, approval, doctor, no_warnings, steady, pause_after;
   std::optional<int> retries;
-  std::optional<double> retry_wait_s, give_up_s;
+  std::optional<double> retry_wait_s, give_up_s, warm_up_s;
 };
 
 void add_wish_options(CLI::App& command, const std::shared_ptr<WishOptions>& options);

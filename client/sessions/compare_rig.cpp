@@ -14,6 +14,7 @@
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
+#include "glasswing/v1/storage_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
@@ -44,7 +45,8 @@ class Comparison {
   Comparison(const Client& client, RigReport& report)
       : report_(report),
         server_(client.server_title(), client.server),
-        nodes_(server_.title, client.server) {}
+        nodes_(server_.title, client.server),
+        storage_(server_.title, client.server) {}
 
   absl::Status run(const std::function<void(double)>& tell) {
     GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse nodes,
@@ -65,6 +67,11 @@ class Comparison {
       GW_RETURN_IF_ERROR(compare_mattes(listed.sessions(i)));
       tell((i + 1.0) / listed.sessions_size());
     }
+    // A server of an earlier version has no trash.
+    const absl::StatusOr<v1::GetUsageResponse> usage =
+        call_pages(storage_, &v1::StorageService::Stub::GetUsage, {}, kLongCallTimeout);
+    if (usage.ok())
+      for (const v1::SessionUsage& session : usage->sessions()) known_.insert(session.name());
     // After the sessions: one that began meanwhile is looked up by name.
     for (auto& [address, keeper] : keepers_) GW_RETURN_IF_ERROR(find_strangers(keeper));
     return absl::OkStatus();
@@ -185,6 +192,7 @@ class Comparison {
   RigReport& report_;
   const Peer<v1::SessionService> server_;
   const Peer<v1::NodeService> nodes_;
+  const Peer<v1::StorageService> storage_;
   std::map<std::string, std::string> addresses_;  // by node
   std::map<std::string, Keeper> keepers_;         // by address
   std::set<std::string> known_;                   // sessions

@@ -22,7 +22,7 @@ using Sessions = Peer<v1::SessionService>;
 struct DeleteArguments {
   std::vector<std::string> sessions;
   std::string camera;
-  bool yes = false;
+  bool yes = false, now = false;
 };
 
 std::string mattes_text(const v1::Session& session) {
@@ -35,18 +35,32 @@ absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Client& client
                                                             const DeleteArguments& arguments) {
   std::vector<v1::Session> sessions;
   for (const std::string& name : arguments.sessions) {
-    GW_ASSIGN_OR_RETURN(v1::Session found, session_of(client, name, arguments.camera));
-    if (!allows(found, v1::SESSION_ACTION_DELETE)) {
+    absl::StatusOr<v1::Session> found = session_of(client, name, arguments.camera);
+    if (arguments.now && absl::IsNotFound(found.status())) {  // perhaps in the trash
+      sessions.emplace_back().set_name(name);
+      continue;
+    }
+    GW_RETURN_IF_ERROR(found.status());
+    if (!allows(*found, v1::SESSION_ACTION_DELETE)) {
       return absl::FailedPreconditionError(fmt::format(
           "session {0} is {1}; wait for it, or cancel it first: glasswing cancel {0}; nothing was deleted",
-          found.name(), state_name(found.state())));
+          found->name(), state_name(found->state())));
     }
-    sessions.push_back(std::move(found));
+    sessions.push_back(*std::move(found));
   }
   return sessions;
 }
 
-absl::Status confirm(const std::vector<v1::Session>& sessions) {
+std::string what_became_of(const std::string& session, const v1::DeleteSessionResponse& answer) {
+  if (!answer.ends().empty()) {
+    return fmt::format("session {0} is in the trash until {1}; take it back: glasswing undelete {0}\n",
+                       session, answer.ends());
+  }
+  return fmt::format("session {} is deleted: {} freed\n", session,
+                     bytes_text(static_cast<double>(answer.freed_bytes())));
+}
+
+absl::Status confirm(const std::vector<v1::Session>& sessions, bool now) {
   if (::isatty(STDIN_FILENO) == 0) {
     return absl::FailedPreconditionError(
         fmt::format("--yes is needed to delete {} without a terminal; nothing was deleted",
@@ -57,7 +71,7 @@ absl::Status confirm(const std::vector<v1::Session>& sessions) {
     std::cerr << fmt::format("{}: {} frames, {}{}\n", session.name(), session.proven_count(),
                              bytes_text(static_cast<double>(session.archive_bytes())), mattes_text(session));
   }
-  std::cerr << "Delete for good? [y/N] ";
+  std::cerr << (now ? "Delete for good? [y/N] " : "Delete? [y/N] ");
   std::string answer;
   std::getline(std::cin, answer);
   if (answer == "y" || answer == "Y" || answer == "yes") return absl::OkStatus();
@@ -67,12 +81,13 @@ absl::Status confirm(const std::vector<v1::Session>& sessions) {
 absl::Status delete_sessions(const Client& client, const DeleteArguments& arguments) {
   const Sessions server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, deletable_sessions(client, arguments));
-  if (!arguments.yes) GW_RETURN_IF_ERROR(confirm(sessions));
+  if (!arguments.yes) GW_RETURN_IF_ERROR(confirm(sessions, arguments.now));
   nlohmann::ordered_json deleted = nlohmann::ordered_json::array();
   absl::Status status;
   for (const v1::Session& session : sessions) {
     v1::DeleteSessionRequest request;
     request.set_name(session.name());
+    request.set_trash(!arguments.now);
     const absl::StatusOr<v1::DeleteSessionResponse> answer =
         call(server, &v1::SessionService::Stub::DeleteSession, request, kDeleteTimeout);
     if (!answer.ok()) {
@@ -83,11 +98,9 @@ absl::Status delete_sessions(const Client& client, const DeleteArguments& argume
                                    std::string(answer.status().message())));
       break;
     }
-    deleted.push_back({{"session", session.name()}, {"freed_bytes", answer->freed_bytes()}});
-    if (!client.json) {
-      std::cout << fmt::format("session {} is deleted: {} freed\n", session.name(),
-                               bytes_text(static_cast<double>(answer->freed_bytes())));
-    }
+    deleted.push_back(
+        {{"session", session.name()}, {"freed_bytes", answer->freed_bytes()}, {"ends", answer->ends()}});
+    if (!client.json) std::cout << what_became_of(session.name(), *answer);
   }
   if (client.json) std::cout << nlohmann::ordered_json{{"deleted", deleted}}.dump(1) << "\n";
   return status;
@@ -96,15 +109,16 @@ absl::Status delete_sessions(const Client& client, const DeleteArguments& argume
 }  // namespace
 
 void add_delete_command(CLI::App& app, Client& client) {
-  CLI::App& command =
-      *app.add_subcommand("delete", "Delete sessions, their frames and their mattes permanently.");
+  CLI::App& command = *app.add_subcommand("delete", "Delete sessions, their frames and their mattes.");
   command.footer(
-      "On a terminal it asks for confirmation. Repeat an interrupted deletion to finish it.\n\n"
+      "They stay in the trash for a day, and keep their disk space and their names until then. On a terminal "
+      "it asks for\nconfirmation. Repeat an interrupted deletion to finish it.\n\n"
       "Examples:\n  glasswing delete vase\n  glasswing delete vase vase-2 --yes\n"
-      "  glasswing delete vase --camera left");
+      "  glasswing delete vase --camera left\n  glasswing delete vase --now");
   auto arguments = std::make_shared<DeleteArguments>();
   command.add_option("sessions", arguments->sessions, "their names")->required();
   add_view_option(command, arguments->camera);
+  command.add_flag("--now", arguments->now, "for good, also of sessions in the trash");
   command.add_flag("--yes", arguments->yes, "do not ask for confirmation");
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return delete_sessions(client, *arguments); };

@@ -62,7 +62,8 @@ absl::Status list_sessions(const Client& client, const SessionsArguments& argume
                     fmt::format("{}/{}", session.tiles_done(), session.tile_count()),
                     bytes_text(static_cast<double>(session.archive_bytes())),
                     fmt::format("{}", fmt::join(session.tags(), " ")), session.note(),
-                    session.has_waiting() ? "waits: " + session.waiting().what() : session.reason()});
+                    session.has_waiting() ? "waits: " + session.waiting().what() : session.reason(),
+                    session.verdict().outlier() ? "unusual: " + session.verdict().text() : ""});
   }
   print_table(client,
               {{"NAME"},
@@ -73,7 +74,8 @@ absl::Status list_sessions(const Client& client, const SessionsArguments& argume
                {"FRAMES", true},
                {"TAGS"},
                {"NOTE"},
-               {"REASON"}},
+               {"REASON"},
+               {"QUALITY"}},
               rows);
   return absl::OkStatus();
 }

@@ -70,6 +70,21 @@ void print_solve(const v1::Session& session) {
                             unsolved_text(session.unsolved_pixel_count())));
 }
 
+void print_verdict(const v1::Session& session) {
+  if (!session.has_verdict()) return;
+  const v1::SessionVerdict& verdict = session.verdict();
+  row("quality", (verdict.outlier() ? "unusual: " : "") + verdict.text());
+}
+
+// When the rules remove its frames, or did.
+void print_ends(const v1::Session& session) {
+  if (!session.frames_deleted().empty()) {
+    row("",
+        fmt::format("a rule removes them; keep them: glasswing undelete {}; du says when", session.name()));
+  }
+  if (!session.frames_gone().empty()) row("frames", "removed by a rule at " + session.frames_gone());
+}
+
 void print_details(const v1::Session& session) {
   row("session", session.name());
   row("state", state_name(session.state()));
@@ -88,6 +103,7 @@ void print_details(const v1::Session& session) {
           ? ""
           : fmt::format("{} on the node at {}", bytes_text(static_cast<double>(session.archive_bytes())),
                         session.archive_address()));
+  print_ends(session);
   for (const v1::ArchiveCopy& copy : session.copies()) {
     row(&copy == &session.copies(0) ? "copies" : "",
         copy.address().empty() ? copy.node() + ", incomplete; finish it with: glasswing replicate " +
@@ -114,6 +130,7 @@ void print_details(const v1::Session& session) {
   }
   for (const v1::AdaptedRound& round : session.adapted())
     row(&round == &session.adapted(0) ? "adapted" : "", describe(round));
+  print_verdict(session);
   if (session.has_draft()) row("draft", describe(session.draft()) + "; fetch it with --partial");
   print_solve(session);
 }

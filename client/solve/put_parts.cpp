@@ -41,6 +41,12 @@ absl::StatusOr<v1::Session> put(const Client& client, v1::PutMatteRequest header
 
 }  // namespace
 
+absl::StatusOr<v1::Session> put_matte(const Client& client, v1::PutMatteRequest header,
+                                      const fs::path& matte) {
+  GW_ASSIGN_OR_RETURN(const auto file, MappedFile::open(matte));
+  return put(client, std::move(header), file->bytes());
+}
+
 absl::StatusOr<v1::Session> put_parts(const Client& client, const std::string& session,
                                       const std::vector<fs::path>& parts, const fs::path& matte,
                                       double seconds) {
@@ -52,13 +58,12 @@ absl::StatusOr<v1::Session> put_parts(const Client& client, const std::string& s
   }
   if (const std::string mixed = mixed_vectors(joined); !mixed.empty())
     waiting.aside([&] { std::cerr << "warning: " << mixed << "\n"; });
-  GW_ASSIGN_OR_RETURN(const auto file, MappedFile::open(matte));
   v1::PutMatteRequest header;
   header.set_name(session);
   header.set_archive(joined.origin.archive);
   header.set_computes(joined.origin.computes);
   header.set_seconds(seconds);
-  return put(client, std::move(header), file->bytes());
+  return put_matte(client, std::move(header), matte);
 }
 
 }  // namespace glasswing

@@ -8,8 +8,10 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/file/fault_point.h"
+#include "core/process/pause.h"
 #include "server/queue/queue_wish.h"
 #include "server/rig/rig_link.h"
+#include "server/rig/static_pattern.h"
 #include "server/selftest/rig_check.h"
 #include "server/sessions/session_state.h"
 
@@ -18,6 +20,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds kLookEvery(200);
+constexpr int kMaxHolds = 100;
 // Until then a node that was up may not have registered again with a server that was restarted.
 constexpr std::chrono::seconds kNodesRegister(5);
 
@@ -194,8 +197,8 @@ absl::StatusOr<v1::QueueItem> CaptureQueue::approve(std::int64_t number, const C
 
 absl::StatusOr<v1::QueueState> CaptureQueue::set(const v1::SetQueueRequest& request, const Caller& caller) {
   const std::lock_guard lock(mutex_);
-  if (store_.state().running() == request.running()) return store_.state();
-  v1::QueueState state;
+  v1::QueueState state = current_state();
+  if (state.running() == request.running()) return state;
   state.set_running(request.running());
   state.set_since(utc_now_rfc3339());
   state.set_by(caller.client);
@@ -222,9 +225,93 @@ std::vector<v1::QueueItem> CaptureQueue::list(bool ended) {
   return items;
 }
 
+v1::QueueState CaptureQueue::current_state() const {
+  v1::QueueState state = store_.state();
+  const absl::Time now = absl::Now();
+  auto& holds = *state.mutable_holds();
+  holds.erase(std::remove_if(holds.begin(), holds.end(),
+                             [&](const v1::QueueHold& hold) { return time_of(hold.to()) <= now; }),
+              holds.end());
+  return state;
+}
+
 v1::QueueState CaptureQueue::state() {
   const std::lock_guard lock(mutex_);
-  return store_.state();
+  return current_state();
+}
+
+// --- times for people
+
+absl::StatusOr<v1::QueueHold> CaptureQueue::hold(const v1::HoldQueueRequest& request, const Caller& caller) {
+  absl::Time from, to;
+  if (!absl::ParseTime(absl::RFC3339_full, request.from(), &from, nullptr) ||
+      !absl::ParseTime(absl::RFC3339_full, request.to(), &to, nullptr) || to <= from || to <= absl::Now()) {
+    return absl::InvalidArgumentError(
+        fmt::format("the rig cannot be held from \"{}\" to \"{}\"; these must be times such as "
+                    "2026-11-01T20:00:00Z, the second after the first and in the future",
+                    request.from(), request.to()));
+  }
+  const auto text = [](absl::Time time) {
+    return absl::FormatTime(absl::RFC3339_sec, time, absl::UTCTimeZone());
+  };
+  const std::lock_guard lock(mutex_);
+  v1::QueueState state = current_state();
+  if (state.holds_size() >= kMaxHolds)
+    return absl::ResourceExhaustedError(fmt::format("the queue has {} such times, the maximum", kMaxHolds));
+  v1::QueueHold hold;
+  hold.set_number(state.last_hold() + 1);
+  hold.set_from(text(from));
+  hold.set_to(text(to));
+  hold.set_why(request.why());
+  hold.set_by(caller.client);
+  state.set_last_hold(hold.number());
+  *state.add_holds() = hold;
+  std::ranges::sort(*state.mutable_holds(), {}, [](const v1::QueueHold& each) { return each.from(); });
+  GW_RETURN_IF_ERROR(
+      store_.set_state(state, event_of(caller.client, 0,
+                                       fmt::format("held from {} to {}{}{}", hold.from(), hold.to(),
+                                                   hold.why().empty() ? "" : ": ", hold.why()))));
+  wake();
+  return hold;
+}
+
+absl::Status CaptureQueue::release(std::int64_t number, const Caller& caller) {
+  const std::lock_guard lock(mutex_);
+  v1::QueueState state = current_state();
+  auto& holds = *state.mutable_holds();
+  const auto found =
+      std::ranges::find(holds, number, [](const v1::QueueHold& each) { return each.number(); });
+  if (found == holds.end())
+    return absl::NotFoundError(
+        fmt::format("the queue is not held by a hold {}; `glasswing queue list` lists them", number));
+  const std::string what = fmt::format("free again from {} to {}", found->from(), found->to());
+  holds.erase(found);
+  GW_RETURN_IF_ERROR(store_.set_state(state, event_of(caller.client, 0, what)));
+  wake();
+  return absl::OkStatus();
+}
+
+absl::Duration CaptureQueue::expected(const v1::QueueItem& item) {
+  constexpr std::chrono::seconds kAskAgain(60);
+  const auto [known, is_new] = expected_.try_emplace(item.number());
+  if (!is_new && Clock::now() - known->second.asked < kAskAgain) return known->second.takes;
+  v1::EstimateSessionRequest request;
+  *request.mutable_plan() = item.wish().plan();
+  const absl::StatusOr<v1::EstimateSessionResponse> estimate = parts_.captures.estimate(request);
+  known->second = {.asked = Clock::now(),
+                   .takes = estimate.ok() ? absl::Seconds(estimate->seconds()) : absl::ZeroDuration()};
+  return known->second.takes;
+}
+
+std::string CaptureQueue::held_for_people(const v1::QueueItem& item) {
+  const absl::Time now = absl::Now();
+  const v1::QueueState queue = state();
+  for (const v1::QueueHold& hold : queue.holds()) {
+    if (time_of(hold.from()) > now && time_of(hold.from()) - now >= expected(item)) continue;
+    return fmt::format("waits until {}: the rig is held for people{}{}", hold.to(),
+                       hold.why().empty() ? "" : ": ", hold.why());
+  }
+  return "";
 }
 
 absl::StatusOr<std::vector<v1::QueueEvent>> CaptureQueue::history(std::int64_t item) {
@@ -311,9 +398,9 @@ void CaptureQueue::follow(const v1::QueueItem& item, const std::stop_token& stop
       });
       return;
     case v1::SESSION_STATE_CAPTURED:
-      return session->solve_follows() ? is_captured(item, true) : is_done(item);
+      return session->solve_follows() ? is_captured(item) : is_done(item);
     case v1::SESSION_STATE_SOLVING:
-      is_captured(item, true);
+      is_captured(item);
       return says(item, session->reason());
     case v1::SESSION_STATE_DONE:
       return is_done(item);
@@ -322,7 +409,7 @@ void CaptureQueue::follow(const v1::QueueItem& item, const std::stop_token& stop
     case v1::SESSION_STATE_FAILED:
     case v1::SESSION_STATE_PAUSED:
       if (!rests_in_solve(*session)) return broke_off(item, *session, stop);
-      is_captured(item, true);
+      is_captured(item);
       if (session->state() == v1::SESSION_STATE_FAILED) return has_failed(item, session->reason());
       return says(item, session->reason());
     default:
@@ -433,6 +520,12 @@ bool CaptureQueue::may_begin(const v1::QueueItem& item) {
     says(item, "waits until " + wish.not_before());
     return false;
   }
+  if (!item.run_now()) {
+    if (const std::string held = held_for_people(item); !held.empty()) {
+      says(item, held);
+      return false;
+    }
+  }
   if (item.approved_by().empty()) {
     const std::string approve = fmt::format("; approve it: glasswing queue approve {}", item.number());
     if (wish.approval()) return wait_for_person(item, "waits for an approval" + approve);
@@ -468,6 +561,31 @@ absl::Status CaptureQueue::place_monitors(const v1::QueueItem& item, const Calle
   return absl::OkStatus();
 }
 
+absl::Status CaptureQueue::warm_up(const v1::QueueItem& item, const Caller& holding,
+                                   const std::stop_token& stop) {
+  const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                      std::chrono::duration<double>(item.wish().warm_up_s()));
+  GW_ASSIGN_OR_RETURN(const RigLock::Drive drive, parts_.rig_lock.drive(holding, "warming up"));
+  MonitorNames wanted;
+  for (const v1::PlanMonitor& monitor : item.wish().plan().monitors()) wanted.push_back(monitor.name());
+  GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(parts_.nodes, parts_.calibrations, wanted, stop));
+  GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, rig.monitors());
+  GW_RETURN_IF_ERROR(check_monitors(wanted, monitors));
+  std::erase_if(monitors, [&](const v1::Monitor& monitor) {
+    return !wanted.empty() && std::ranges::count(wanted, monitor.name()) == 0;
+  });
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Stimulus> white, test_pattern("white", monitors));
+  says(item, fmt::format("warms up the monitors for {:.0f} s", item.wish().warm_up_s()));
+  GW_ASSIGN_OR_RETURN(const auto showing, StaticPattern::start(rig, white, {}, stop));
+  while (Clock::now() < end) {
+    GW_RETURN_IF_ERROR(showing->check());
+    const auto left = std::min<Clock::duration>(end - Clock::now(), kLookEvery);
+    if (!pause(stop, std::chrono::duration_cast<std::chrono::milliseconds>(left)))
+      return absl::CancelledError("the server is stopping");
+  }
+  return absl::OkStatus();
+}
+
 // UNAVAILABLE: what is wrong, which may pass.
 absl::Status CaptureQueue::check_rig_for(const v1::QueueItem& item, const Caller& holding,
                                          const std::stop_token& stop) {
@@ -493,6 +611,7 @@ absl::Status CaptureQueue::check_rig_for(const v1::QueueItem& item, const Caller
 
 absl::StatusOr<v1::Session> CaptureQueue::created(const v1::QueueItem& item, const std::string& id,
                                                   const Caller& holding, const std::stop_token& stop) {
+  if (item.wish().warm_up_s() > 0.0) GW_RETURN_IF_ERROR(warm_up(item, holding, stop));
   GW_RETURN_IF_ERROR(check_rig_for(item, holding, stop));
   const v1::QueueWish& wish = item.wish();
   v1::CreateSessionRequest request;
@@ -570,29 +689,37 @@ void CaptureQueue::drive(const v1::QueueItem& item, const std::stop_token& stop)
 
 // --- outcomes
 
-void CaptureQueue::is_captured(const v1::QueueItem& item, bool solving) {
+std::string CaptureQueue::unusual(const std::string& name) {
+  absl::StatusOr<v1::Session> session = parts_.sessions.find(name);
+  if (session.ok()) session = parts_.sessions.judged(*std::move(session));
+  return session.ok() && session->verdict().outlier() ? "unusual: " + session->verdict().text() : "";
+}
+
+void CaptureQueue::is_captured(const v1::QueueItem& item) {
   if (!has_rig(item)) return;
-  const absl::Status stored =
-      update(item.number(), {item.state()}, solving ? "captured" : "done", [&](v1::QueueItem& now) {
-        now.set_state(solving ? v1::QUEUE_ITEM_STATE_SOLVING : v1::QUEUE_ITEM_STATE_DONE);
-        now.clear_reason();
-        now.clear_waits_since();
-        if (!solving) now.set_ended(utc_now_rfc3339());
-      });
+  const absl::Status stored = update(item.number(), {item.state()}, "captured", [](v1::QueueItem& now) {
+    now.set_state(v1::QUEUE_ITEM_STATE_SOLVING);
+    now.clear_reason();
+    now.clear_waits_since();
+  });
   if (stored.ok()) left_the_rig(item);
 }
 
 void CaptureQueue::is_done(const v1::QueueItem& item) {
-  if (has_rig(item)) {
-    is_captured(item, false);
-  } else {
-    (void)update(item.number(), {v1::QUEUE_ITEM_STATE_SOLVING}, "done", [](v1::QueueItem& now) {
-      now.set_state(v1::QUEUE_ITEM_STATE_DONE);
-      now.clear_reason();
-      now.set_ended(utc_now_rfc3339());
-    });
-  }
+  is_over(item);
   tell_if_over();
+}
+
+void CaptureQueue::is_over(const v1::QueueItem& item) {
+  const std::string unusual = this->unusual(item.session());
+  const absl::Status stored = update(item.number(), {item.state()},
+                                     unusual.empty() ? "done" : "done; " + unusual, [&](v1::QueueItem& now) {
+                                       now.set_state(v1::QUEUE_ITEM_STATE_DONE);
+                                       now.set_reason(unusual);
+                                       now.clear_waits_since();
+                                       now.set_ended(utc_now_rfc3339());
+                                     });
+  if (stored.ok() && has_rig(item)) left_the_rig(item);
 }
 
 void CaptureQueue::has_failed(const v1::QueueItem& item, const std::string& why) {
@@ -636,20 +763,21 @@ void CaptureQueue::tell(const Event& event) {
 
 void CaptureQueue::tell_if_over() {
   int done = 0;
-  std::string failed;
+  std::string failed, unusual;
   {
     const std::lock_guard lock(mutex_);
     for (const v1::QueueItem& item : store_.items()) {
       if (!has_ended(item)) return;
       if (item.ended() < store_.state().since()) continue;
-      if (item.state() == v1::QUEUE_ITEM_STATE_DONE) ++done;
-      if (item.state() == v1::QUEUE_ITEM_STATE_FAILED)
-        failed += fmt::format("; {}: {}", title(item), item.reason());
+      const bool is_done = item.state() == v1::QUEUE_ITEM_STATE_DONE;
+      if (is_done) ++done;
+      if (!item.reason().empty())
+        (is_done ? unusual : failed) += fmt::format("; {}: {}", title(item), item.reason());
     }
   }
   tell({.what = "queue-done",
         .session = "",
-        .text = fmt::format("the queue is done: {} captured{}", done, failed),
+        .text = fmt::format("the queue is done: {} captured{}{}", done, failed, unusual),
         .advice = "glasswing queue list --all"});
 }
 

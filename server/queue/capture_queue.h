@@ -55,6 +55,9 @@ class CaptureQueue {
   absl::StatusOr<v1::QueueItem> approve(std::int64_t number, const Caller& caller);
   absl::StatusOr<v1::QueueState> set(const v1::SetQueueRequest& request, const Caller& caller);
 
+  absl::StatusOr<v1::QueueHold> hold(const v1::HoldQueueRequest& request, const Caller& caller);
+  absl::Status release(std::int64_t hold, const Caller& caller);
+
   absl::StatusOr<v1::QueueItem> find(std::int64_t number);
   // Without plans.
   std::vector<v1::QueueItem> list(bool ended);
@@ -90,6 +93,12 @@ class CaptureQueue {
   bool may_begin(const v1::QueueItem& item);
   bool wait_for_person(const v1::QueueItem& item, const std::string& why);
   std::string unsteady(const v1::QueueItem& item);
+  // Why the rig must be free for people while the item would be captured; empty: it need not.
+  std::string held_for_people(const v1::QueueItem& item);
+  // How long its capture takes; 0: unknown now.
+  absl::Duration expected(const v1::QueueItem& item);
+  // Its state, without holds that are over. Call it with mutex_ held.
+  v1::QueueState current_state() const;
 
   // Creates the item's session, or lets it go on.
   void drive(const v1::QueueItem& item, const std::stop_token& stop);
@@ -98,16 +107,21 @@ class CaptureQueue {
   absl::StatusOr<v1::Session> created(const v1::QueueItem& item, const std::string& request_id,
                                       const Caller& holding, const std::stop_token& stop);
   absl::Status check_rig_for(const v1::QueueItem& item, const Caller& holding, const std::stop_token& stop);
+  // Lights the plan's monitors for as long as the wish says.
+  absl::Status warm_up(const v1::QueueItem& item, const Caller& holding, const std::stop_token& stop);
   absl::Status place_monitors(const v1::QueueItem& item, const Caller& holding, const std::stop_token& stop);
   void try_again(const v1::QueueItem& item, const std::string& why, const std::stop_token& stop);
 
-  void is_captured(const v1::QueueItem& item, bool solving);
+  void is_captured(const v1::QueueItem& item);
   void is_done(const v1::QueueItem& item);
+  void is_over(const v1::QueueItem& item);
   void has_failed(const v1::QueueItem& item, const std::string& why);
   void says(const v1::QueueItem& item, const std::string& reason);
   void left_the_rig(const v1::QueueItem& item);
   void tell(const Event& event);
   void tell_if_over();
+  // "unusual: ..." of an outlier of its series (SessionVerdict).
+  std::string unusual(const std::string& session);
 
   const Parts parts_;
   const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
@@ -121,6 +135,12 @@ class CaptureQueue {
   // Of the thread alone.
   std::set<std::int64_t> driven_;  // items whose capture this process began, or let go on
   std::map<std::int64_t, std::chrono::steady_clock::time_point> due_;  // when an item is tried again
+
+  struct Expected {
+    std::chrono::steady_clock::time_point asked;
+    absl::Duration takes;
+  };
+  std::map<std::int64_t, Expected> expected_;  // by item
 
   std::jthread thread_;
 };

@@ -68,6 +68,7 @@ absl::Status check_wish(const v1::QueueWish& wish) {
   if (!wish.empty_stage_of().empty()) GW_RETURN_IF_ERROR(check_name("session", wish.empty_stage_of()));
   GW_RETURN_IF_ERROR(check_range("retries", wish.retries(), 100));
   GW_RETURN_IF_ERROR(check_range("retry_wait_s", wish.retry_wait_s(), 86400));
+  GW_RETURN_IF_ERROR(check_range("warm_up_s", wish.warm_up_s(), 86400));
   GW_RETURN_IF_ERROR(check_range("give_up_s", wish.give_up_s(), 1e7));
   absl::Time time;
   if (wish.not_before().empty() || absl::ParseTime(absl::RFC3339_full, wish.not_before(), &time, nullptr))

@@ -30,6 +30,7 @@ grpc::Status QueueServiceImpl::GetQueue(grpc::ServerContext*, const v1::GetQueue
   absl::StatusOr<Page> page = Page::of(*request);
   if (!page.ok()) return to_grpc(page.status());
   *response->mutable_queue() = queue_.state();
+  if (!request->page_token().empty()) response->mutable_queue()->clear_holds();  // pages are merged
   for (v1::QueueItem& item : queue_.list(request->ended())) *response->add_items() = std::move(item);
   page->cut(*response->mutable_items());
   response->set_next_page_token(page->next_token());
@@ -91,6 +92,22 @@ grpc::Status QueueServiceImpl::SetQueue(grpc::ServerContext* context, const v1::
   if (!state.ok()) return to_grpc(state.status());
   *response->mutable_queue() = *state;
   return grpc::Status::OK;
+}
+
+grpc::Status QueueServiceImpl::HoldQueue(grpc::ServerContext* context, const v1::HoldQueueRequest* request,
+                                         v1::HoldQueueResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  absl::StatusOr<v1::QueueHold> hold = queue_.hold(*request, caller_of(*context));
+  if (!hold.ok()) return to_grpc(hold.status());
+  *response->mutable_hold() = *std::move(hold);
+  return grpc::Status::OK;
+}
+
+grpc::Status QueueServiceImpl::ReleaseQueue(grpc::ServerContext* context,
+                                            const v1::ReleaseQueueRequest* request,
+                                            v1::ReleaseQueueResponse*) {
+  GW_CHECK_LIMITS(*request);
+  return to_grpc(queue_.release(request->number(), caller_of(*context)));
 }
 
 grpc::Status QueueServiceImpl::ListQueueHistory(grpc::ServerContext*,

@@ -28,6 +28,10 @@ class QueueServiceImpl final : public v1::QueueService::Service {
   grpc::Status ApproveQueueItem(grpc::ServerContext*, const v1::ApproveQueueItemRequest*,
                                 v1::ApproveQueueItemResponse*) override;
   grpc::Status SetQueue(grpc::ServerContext*, const v1::SetQueueRequest*, v1::SetQueueResponse*) override;
+  grpc::Status HoldQueue(grpc::ServerContext* context, const v1::HoldQueueRequest* request,
+                         v1::HoldQueueResponse* response) override;
+  grpc::Status ReleaseQueue(grpc::ServerContext* context, const v1::ReleaseQueueRequest* request,
+                            v1::ReleaseQueueResponse* response) override;
   grpc::Status ListQueueHistory(grpc::ServerContext*, const v1::ListQueueHistoryRequest*,
                                 v1::ListQueueHistoryResponse*) override;
 

@@ -87,13 +87,18 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
       importer_(*stores_.sessions, rig_),
       replicator_(*stores_.sessions, rig_),
       deleter_(*stores_.sessions, rig_, mattes_,
-               {.remove_job = [this](const v1::Session& session) { return solves_.remove(session); },
+               {.give_up_solve =
+                    [this](SessionStore::Edit& edit, v1::Session session) {
+                      return solves_.cancel(edit, std::move(session), "");
+                    },
+                .remove_job = [this](const v1::Session& session) { return solves_.remove(session); },
                 .forget =
                     [this](const v1::Session& session) {
                       solves_.forget(session.name());
                       drafts_.forget(session.name());
                       captures_.forget(session);
-                    }}) {
+                    }}),
+      storage_(*stores_.sessions, rig_, mattes_, deleter_, options.storage) {
   rig_.set_call_time(options.node_call);
 }
 
@@ -106,6 +111,7 @@ absl::Status Server::take_up() {
     drafts_.take_up();
   }
   queue_.start();
+  storage_.start();
   const absl::Status taken = take_up_solves();
   if (!absl::IsUnavailable(taken)) return taken;
   waiting_ = std::jthread([this](std::stop_token stop) { take_up_solves_later(stop); });

@@ -15,6 +15,7 @@
 #include "server/archives/importer.h"
 #include "server/archives/replicator.h"
 #include "server/archives/session_deleter.h"
+#include "server/archives/storage_keeper.h"
 #include "server/capture/capture_runner.h"
 #include "server/jobs/job_store.h"
 #include "server/queue/capture_queue.h"
@@ -42,6 +43,7 @@ struct ServerOptions {
   std::chrono::milliseconds lease{10000};
   double min_tile_seconds = kMinTileSeconds;        // of work in a tile of rows
   std::chrono::milliseconds node_call = kNodeCall;  // until a call to a node is made again
+  StorageOptions storage = {};
 };
 
 // Thread-safe.
@@ -69,6 +71,7 @@ class Server {
   Importer& importer() { return importer_; }
   Replicator& replicator() { return replicator_; }
   SessionDeleter& deleter() { return deleter_; }
+  StorageKeeper& storage() { return storage_; }
 
   // For monitoring.
   absl::StatusOr<v1::GetFleetResponse> fleet() { return tiles_.fleet(); }
@@ -107,6 +110,7 @@ class Server {
   Importer importer_;
   Replicator replicator_;
   SessionDeleter deleter_;
+  StorageKeeper storage_;
   std::jthread waiting_;  // for the job store, if it did not answer at the start
 };
 

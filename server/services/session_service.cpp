@@ -128,7 +128,9 @@ grpc::Status SessionServiceImpl::ListMethods(grpc::ServerContext*, const v1::Lis
 grpc::Status SessionServiceImpl::GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
                                             v1::GetSessionResponse* response) {
   GW_CHECK_LIMITS(*request);
-  return answer(server_.sessions().find_any(request->name()), response);
+  absl::StatusOr<v1::Session> session = server_.sessions().find_any(request->name());
+  if (session.ok()) session = server_.sessions().judged(*std::move(session));
+  return answer(std::move(session), response);
 }
 
 grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
@@ -202,7 +204,8 @@ grpc::Status SessionServiceImpl::CancelSession(grpc::ServerContext* context,
 grpc::Status SessionServiceImpl::DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
                                                v1::DeleteSessionResponse* response) {
   GW_CHECK_LIMITS(*request);
-  const absl::StatusOr<std::int64_t> freed_bytes = server_.deleter().remove(request->name());
+  const absl::StatusOr<std::int64_t> freed_bytes =
+      server_.storage().remove(request->name(), request->trash(), *response->mutable_ends());
   if (!freed_bytes.ok()) return to_grpc(freed_bytes.status());
   response->set_freed_bytes(*freed_bytes);
   return grpc::Status::OK;

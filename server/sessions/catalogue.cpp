@@ -12,6 +12,7 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "server/sessions/views.h"
 #include "server/storage/row_checksums.h"
 
 namespace glasswing {
@@ -55,6 +56,23 @@ absl::StatusOr<absl::Time> time_of(const char* field, const std::string& text, a
 }
 
 }  // namespace
+
+absl::Status check_not_in_trash(const v1::Session& session) {
+  if (session.deleted().empty()) return absl::OkStatus();
+  return absl::NotFoundError(
+      fmt::format("session \"{}\" is in the trash; take it back: glasswing undelete {}", session.name(),
+                  capture_name(session)));
+}
+
+absl::Status name_taken(const v1::Session& session) {
+  if (session.deleted().empty()) {
+    return absl::AlreadyExistsError(
+        fmt::format("session \"{}\" already exists; choose another name", capture_name(session)));
+  }
+  return absl::AlreadyExistsError(fmt::format(
+      "session \"{0}\" is in the trash; choose another name, or give it up: glasswing delete {0} --now",
+      capture_name(session)));
+}
 
 absl::StatusOr<bool> matches(const v1::Session& session, const v1::ListSessionsRequest& request) {
   GW_ASSIGN_OR_RETURN(const absl::Time from,
@@ -129,8 +147,8 @@ absl::Status Catalogue::insert(const std::vector<v1::Session>& sessions, const s
     if (status.ok()) continue;
     GW_RETURN_IF_ERROR(database_.run("ROLLBACK"));
     if (!absl::IsAlreadyExists(status)) return status;
-    return absl::AlreadyExistsError(
-        fmt::format("session \"{}\" already exists; choose another name", session.name()));
+    GW_ASSIGN_OR_RETURN(const v1::Session taken, find_locked(session.name()));
+    return name_taken(taken);
   }
   const absl::Status committed = database_.run("COMMIT");
   if (!committed.ok()) (void)database_.run("ROLLBACK");
@@ -165,6 +183,7 @@ absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest
   for (const std::string& tag : request.add_tags()) GW_RETURN_IF_ERROR(check_name("tag", tag));
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(const v1::Session session, find_locked(request.name()));
+  GW_RETURN_IF_ERROR(check_not_in_trash(session));
   std::set<std::string> tags(session.tags().begin(), session.tags().end());
   tags.insert(request.add_tags().begin(), request.add_tags().end());
   for (const std::string& tag : request.remove_tags()) tags.erase(tag);
@@ -249,12 +268,18 @@ absl::StatusOr<v1::Session> Catalogue::find_locked(const std::string& name) {
                fmt::format("there is no session \"{}\"; `glasswing sessions` lists them", name));
 }
 
-absl::StatusOr<v1::Session> Catalogue::find(const std::string& name) {
+absl::StatusOr<v1::Session> Catalogue::find_anywhere(const std::string& name) {
   const std::lock_guard lock(mutex_);
   return find_locked(name);
 }
 
-absl::StatusOr<std::vector<v1::Session>> Catalogue::views(const std::string& session) {
+absl::StatusOr<v1::Session> Catalogue::find(const std::string& name) {
+  GW_ASSIGN_OR_RETURN(v1::Session session, find_anywhere(name));
+  GW_RETURN_IF_ERROR(check_not_in_trash(session));
+  return session;
+}
+
+absl::StatusOr<std::vector<v1::Session>> Catalogue::views_anywhere(const std::string& session) {
   const std::lock_guard lock(mutex_);
   // Names that begin with "session.": '/' follows '.'.
   Database::Query query = database_.query(rows_of("session") + "WHERE name > ? AND name < ? ORDER BY id");
@@ -275,13 +300,14 @@ absl::StatusOr<v1::Session> Catalogue::find_request(const std::string& request_i
   return first(std::move(query), "no session was made by this request");
 }
 
-absl::StatusOr<std::vector<v1::Session>> Catalogue::list() {
+absl::StatusOr<std::vector<v1::Session>> Catalogue::listed(bool in_trash) {
   const std::lock_guard lock(mutex_);
   Database::Query query = database_.query(rows_of("session") + "ORDER BY id DESC");
   std::vector<v1::Session> sessions;
   while (query.next()) {
     absl::StatusOr<v1::Session> session = parsed(query);
-    sessions.push_back(session.ok() ? *std::move(session) : damaged(query));
+    if (session.ok() && session->deleted().empty() == in_trash) continue;
+    if (session.ok() || !in_trash) sessions.push_back(session.ok() ? *std::move(session) : damaged(query));
   }
   GW_RETURN_IF_ERROR(query.status());
   return sessions;

@@ -16,6 +16,11 @@
 
 namespace glasswing {
 
+// NOT_FOUND: the session is in the trash.
+absl::Status check_not_in_trash(const v1::Session& session);
+// ALREADY_EXISTS: this session has the name, perhaps in the trash.
+absl::Status name_taken(const v1::Session& session);
+
 inline constexpr size_t kMaxNoteBytes = 4096, kMaxTags = 100;
 
 // True if the session meets all conditions of the request. INVALID_ARGUMENT: a time that cannot be parsed.
@@ -48,18 +53,22 @@ class Catalogue {
   absl::StatusOr<v1::Session> finished(const std::string& name);
   // With its note, tags and replicas.
   absl::Status remove(const std::string& name);
-  // NOT_FOUND: "there is no session ...". DATA_LOSS: its record is damaged.
+  // NOT_FOUND: "there is no session ...", or it is in the trash. DATA_LOSS: its record is damaged.
   absl::StatusOr<v1::Session> find(const std::string& name);
+  // The same, also of a session in the trash.
+  absl::StatusOr<v1::Session> find_anywhere(const std::string& name);
   absl::Status insert(const v1::Session& session, const std::string& request_id) {
     return insert(std::vector{session}, request_id);
   }
-  // The readable views of the session (server/sessions/views), in the order of their creation.
-  absl::StatusOr<std::vector<v1::Session>> views(const std::string& session);
+  // The readable views of the session (server/sessions/views), in the order of their creation, also in the
+  // trash.
+  absl::StatusOr<std::vector<v1::Session>> views_anywhere(const std::string& session);
   // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id);
-  // Newest first. A damaged record is listed with its name, SESSION_STATE_DAMAGED, and what to do as its
-  // reason.
-  absl::StatusOr<std::vector<v1::Session>> list();
+  // Newest first, without the trash. A damaged record is listed with its name, SESSION_STATE_DAMAGED, and
+  // what to do as its reason.
+  absl::StatusOr<std::vector<v1::Session>> list() { return listed(false); }
+  absl::StatusOr<std::vector<v1::Session>> trash() { return listed(true); }
 
  private:
   Catalogue(Database database, std::filesystem::path path)
@@ -69,6 +78,7 @@ class Catalogue {
   // Call these with mutex_ held.
   absl::StatusOr<v1::Session> first(Database::Query query, const std::string& missing);
   absl::StatusOr<v1::Session> find_locked(const std::string& name);
+  absl::StatusOr<std::vector<v1::Session>> listed(bool in_trash);
   absl::Status write(const v1::Session& session);
   absl::Status store_replicas(const v1::Session& session);
 

@@ -99,6 +99,12 @@ constexpr Rule kRules[] = {
     {v1::SESSION_STATE_CANCELLED, v1::SESSION_ACTION_DELETE},
 };
 
+// No longer possible once the frames are removed.
+bool needs_frames(v1::SessionAction action) {
+  return action == v1::SESSION_ACTION_SOLVE || action == v1::SESSION_ACTION_REPLICATE ||
+         action == v1::SESSION_ACTION_RETAKE || action == v1::SESSION_ACTION_RETRY;
+}
+
 // The states that an action leads to, in which repeating the request is not an error.
 constexpr struct {
   v1::SessionAction action;
@@ -165,6 +171,7 @@ std::vector<v1::SessionAction> allowed_actions(const v1::Session& session) {
     return actions;
   }
   for (const Rule& rule : kRules) {
+    if (!session.frames_gone().empty() && needs_frames(rule.action)) continue;
     if (rule.state == session.state() && rule.condition(session)) actions.push_back(rule.action);
   }
   return actions;
@@ -187,6 +194,10 @@ absl::Status check_allows(const v1::Session& session, v1::SessionAction action) 
   if (allows(session, action)) return absl::OkStatus();
   if (action == v1::SESSION_ACTION_RESUME && allows(session, v1::SESSION_ACTION_RETRY))
     return absl::OkStatus();
+  if (!session.frames_gone().empty() && needs_frames(action)) {
+    return absl::FailedPreconditionError(fmt::format("session \"{}\" has no frames: they were removed at {}",
+                                                     session.name(), session.frames_gone()));
+  }
   return refusal(session, action);
 }
 

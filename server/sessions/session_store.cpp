@@ -2,18 +2,39 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "server/sessions/session_state.h"
+#include "server/sessions/verdict.h"
 #include "server/sessions/views.h"
 
 namespace glasswing {
 namespace {
 
-absl::Status already_exists(const std::string& name) {
-  return absl::AlreadyExistsError(fmt::format("session \"{}\" already exists; choose another name", name));
+// Of a session with views also theirs; then it is unusual if one of them is.
+void enter_verdict(const Verdicts& verdicts, const std::vector<v1::Session>& stored, v1::Session& session) {
+  if (session.views().empty()) {
+    v1::SessionVerdict verdict = verdicts.of(session);
+    if (!verdict.measures().empty()) *session.mutable_verdict() = std::move(verdict);
+    return;
+  }
+  std::string all, unusual;
+  for (v1::Session& view : *session.mutable_views()) {
+    const auto whole = std::ranges::find(stored, view.name(), &v1::Session::name);
+    if (whole == stored.end()) continue;
+    v1::SessionVerdict verdict = verdicts.of(*whole);
+    if (verdict.measures().empty()) continue;
+    std::string& text = verdict.outlier() ? unusual : all;
+    text += fmt::format("{}camera {}: {}", text.empty() ? "" : "; ", view.view_camera(), verdict.text());
+    session.mutable_verdict()->set_others(verdict.others());
+    *view.mutable_verdict() = std::move(verdict);
+  }
+  if (!session.has_verdict()) return;
+  session.mutable_verdict()->set_outlier(!unusual.empty());
+  session.mutable_verdict()->set_text(unusual.empty() ? all : unusual);
 }
 
 }  // namespace
@@ -46,10 +67,19 @@ absl::StatusOr<v1::Session> SessionStore::Edit::find_any(const std::string& name
 }
 
 absl::StatusOr<std::vector<v1::Session>> SessionStore::Edit::find_each(const std::string& name) const {
-  const absl::StatusOr<v1::Session> stored = store_.catalogue_->find(name);
+  GW_ASSIGN_OR_RETURN(std::vector<v1::Session> sessions, find_each_anywhere(name));
+  const absl::Status first = check_not_in_trash(sessions.front());
+  std::erase_if(sessions, [](const v1::Session& session) { return !session.deleted().empty(); });
+  if (sessions.empty()) return first;
+  return sessions;
+}
+
+absl::StatusOr<std::vector<v1::Session>> SessionStore::Edit::find_each_anywhere(
+    const std::string& name) const {
+  const absl::StatusOr<v1::Session> stored = store_.catalogue_->find_anywhere(name);
   if (stored.ok()) return std::vector<v1::Session>{live(*stored)};
   if (!absl::IsNotFound(stored.status())) return stored.status();
-  GW_ASSIGN_OR_RETURN(std::vector<v1::Session> views, store_.catalogue_->views(name));
+  GW_ASSIGN_OR_RETURN(std::vector<v1::Session> views, store_.catalogue_->views_anywhere(name));
   if (views.empty()) return stored.status();
   for (v1::Session& view : views) view = live(view);
   return views;
@@ -59,11 +89,13 @@ absl::Status SessionStore::Edit::insert(const std::vector<v1::Session>& sessions
                                         const std::string& request_id) {
   // A session and views of its name exclude each other.
   for (const v1::Session& session : sessions) {
-    GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> views, store_.catalogue_->views(session.name()));
-    if (!views.empty()) return already_exists(session.name());
+    GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> views,
+                        store_.catalogue_->views_anywhere(session.name()));
+    if (!views.empty()) return name_taken(views.front());
     if (session.view_of().empty()) continue;
-    const absl::Status other = store_.catalogue_->find(session.view_of()).status();
-    if (!absl::IsNotFound(other)) return already_exists(session.view_of());
+    const absl::StatusOr<v1::Session> other = store_.catalogue_->find_anywhere(session.view_of());
+    if (other.ok()) return name_taken(*other);
+    if (!absl::IsNotFound(other.status())) return other.status();
   }
   return store_.catalogue_->insert(sessions, request_id);
 }
@@ -122,12 +154,17 @@ absl::Status SessionStore::Edit::check_stays(const std::string& name) const {
   return absl::FailedPreconditionError(fmt::format("session \"{}\" is being deleted", name));
 }
 
-absl::Status SessionStore::Edit::begin_deleting(const std::string& name) {
+absl::Status SessionStore::Edit::check_unused(const std::string& name) const {
   GW_RETURN_IF_ERROR(check_stays(name));
   if (store_.replicating_.contains(name)) {
     return absl::FailedPreconditionError(
         fmt::format("session \"{}\" is being replicated; wait for it, or interrupt that first", name));
   }
+  return absl::OkStatus();
+}
+
+absl::Status SessionStore::Edit::begin_deleting(const std::string& name) {
+  GW_RETURN_IF_ERROR(check_unused(name));
   store_.deleting_.insert(name);
   return absl::OkStatus();
 }
@@ -147,9 +184,9 @@ void SessionStore::Edit::end_replicating(const std::string& name) {
 }
 
 absl::Status SessionStore::check_free(const std::string& name) {
-  const absl::Status found = find_each(name).status();
-  if (absl::IsNotFound(found)) return absl::OkStatus();
-  return already_exists(name);
+  const absl::StatusOr<std::vector<v1::Session>> found = edit().find_each_anywhere(name);
+  if (absl::IsNotFound(found.status())) return absl::OkStatus();
+  return found.ok() ? name_taken(found->front()) : found.status();
 }
 
 absl::StatusOr<v1::Session> SessionStore::find_request(const std::string& request_id) {
@@ -161,6 +198,7 @@ absl::StatusOr<v1::Session> SessionStore::find_request(const std::string& reques
 absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessionsRequest& request) {
   GW_RETURN_IF_ERROR(matches({}, request).status());  // also where there is no session
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored, all_stored());
+  const Verdicts verdicts(stored);
   std::vector<v1::Session> sessions;
   std::set<std::string> summed;
   for (const v1::Session& each : stored) {
@@ -172,6 +210,11 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
     GW_ASSIGN_OR_RETURN(const bool wanted, matches(*session, request));
     if (!wanted) continue;
     v1::Session listed = with_allowed_actions(*std::move(session));  // they depend on the plan
+    enter_verdict(verdicts, stored, listed);
+    if (listed.has_verdict()) listed.mutable_verdict()->clear_measures();
+    for (v1::Session& view : *listed.mutable_views()) {
+      if (view.has_verdict()) view.mutable_verdict()->clear_measures();
+    }
     // Long, and useless in a list, except for what distinguishes a calibration from a session with an object.
     v1::Plan plan;
     if (listed.plan().has_calibration()) *plan.mutable_calibration() = listed.plan().calibration();
@@ -183,13 +226,20 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
   return sessions;
 }
 
+absl::StatusOr<v1::Session> SessionStore::judged(v1::Session session) {
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored, all_stored());
+  enter_verdict(Verdicts(stored), stored, session);
+  return session;
+}
+
 std::optional<std::set<std::string>> SessionStore::photos() {
-  const absl::StatusOr<std::vector<v1::Session>> sessions = all_stored();
-  if (!sessions.ok()) return std::nullopt;
   std::set<std::string> photos;
-  for (const v1::Session& session : *sessions) {
-    if (session.state() == v1::SESSION_STATE_DAMAGED) return std::nullopt;
-    photos.merge(photos_of(session));
+  for (const auto& sessions : {all_stored(), trash()}) {
+    if (!sessions.ok()) return std::nullopt;
+    for (const v1::Session& session : *sessions) {
+      if (session.state() == v1::SESSION_STATE_DAMAGED) return std::nullopt;
+      photos.merge(photos_of(session));
+    }
   }
   return photos;
 }

@@ -42,6 +42,8 @@ class SessionStore {
     absl::StatusOr<v1::Session> find_any(const std::string& name) const;
     // The session, or all of its views.
     absl::StatusOr<std::vector<v1::Session>> find_each(const std::string& name) const;
+    // The same, also in the trash.
+    absl::StatusOr<std::vector<v1::Session>> find_each_anywhere(const std::string& name) const;
     // All of them or none. ALREADY_EXISTS: a name is taken. Durable, not announced.
     absl::Status insert(const std::vector<v1::Session>& sessions, const std::string& request_id);
     absl::Status insert(const v1::Session& session, const std::string& request_id) {
@@ -67,6 +69,8 @@ class SessionStore {
     // FAILED_PRECONDITION: the session is being deleted.
     absl::Status check_stays(const std::string& name) const;
     // FAILED_PRECONDITION: the session is being deleted or replicated.
+    absl::Status check_unused(const std::string& name) const;
+    // The same.
     absl::Status begin_deleting(const std::string& name);
     void end_deleting(const std::string& name);
     void begin_replicating(const std::string& name);
@@ -96,14 +100,17 @@ class SessionStore {
   absl::Status check_free(const std::string& name);
   // As in the catalogue, which may be behind a running session. Does not wait for an Edit.
   absl::StatusOr<v1::Session> stored(const std::string& name) { return catalogue_->find(name); }
-  // Newest first, including damaged records.
+  // Newest first, including damaged records, without the trash.
   absl::StatusOr<std::vector<v1::Session>> all_stored() { return catalogue_->list(); }
+  absl::StatusOr<std::vector<v1::Session>> trash() { return catalogue_->trash(); }
   // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id);
-  // The photos that any session's plan shows. Absent: unknown, since a record is damaged.
+  // The photos that any session's plan shows, also in the trash. Absent: unknown, since a record is damaged.
   std::optional<std::set<std::string>> photos();
-  // Newest first, without plans, with allowed actions; views only in the sum of all. INVALID_ARGUMENT: a time
-  // that cannot be parsed.
+  // The session with its verdict, and those of its views.
+  absl::StatusOr<v1::Session> judged(v1::Session session);
+  // Newest first, without plans, with allowed actions and verdicts; views only in the sum of all.
+  // INVALID_ARGUMENT: a time that cannot be parsed.
   absl::StatusOr<std::vector<v1::Session>> list(const v1::ListSessionsRequest& request);
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
   absl::Status set_replica(const std::string& name, const v1::ArchiveCopy& replica) {

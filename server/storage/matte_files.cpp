@@ -1,6 +1,7 @@
 #include "server/storage/matte_files.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 
@@ -110,22 +111,51 @@ absl::Status MatteFiles::finish(const std::string& session) const {
   return absl::OkStatus();
 }
 
+std::vector<fs::path> MatteFiles::directories(const std::string& session) const {
+  return {finished(session, 0).parent_path(), next(session, 0).parent_path(),
+          data_ / "mattes" / (session + "+old"), data_ / "tiles" / session,
+          data_ / "tiles" / (session + "+put")};
+}
+
+std::vector<fs::path> MatteFiles::files(const std::string& session) const {
+  std::vector<fs::path> found = {finished(session), next(session), draft(session)};
+  std::error_code error;
+  for (const fs::path& directory : directories(session)) {
+    for (fs::directory_iterator entry(directory, error), end; !error && entry != end; entry.increment(error))
+      found.push_back(entry->path());
+  }
+  std::erase_if(found, [&](const fs::path& path) { return !fs::is_regular_file(path, error); });
+  return found;
+}
+
+std::int64_t MatteFiles::bytes(const std::string& session) const {
+  std::int64_t bytes = 0;
+  for (const fs::path& path : files(session)) {
+    std::error_code gone;
+    const std::uintmax_t size = fs::file_size(path, gone);
+    if (!gone) bytes += static_cast<std::int64_t>(size);
+  }
+  return bytes;
+}
+
+absl::Time MatteFiles::finished_at(const std::string& session) const {
+  for (const fs::path& path : {finished(session), finished(session, 0).parent_path()}) {
+    struct stat entry {};
+    if (::stat(path.c_str(), &entry) == 0) return absl::TimeFromTimespec(entry.st_mtim);
+  }
+  return absl::InfiniteFuture();
+}
+
 absl::StatusOr<std::int64_t> MatteFiles::remove(const std::string& session) const {
   std::int64_t bytes = 0;
   std::error_code error, unknown;
-  const auto remove_file = [&](const fs::path& path) {
-    if (error || !fs::is_regular_file(path, unknown)) return;
+  for (const fs::path& path : files(session)) {
     const std::int64_t size = fs::file_size(path, error);
-    if (!error && fs::remove(path, error)) bytes += size;
-  };
-  for (const fs::path& path : {finished(session), next(session), draft(session)}) remove_file(path);
-  for (const fs::path& directory : {finished(session, 0).parent_path(), next(session, 0).parent_path(),
-                                    data_ / "mattes" / (session + "+old"), data_ / "tiles" / session,
-                                    data_ / "tiles" / (session + "+put")}) {
-    if (error || !fs::is_directory(directory, unknown)) continue;
-    for (const fs::directory_entry& entry : fs::directory_iterator(directory, error))
-      remove_file(entry.path());
-    if (!error) fs::remove(directory, error);
+    if (error || !fs::remove(path, error)) break;
+    bytes += size;
+  }
+  for (const fs::path& directory : directories(session)) {
+    if (!error && fs::is_directory(directory, unknown)) fs::remove(directory, error);
   }
   if (error) {
     return absl::ErrnoToStatus(error.value(),

@@ -13,12 +13,14 @@
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+#include <absl/time/time.h>
 
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "core/file/positioned_file.h"
 
@@ -58,10 +60,18 @@ class MatteFiles {
   // Replaces the finished mattes with those of the current solve, if it made any. Repeating it after a crash
   // completes it.
   absl::Status finish(const std::string& session) const;
+  // What all files of the session take on disk.
+  std::int64_t bytes(const std::string& session) const;
+  // When its last solve finished; never: InfiniteFuture.
+  absl::Time finished_at(const std::string& session) const;
   // Removes all files of the session. Returns how many bytes they had.
   absl::StatusOr<std::int64_t> remove(const std::string& session) const;
 
  private:
+  // That a session may have, and the files that it has.
+  std::vector<std::filesystem::path> directories(const std::string& session) const;
+  std::vector<std::filesystem::path> files(const std::string& session) const;
+
   std::filesystem::path data_;
 };
 

@@ -91,13 +91,13 @@ cmp -s "$work/first.exr" "$work/second.exr" && fail "the second matte equals the
 echo "== deletion"
 refused '--yes' glasswing delete s
 kill -KILL "$(cat "$work/rig/run/camera-1.pid")"
-refused 'does not answer' glasswing delete s --yes
+refused 'does not answer' glasswing delete s --yes --now
 is s DONE || fail "s is $(shown s state)"
 "${rig[@]}" up --data "$work/rig" >/dev/null
 glasswing capture "$plan" --session busy >/dev/null
 refused 'nothing was deleted' glasswing delete s busy --yes
 glasswing cancel busy >/dev/null
-glasswing delete s member inner first second busy --yes
+glasswing delete s member inner first second busy --yes --now
 [[ -z $(listed) ]] || fail "left: $(listed)"
 left=$(find "$work/rig/camera/archives" "$work/rig/server/mattes" "$work/rig/server/tiles" -mindepth 1 ! -name .writable ! -name .lock)  # these belong to the node
 [[ -z $left ]] || fail "left: $left"

@@ -101,6 +101,7 @@ class CaptureQueue:
         no_warnings: bool = False,
         steady: bool = False,
         not_before: datetime.datetime | None = None,
+        warm_up: float = 0.0,
         give_up: float = 0.0,
         pause_after: bool = False,
     ) -> QueueItem:
@@ -112,7 +113,7 @@ class CaptureQueue:
         a capture that broke off is tried again, ``retry_wait`` seconds later. It waits for an ``approval`` by a person;
         where the capture before saw the rig drift or touched, also with ``steady``; and until ``not_before`` (a time without
         a zone is local). ``doctor`` tests the rig before it, and ``no_warnings`` makes a dry run: what they find counts as a
-        capture that broke off. ``give_up``: seconds to wait for people, until the next one runs; 0: for ever.
+        capture that broke off. ``warm_up``: seconds for which the monitors are white before. ``give_up``: seconds to wait for people, until the next one runs; 0: for ever.
         ``pause_after``: the queue pauses then.
         InvalidInput: the plan or another argument; the message names it.
         """
@@ -132,6 +133,7 @@ class CaptureQueue:
             no_warnings=no_warnings,
             steady=steady,
             not_before=not_before.astimezone().isoformat() if not_before else "",
+            warm_up_s=warm_up,
             give_up_s=give_up,
             pause_after=pause_after,
         )
@@ -141,6 +143,18 @@ class CaptureQueue:
         except TimedOut:  # the request id makes a retry safe if only the answer was lost
             answer = self._connection.call(self._stub.AddQueueItem, request)
         return QueueItem.from_message(answer.item)
+
+    def hold(self, start: datetime.datetime, end: datetime.datetime, why: str = "") -> int:
+        """Keeps the rig free for people: no item begins in that time, nor one that would not end before it. Returns the
+        hold's number, for ``release``. A time without a zone is local. InvalidInput: it ends before it begins, or is over.
+        """
+        request = pb.HoldQueueRequest(why=why, to=end.astimezone().isoformat(), **{"from": start.astimezone().isoformat()})
+        answer: pb.HoldQueueResponse = self._connection.call(self._stub.HoldQueue, request)
+        return answer.hold.number
+
+    def release(self, number: int) -> None:
+        """Takes such a time back. NotFound: there is no such hold."""
+        self._connection.call(self._stub.ReleaseQueue, pb.ReleaseQueueRequest(number=number))
 
     def items(self, *, ended: bool = False) -> list[QueueItem]:
         """The items in the order of work; ``ended``: also those that are done or failed."""

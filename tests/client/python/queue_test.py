@@ -1,10 +1,11 @@
 """The queue of captures from Python, on a simulated rig."""
 
-import time
+import datetime
 import unittest
 
 import glasswing
 from simulated_rig import ROOT, SimulatedRig
+from lab import until  # noqa: E402  (simulated_rig adds its directory to the path)
 
 
 class Queue(unittest.TestCase):
@@ -18,13 +19,8 @@ class Queue(unittest.TestCase):
         self.plan = glasswing.Plan.read(ROOT / "deploy/plans/quick.txtpb")
 
     def ended(self, number: int) -> glasswing.QueueItem:
-        deadline = time.monotonic() + 100.0
-        while time.monotonic() < deadline:
-            item = self.rig.queue.item(number)
-            if item.ended is not None:
-                return item
-            time.sleep(0.1)
-        raise AssertionError(f"not ended: {self.rig.queue.item(number)}")
+        until(lambda: self.rig.queue.item(number).ended is not None, f"item {number} has ended", 100.0)
+        return self.rig.queue.item(number)
 
     def test_items_run_in_their_order_and_are_remembered(self) -> None:
         queue = self.rig.queue
@@ -39,6 +35,11 @@ class Queue(unittest.TestCase):
         with self.assertRaisesRegex(glasswing.InvalidInput, "braces"):
             queue.add(self.plan, "{pose}")
         self.assertFalse(queue.running)
+        now = datetime.datetime.now()
+        held = queue.hold(now, now + datetime.timedelta(hours=1), "visitors")
+        with self.assertRaises(glasswing.InvalidInput):
+            queue.hold(now, now - datetime.timedelta(hours=1))
+        queue.release(held)
         queue.approve(first.number)
         queue.start()
         self.assertTrue(queue.running)

@@ -37,9 +37,9 @@ class CaptureQueueTest : public testing::Test {
     rig_ = nullptr;
     fs::remove_all(data_);
   }
-  void start() {
+  void start(const RigFaults& faults = {.name = "none"}) {
     rig_ = nullptr;
-    rig_ = std::make_unique<FaultyRig>(RigFaults{.name = "none"}, 1, 16, data_);
+    rig_ = std::make_unique<FaultyRig>(faults, 1, 16, data_);
   }
   CaptureQueue& queue() { return rig_->server().queue(); }
   std::int64_t add(const v1::QueueWish& wish) {
@@ -245,6 +245,97 @@ TEST_F(CaptureQueueTest, RefusesChangesOfWhatRuns) {
   EXPECT_OK(queue().remove(b, kAnna));
   EXPECT_OK(rig_->server().control().cancel("a", kAnna));
   EXPECT_THAT(ended(a).reason(), HasSubstr("cancelled"));
+}
+
+std::string rfc3339(absl::Time time) {
+  return absl::FormatTime(absl::RFC3339_sec, time, absl::UTCTimeZone());
+}
+
+TEST_F(CaptureQueueTest, KeepsTheRigFreeForPeople) {
+  v1::HoldQueueRequest request;
+  request.set_from(rfc3339(absl::Now() + absl::Seconds(1)));  // no capture ends before
+  request.set_to(rfc3339(absl::Now() + absl::Hours(1)));
+  request.set_why("visitors");
+  const absl::StatusOr<v1::QueueHold> hold = queue().hold(request, kAnna);
+  ASSERT_OK(hold);
+  request.set_from(rfc3339(absl::Now() + absl::Hours(10)));  // a capture ends long before
+  request.set_to(rfc3339(absl::Now() + absl::Hours(11)));
+  ASSERT_OK(queue().hold(request, kAnna));
+  const std::int64_t a = add(wish("a", 60)), b = add(wish("b"));
+  run();
+  EXPECT_THAT(until(a, [](const v1::QueueItem& item) { return !item.reason().empty(); }).reason(),
+              HasSubstr("the rig is held for people: visitors"));
+  EXPECT_OK(queue().run_now(b, kAnna));  // by a person
+  EXPECT_EQ(ended(b).state(), v1::QUEUE_ITEM_STATE_DONE);
+  start();
+  ASSERT_EQ(queue().state().holds_size(), 2);
+  EXPECT_EQ(queue().find(a)->state(), v1::QUEUE_ITEM_STATE_WAITING);
+  EXPECT_TRUE(queue().state().running());
+  EXPECT_OK(queue().release(hold->number(), kAnna));
+  EXPECT_EQ(ended(a).state(), v1::QUEUE_ITEM_STATE_DONE);
+  EXPECT_TRUE(absl::IsNotFound(queue().release(hold->number(), kAnna)));
+  EXPECT_THAT(history(0), HasSubstr("anna@lab3: held from "));
+  request.set_to(request.from());
+  EXPECT_TRUE(absl::IsInvalidArgument(queue().hold(request, kAnna).status()));
+}
+
+TEST_F(CaptureQueueTest, AsksAPersonWhereTheCaptureBeforeSawTheRigChange) {
+  v1::QueueWish steady = wish("b");
+  steady.set_steady(true);
+  const std::int64_t a = add(wish("a"));
+  run();
+  EXPECT_EQ(ended(a).state(), v1::QUEUE_ITEM_STATE_DONE);
+  {
+    SessionStore::Edit edit = rig_->server().sessions().edit();
+    v1::Session session = edit.find("a").value();
+    session.add_rig_changes()->set_what("the table was touched");
+    ASSERT_OK(edit.change(session));
+  }
+  const std::int64_t b = add(steady);
+  steady.set_session("c");
+  const std::int64_t c = add(steady);
+  EXPECT_THAT(until(b, [](const v1::QueueItem& item) { return !item.waits_since().empty(); }).reason(),
+              HasSubstr("the rig changed in session a: the table was touched"));
+  EXPECT_OK(queue().approve(b, kAnna));
+  EXPECT_EQ(ended(c).state(), v1::QUEUE_ITEM_STATE_DONE);  // nothing changed in b
+  EXPECT_EQ(queue().find(c)->approved_by(), "");
+}
+
+TEST_F(CaptureQueueTest, WarmsUpTheMonitors) {
+  v1::QueueWish warmed = wish("a");
+  warmed.set_warm_up_s(2.0);
+  const std::int64_t a = add(warmed);
+  const nanoseconds began = monotonic_now();
+  run();
+  EXPECT_THAT(until(a, [](const v1::QueueItem& item) { return !item.reason().empty(); }).reason(),
+              HasSubstr("warms up"));
+  EXPECT_EQ(rig_->server().rig_lock().holder()->what(), "warming up");
+  EXPECT_EQ(ended(a).state(), v1::QUEUE_ITEM_STATE_DONE) << queue().find(a)->reason();
+  EXPECT_GE(monotonic_now() - began, std::chrono::seconds(2));
+}
+
+TEST_F(CaptureQueueTest, TestsTheRigBeforeAnItem) {
+  v1::QueueWish tested = wish("a");
+  tested.set_doctor(true);
+  const std::int64_t a = add(tested);
+  run();
+  EXPECT_EQ(ended(a).state(), v1::QUEUE_ITEM_STATE_DONE) << queue().find(a)->reason();
+  start({.name = "no frames", .drop = 1.0});
+  tested.set_session("b");
+  const std::int64_t b = add(tested);
+  EXPECT_THAT(ended(b).reason(), HasSubstr("the rig's self-test: "));
+  EXPECT_TRUE(absl::IsNotFound(rig_->server().sessions().find("b").status()));
+}
+
+TEST_F(CaptureQueueTest, TellsSessionsWhereMonitorsStand) {
+  v1::QueueWish placed = wish("a"), nowhere = wish("b");
+  (*placed.mutable_rail_mm())["back"] = 200.0;
+  (*nowhere.mutable_rail_mm())["front"] = 200.0;
+  const std::int64_t a = add(placed), b = add(nowhere);
+  run();
+  EXPECT_THAT(ended(b).reason(), HasSubstr("front"));
+  EXPECT_EQ(queue().find(a)->state(), v1::QUEUE_ITEM_STATE_DONE);
+  EXPECT_EQ(rig_->server().sessions().find("a")->rail_mm().at("back"), 200.0);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-import { useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { call, mayOperate } from "../api";
 import type { GetQueueResponseJson, QueueItemJson, QueueItemStateJson } from "../gen/glasswing/v1/queue_service_pb";
 import { polled, useFeed } from "../parts/feed";
@@ -6,7 +6,9 @@ import { Message } from "../parts/message";
 import { FeedFailure } from "../parts/silence";
 import { State, type StateKind } from "../parts/state";
 import { useAction } from "../parts/use_action";
-import { errorText } from "../parts/words";
+import { errorText, timeText } from "../parts/words";
+import { EditDialog } from "./edit";
+import { notices } from "./notices";
 import { placeBeside, placeOf, waits } from "./order";
 import "./queue.css";
 
@@ -19,6 +21,11 @@ const kStates: Partial<Record<QueueItemStateJson, [StateKind, string]>> = {
   QUEUE_ITEM_STATE_FAILED: ["bad", "failed"],
 };
 
+/** Captured, and an outlier of its series. */
+function isUnusual({ state, reason }: QueueItemJson): boolean {
+  return state === "QUEUE_ITEM_STATE_DONE" && !!reason;
+}
+
 type Act = (method: string, request: object) => void;
 
 function Name({ item: { session, wish, number } }: { item: QueueItemJson }) {
@@ -30,9 +37,20 @@ function Name({ item: { session, wish, number } }: { item: QueueItemJson }) {
   );
 }
 
+/** Desktop notices, while this page is open. */
+function useNotices(items: readonly QueueItemJson[] | undefined, wanted: boolean): void {
+  const before = useRef(items);
+  useEffect(() => {
+    if (wanted && before.current && items)
+      for (const text of notices(before.current, items)) new Notification("Glasswing", { body: text });
+    before.current = items;
+  }, [items, wanted]);
+}
+
 function Buttons({ item, items, act, busy }: { item: QueueItemJson; items: readonly QueueItemJson[]; act: Act; busy: boolean }) {
   const number = item.number!;
   const name = item.session || item.wish?.session || `item ${number}`;
+  const [edited, setEdited] = useState(false);
   const move = (step: -1 | 1) => {
     const before = placeBeside(items, number, step);
     return (
@@ -60,13 +78,17 @@ function Buttons({ item, items, act, busy }: { item: QueueItemJson; items: reado
           <button disabled={busy} onClick={() => act("RunQueueItem", { number })}>
             Run next
           </button>
+          <button disabled={busy} onClick={() => setEdited(true)}>
+            Edit…
+          </button>
+          {edited && <EditDialog item={item} close={() => setEdited(false)} />}
         </>
       )}
       <button
         disabled={busy}
         onClick={() => act("DuplicateQueueItem", { requestId: crypto.randomUUID(), number })}
       >
-        Duplicate
+        {isUnusual(item) ? "Capture again" : "Duplicate"}
       </button>
       {item.state !== "QUEUE_ITEM_STATE_RUNNING" && (
         <button disabled={busy} onClick={() => act("RemoveQueueItem", { number })}>
@@ -107,7 +129,7 @@ function Item({ item, items, act, busy }: { item: QueueItemJson; items: readonly
         {mayOperate.value && <Buttons item={item} items={items} act={act} busy={busy} />}
       </div>
       {item.reason && (
-        <span class={item.state === "QUEUE_ITEM_STATE_FAILED" ? "caution-text" : "note"}>
+        <span class={item.ended ? "caution-text" : "note"}>
           <Message text={item.reason} />
         </span>
       )}
@@ -117,6 +139,7 @@ function Item({ item, items, act, busy }: { item: QueueItemJson; items: readonly
 
 export default function Page() {
   const [ended, setEnded] = useState(true);
+  const [wanted, setWanted] = useState(false);
   const [turn, setTurn] = useState(0); // asks again at once after a change
   const { busy, error: refused, act } = useAction();
   const { value, live, error } = useFeed(
@@ -126,6 +149,8 @@ export default function Page() {
   const change: Act = (method, request) =>
     void act(() => call(`QueueService/${method}`, request)).then(() => setTurn((old) => old + 1));
   const items = value?.items ?? [];
+  const holds = value?.queue?.holds ?? [];
+  useNotices(value?.items, wanted);
   const running = value?.queue?.running ?? false;
   return (
     <div class={live || !value ? "queue" : "queue stale"}>
@@ -136,6 +161,17 @@ export default function Page() {
         <span class="spacer" />
         <label>
           <input type="checkbox" checked={ended} onChange={() => setEnded(!ended)} /> with what has ended
+        </label>
+        <label>
+          <input
+            type="checkbox"
+            checked={wanted}
+            disabled={!("Notification" in globalThis)}
+            onChange={() =>
+              void (wanted ? Promise.resolve("denied") : Notification.requestPermission()).then((may) => setWanted(may === "granted"))
+            }
+          />{" "}
+          desktop notices
         </label>
         {value && mayOperate.value && (
           <button class="primary" disabled={busy} onClick={() => change("SetQueue", { running: !running })}>
@@ -149,6 +185,17 @@ export default function Page() {
           {errorText(refused)}
         </p>
       )}
+      {holds.map(({ number, from, to, why, by }) => (
+        <p key={number} class="row">
+          Held for people from {timeText(from ?? "")} to {timeText(to ?? "")}
+          {why && `: ${why}`} <span class="note">{by && `by ${by}`}</span>
+          {mayOperate.value && (
+            <button class="quiet" disabled={busy} onClick={() => change("ReleaseQueue", { number })}>
+              Free again
+            </button>
+          )}
+        </p>
+      ))}
       {value && (
         <section class="card">
           {items.length === 0 ? (

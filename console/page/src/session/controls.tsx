@@ -128,11 +128,11 @@ export function Controls({ session }: { session: SessionJson }) {
         <Confirm
           title={`Delete ${name}?`}
           action="Delete"
-          run={() => call<DeleteSessionResponseJson>("SessionService/DeleteSession", { name })}
+          run={() => call<DeleteSessionResponseJson>("SessionService/DeleteSession", { name, trash: true })}
           done={() => (location.hash = isCalibration(session) ? "#/calibrations" : "#/session")}
           close={() => setAsked(undefined)}
         >
-          <p>Its frames and mattes are removed for good.</p>
+          <p>It stays in the trash for a day; glasswing undelete takes it back.</p>
         </Confirm>
       )}
     </div>

@@ -128,6 +128,14 @@ export function NewSession() {
       location.hash = `#/session/${encodeURIComponent(session?.name ?? "")}`;
     });
   };
+  const enqueue = async (): Promise<void> => {
+    await start.act(async () => {
+      const addTags = tags.split(/\s+/).filter(Boolean);
+      const wish = { session: name, plan, solve: solve && !plan?.calibration, note, tags: addTags, retries: 3, retryWaitS: 60 };
+      await call("QueueService/AddQueueItem", { requestId: requestId.current, wish });
+      location.hash = "#/queue";
+    });
+  };
   return (
     <form class="session" onSubmit={(event) => void create(event)}>
       <div class="row">
@@ -249,6 +257,14 @@ export function NewSession() {
           )}
           <button class="primary" disabled={start.busy || !estimate || missing.length > 0}>
             {start.busy ? "Starting…" : "Start"}
+          </button>
+          <button
+            type="button"
+            title={plan?.photos?.length ? "Plans with photos cannot be queued" : undefined}
+            disabled={start.busy || !plan || (plan.photos?.length ?? 0) > 0}
+            onClick={() => void enqueue()}
+          >
+            Add to the queue
           </button>
         </div>
       </section>

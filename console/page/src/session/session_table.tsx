@@ -29,7 +29,7 @@ function stepsText(session: SessionJson): string {
 async function deleteAll(names: readonly string[]): Promise<void> {
   const failures: string[] = [];
   for (const name of names) {
-    await call("SessionService/DeleteSession", { name }).catch((error: unknown) =>
+    await call("SessionService/DeleteSession", { name, trash: true }).catch((error: unknown) =>
       failures.push(`${name}: ${errorText(error)}`),
     );
   }
@@ -60,7 +60,7 @@ function DeleteSelected({ sessions, clear }: { sessions: readonly SessionJson[];
           close={() => setAsked(false)}
         >
           <p>
-            Their frames ({bytesText(bytes)}) and mattes are removed for good: {names.join(", ")}.
+            Their frames ({bytesText(bytes)}) and mattes stay in the trash for a day: {names.join(", ")}.
           </p>
         </Confirm>
       )}
@@ -110,6 +110,11 @@ function Row({ session, pictured, search, selected, select }: RowProps) {
         <span>
           <State kind={kindOf(session)}>{plainName(session.state, "SESSION_STATE_")}</State>
           {session.waiting && <span class="note clip">waiting: {session.waiting.what}</span>}
+          {session.verdict?.outlier && (
+            <span class="caution-text clip" title={session.verdict.text}>
+              unusual: {session.verdict.text}
+            </span>
+          )}
         </span>
       </td>
       <td data-label="Steps" class="digits">

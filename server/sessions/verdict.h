@@ -1,0 +1,29 @@
+// How good a captured session is, beside the others of its series with the same plan. From figures that its
+// capture and solve have; nothing is measured for it.
+#pragma once
+
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "glasswing/v1/session.pb.h"
+
+namespace glasswing {
+
+class Verdicts {
+ public:
+  // At least as many others tell what is usual.
+  static constexpr size_t kFewest = 4;
+
+  // Of all sessions, which must have their plans.
+  explicit Verdicts(std::span<const v1::Session> sessions);
+
+  // Absent measures: the session is not captured, or measured devices.
+  v1::SessionVerdict of(const v1::Session& session) const;
+
+ private:
+  std::map<std::string, std::vector<v1::Session>> series_;  // captured ones, by series and plan
+};
+
+}  // namespace glasswing

@@ -1,0 +1,109 @@
+"""Solves a still beside a film of batch priority, as an hour's film and a still of 30 s in proportion. Measures the still's
+time over its time alone, and what the film loses beyond the still's own work. Solvers have one thread each."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import pathlib
+import sys
+import tempfile
+import time
+
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / folder) for folder in ("processes", "bench")]
+
+from daemon import ROOT  # noqa: E402
+from lab import Lab, capture_archives, glasswing, until  # noqa: E402
+from postgres import Postgres  # noqa: E402
+from rows import row  # noqa: E402
+
+_FILM = """
+method: "ramp"
+monitors {{ name: "back" }}
+ramp {{ empty_frames: 8 frames: {frames} }}
+solids {{ colour: [0, 0, 0] }}
+square_waves {{ levels: 5 }}
+hold_refreshes: 2
+exposure_ms: 4
+"""
+
+
+class Stand:
+    """The lab with its solvers, and clocks of their work."""
+
+    def __init__(self, lab: Lab, solvers: int) -> None:
+        self.lab = lab
+        for _ in range(solvers):
+            lab.add_solver().start()
+        until(lambda: lab.solvers_up() == solvers, f"{solvers} solvers are up")
+
+    def cpu_seconds(self) -> float:
+        return sum(solver.cpu_seconds() for solver in self.lab.solvers)
+
+    def solve(self, name: str, priority: str, seconds: float = 7200.0) -> tuple[float, float]:
+        """Its seconds, and those of all solvers' processors."""
+        began, before = time.monotonic(), self.cpu_seconds()
+        self.begin(name, priority)
+        self.lab.wait_until_done(seconds, name)
+        return time.monotonic() - began, self.cpu_seconds() - before
+
+    def begin(self, name: str, priority: str) -> None:
+        glasswing(self.lab.address, "solve", name, "--priority", priority)
+
+    def frames(self) -> int:
+        return len(self.lab.session(30.0, "film").solved_frames)
+
+
+def beside(stand: Stand) -> tuple[float, float, float, float]:
+    """The still's seconds beside the film, the film's, and the frames a second that the film got before and meanwhile."""
+    began = time.monotonic()
+    stand.begin("film", "batch")
+    count = stand.lab.session(30.0, "film").frame_count
+    until(lambda: stand.frames() > count // 4, "a quarter of the film is solved", 7200.0, 0.2)
+    rate = stand.frames() / (time.monotonic() - began)
+    before, at = stand.frames(), time.monotonic()
+    still, _ = stand.solve("still", "interactive")
+    meanwhile = (stand.frames() - before) / (time.monotonic() - at)
+    stand.lab.wait_until_done(7200.0, "film")
+    return still, time.monotonic() - began, rate, meanwhile
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="tests/bench/film/run", description=__doc__)
+    parser.add_argument("--frames", type=int, default=3600, help="of the film (default 3600)")
+    parser.add_argument("--size", default="160x128", help="resolution of the film's camera and monitor in px (default 160x128)")
+    parser.add_argument("--still", default="64x56", help="of the still's (default 64x56)")
+    parser.add_argument("--solvers", type=int, default=2)
+    parser.add_argument("--postgres", action="store_true", help="jobs in PostgreSQL; default: SQLite")
+    options = parser.parse_args()
+    postgres = Postgres() if options.postgres else None
+    with tempfile.TemporaryDirectory() as temporary:
+        work = pathlib.Path(temporary)
+        plan = work / "film.txtpb"
+        plan.write_text(_FILM.format(frames=options.frames))
+        capture_archives({work / "film": plan}, work, options.size, "wobble")
+        capture_archives({work / "still": ROOT / "deploy/plans/crystal.txtpb"}, work, options.still)
+        lab = Lab(work, {name: work / name for name in ("film", "still")}, ("--jobs", postgres.connection) if postgres else ())
+        try:
+            stand = Stand(lab, options.solvers)
+            still_alone, still_cpu = stand.solve("still", "interactive")
+            film_alone, _ = stand.solve("film", "batch")
+            load = os.getloadavg()[0]
+            still, film, rate, meanwhile = beside(stand)
+        finally:
+            lab.close()
+            if postgres:
+                postgres.close()
+    # What the still needs of the solvers' time would be missing anyhow.
+    own = still_cpu / options.solvers
+    loss = 100.0 * (film - own - film_alone) / film_alone
+    print(f"{options.solvers} solvers, load {load:.1f}, jobs in {'PostgreSQL' if options.postgres else 'SQLite'}")
+    print(f"alone: still {still_alone:.2f} s, film {film_alone:.1f} s; together: still {still:.2f} s, film {film:.1f} s")
+    print(f"the film solved {rate:.1f} frames a second before, {meanwhile:.1f} meanwhile")
+    row("a still beside a film over alone", still / still_alone, "x")
+    row("loss of the film beside a still", loss, "%")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
