@@ -1,0 +1,77 @@
+#include "core/axis/board_module.h"
+
+#include <algorithm>
+#include <opencv2/aruco/charuco.hpp>
+#include <opencv2/calib3d.hpp>
+
+namespace glasswing::axis_module_parts {
+namespace {
+
+cv::Ptr<cv::aruco::CharucoBoard> board_of(const Board& board) {
+  return cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square_mm),
+                                         static_cast<float>(board.marker_mm),
+                                         cv::aruco::getPredefinedDictionary(board.dictionary));
+}
+
+}  // namespace
+
+std::vector<BoardCorner> find_corners(const Board& board, int width_px, int height_px,
+                                      std::span<const std::uint8_t> grey) {
+  std::vector<BoardCorner> found;
+  try {
+    const cv::Ptr<cv::aruco::CharucoBoard> chart = board_of(board);
+    cv::Mat picture(height_px, width_px, CV_8UC1);
+    std::ranges::copy(grey, picture.data);
+    const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
+    parameters->minMarkerPerimeterRate = 0.01;  // of the picture's width; a board may be small in it
+    std::vector<std::vector<cv::Point2f>> markers, rejected;
+    std::vector<int> ids;
+    cv::aruco::detectMarkers(picture, chart->dictionary, markers, ids, parameters, rejected);
+    if (ids.empty()) return found;
+    cv::aruco::refineDetectedMarkers(picture, chart, markers, ids, rejected);
+    std::vector<cv::Point2f> corners;
+    std::vector<int> numbers;
+    cv::aruco::interpolateCornersCharuco(markers, ids, picture, chart, corners, numbers);
+    for (size_t i = 0; i < corners.size(); ++i) {
+      const cv::Point3f& at = chart->chessboardCorners[numbers[i]];
+      // OpenCV's first pixel has its centre at 0.
+      found.push_back(
+          {.pixel = {corners[i].x + 0.5, corners[i].y + 0.5}, .at_mm = {at.x, at.y, at.z}});
+    }
+  } catch (const cv::Exception&) {
+    found.clear();
+  }
+  return found;
+}
+
+std::vector<std::uint8_t> draw(const Board& board, int width_px, int height_px) {
+  cv::Mat picture;
+  board_of(board)->draw({width_px, height_px}, picture);
+  return {picture.data, picture.data + picture.total()};
+}
+
+std::optional<Reprojection::Pose> pose(std::span<const Eigen::Vector2d> slopes,
+                                       std::span<const Eigen::Vector3d> at_mm) {
+  std::vector<cv::Point2d> seen;
+  std::vector<cv::Point3d> points;
+  for (const Eigen::Vector2d& slope : slopes) seen.emplace_back(slope.x(), slope.y());
+  for (const Eigen::Vector3d& at : at_mm) points.emplace_back(at.x(), at.y(), at.z());
+  try {
+    cv::Vec3d turn, shift;
+    if (!cv::solvePnP(points, seen, cv::Matx33d::eye(), cv::noArray(), turn, shift, false,
+                      cv::SOLVEPNP_SQPNP))
+      return std::nullopt;
+    cv::solvePnPRefineLM(points, seen, cv::Matx33d::eye(), cv::noArray(), turn, shift);
+    cv::Matx33d rotation;
+    cv::Rodrigues(turn, rotation);
+    if (!(shift[2] > 0.0)) return std::nullopt;
+    Reprojection::Pose pose;
+    pose.rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rotation.val);
+    pose.translation_mm = {shift[0], shift[1], shift[2]};
+    return pose;
+  } catch (const cv::Exception&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace glasswing::axis_module_parts
