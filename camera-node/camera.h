@@ -9,7 +9,7 @@
 #include <string>
 
 #include "core/base/time.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "glasswing/v1/camera_service.pb.h"
 
 namespace glasswing {

@@ -13,7 +13,7 @@
 
 #include "camera-node/camera.h"
 #include "core/base/node_clock.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 

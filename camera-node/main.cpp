@@ -1,8 +1,8 @@
 #include "camera-node/camera_daemon.h"
 #include "camera-node/camera_options.h"
 #include "core/archive/fsck_command.h"
-#include "core/base/freed_memory.h"
 #include "core/daemon/daemon.h"
+#include "core/process/freed_memory.h"
 #include "core/service/build_id.h"
 
 int main(int argc, char** argv) {

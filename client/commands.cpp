@@ -1,10 +1,12 @@
 #include "client/commands.h"
 
+#include "client/capture/commands.h"
 #include "client/cli/commands.h"
 #include "client/cli/completion_values.h"
 #include "client/exchange/commands.h"
 #include "client/live/commands.h"
 #include "client/pki/commands.h"
+#include "client/plans/commands.h"
 #include "client/queue/commands.h"
 #include "client/rig/commands.h"
 #include "client/sessions/commands.h"

@@ -1,5 +1,5 @@
 #include "client/commands.h"
-#include "core/base/freed_memory.h"
+#include "core/process/freed_memory.h"
 
 int main(int argc, char** argv) {
   glasswing::keep_freed_memory();

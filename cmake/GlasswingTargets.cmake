@@ -127,7 +127,7 @@ function(glasswing_library)
 endfunction()
 
 # glasswing_module(NAME SOURCES a.cpp ... USES library ... FOR target COMPONENT component)
-# A shared module that the library `target` loads at its first use (core/base/module.h), for libraries that take long
+# A shared module that the library `target` loads at its first use (core/process/module.h), for libraries that take long
 # to load. It does not link our libraries.
 function(glasswing_module name)
   cmake_parse_arguments(ARG "" "FOR;COMPONENT" "SOURCES;USES" ${ARGN})

@@ -1,7 +1,7 @@
 #include "console/console_daemon.h"
 #include "console/console_options.h"
-#include "core/base/freed_memory.h"
 #include "core/daemon/daemon.h"
+#include "core/process/freed_memory.h"
 #include "core/service/build_id.h"
 
 int main(int argc, char** argv) {

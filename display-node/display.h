@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/base/time.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/pattern/pattern.h"
 
 namespace glasswing {

@@ -1,5 +1,5 @@
-#include "core/base/freed_memory.h"
 #include "core/daemon/daemon.h"
+#include "core/process/freed_memory.h"
 #include "core/service/build_id.h"
 #include "display-node/display_daemon.h"
 #include "display-node/display_options.h"

@@ -1,6 +1,6 @@
 #include "core/archive/fsck_command.h"
-#include "core/base/freed_memory.h"
 #include "core/daemon/daemon.h"
+#include "core/process/freed_memory.h"
 #include "core/service/build_id.h"
 #include "server/fsck/check_server.h"
 #include "server/server_daemon.h"

@@ -4,8 +4,8 @@
 #include <memory>
 #include <optional>
 
-#include "core/base/directory_lock.h"
 #include "core/base/status.h"
+#include "core/file/directory_lock.h"
 #include "core/telemetry/process_metrics.h"
 #include "server/console/console_service.h"
 #include "server/events/event_watch.h"

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "solver/background/object_mask.h"
 
 namespace glasswing {

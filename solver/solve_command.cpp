@@ -14,9 +14,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/cli/help.h"
+#include "core/file/file.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/matte_notes.h"

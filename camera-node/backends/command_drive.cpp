@@ -3,7 +3,7 @@
 #include <absl/strings/str_replace.h>
 #include <fmt/format.h>
 
-#include "core/base/run_program.h"
+#include "core/process/run_program.h"
 
 namespace glasswing {
 

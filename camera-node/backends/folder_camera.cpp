@@ -8,12 +8,12 @@
 #include <cmath>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
-#include "core/base/run_program.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
-#include "core/frame/image_file.h"
-#include "core/frame/raw_photograph.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
+#include "core/image/raw_photograph.h"
+#include "core/process/run_program.h"
 
 namespace glasswing {
 namespace {

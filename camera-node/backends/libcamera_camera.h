@@ -15,7 +15,7 @@
 #include "camera-node/backends/pixel_format.h"
 #include "camera-node/backends/sensor_time.h"
 #include "camera-node/camera.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace libcamera {
 class Camera;

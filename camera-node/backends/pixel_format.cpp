@@ -9,8 +9,8 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/base/status.h"
-#include "core/frame/picture_codecs.h"
-#include "core/frame/picture_header.h"
+#include "core/image/picture_codecs.h"
+#include "core/image/picture_header.h"
 
 namespace glasswing {
 namespace {

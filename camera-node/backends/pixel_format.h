@@ -14,7 +14,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

@@ -7,10 +7,10 @@
 #include <set>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/import/foreign_manifest.h"
 
 namespace glasswing {

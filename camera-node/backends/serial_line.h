@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/base/descriptor.h"
+#include "core/file/descriptor.h"
 
 namespace glasswing {
 

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "core/base/status.h"
-#include "core/frame/mosaic.h"
+#include "core/image/mosaic.h"
 
 namespace glasswing {
 namespace {

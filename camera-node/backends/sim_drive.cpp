@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/base/pause.h"
+#include "core/process/pause.h"
 
 namespace glasswing {
 

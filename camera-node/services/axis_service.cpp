@@ -6,9 +6,9 @@
 
 #include <algorithm>
 
-#include "core/base/fault_point.h"
-#include "core/base/pause.h"
 #include "core/base/status.h"
+#include "core/file/fault_point.h"
+#include "core/process/pause.h"
 #include "core/service/message_limits.h"
 #include "core/service/service.h"
 

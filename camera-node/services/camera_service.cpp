@@ -8,8 +8,8 @@
 
 #include "camera-node/camera_metrics.h"
 #include "camera-node/services/preview.h"
-#include "core/base/fault_point.h"
 #include "core/base/status.h"
+#include "core/file/fault_point.h"
 #include "core/service/service.h"
 
 namespace glasswing {

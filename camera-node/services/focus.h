@@ -20,7 +20,7 @@
 #include <cstdint>
 #include <string>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

@@ -6,7 +6,7 @@
 #include <cstddef>
 
 #include "core/base/time.h"
-#include "core/frame/tiff.h"
+#include "core/image/tiff.h"
 
 namespace glasswing {
 

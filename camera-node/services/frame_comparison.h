@@ -1,4 +1,4 @@
-// Compares frames with stored frames of the same pictures (core/frame/picture_change.h).
+// Compares frames with stored frames of the same pictures (core/image/picture_change.h).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -9,7 +9,7 @@
 
 #include "camera-node/services/frame_ring.h"
 #include "core/archive/archive_store.h"
-#include "core/frame/picture_change.h"
+#include "core/image/picture_change.h"
 #include "glasswing/v1/camera_service.pb.h"
 
 namespace glasswing {

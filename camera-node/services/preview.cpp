@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "camera-node/services/focus.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 namespace {

@@ -1,8 +1,8 @@
 // A frame reduced to a preview picture, for framing and focus, and to light per row, for measurements.
 #pragma once
 
-#include "core/frame/image.h"
-#include "core/frame/mosaic.h"
+#include "core/image/image.h"
+#include "core/image/mosaic.h"
 #include "core/radiometry/frame_light.h"
 #include "glasswing/v1/camera_service.pb.h"
 

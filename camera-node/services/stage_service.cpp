@@ -1,6 +1,6 @@
 #include "camera-node/services/stage_service.h"
 
-#include "core/base/fault_point.h"
+#include "core/file/fault_point.h"
 #include "core/service/service.h"
 
 namespace glasswing {

@@ -13,11 +13,11 @@
 #include "client/exchange/partial_directory.h"
 #include "core/archive/disk_room.h"
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
+#include "core/file/file.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 

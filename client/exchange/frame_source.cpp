@@ -6,10 +6,10 @@
 #include <memory>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/import/foreign_manifest.h"
 #include "core/import/photograph_response.h"
 #include "core/import/response_estimate.h"

@@ -13,7 +13,7 @@
 
 #include "client/exchange/photograph_list.h"
 #include "client/layouts/stack_samples.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "glasswing/v1/archive.pb.h"
 
 namespace glasswing {

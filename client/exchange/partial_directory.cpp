@@ -4,8 +4,8 @@
 #include <google/protobuf/util/json_util.h>
 #include <unistd.h>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 namespace {

@@ -13,9 +13,9 @@
 #include <string_view>
 
 #include "client/cli/monitor_argument.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/file/file.h"
 #include "core/pattern/pattern.h"
 #include "core/pattern/stimulus_kind.h"
 

@@ -11,7 +11,7 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/progress.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/import/photograph_response.h"
 #include "core/import/sequences.h"
 

@@ -116,8 +116,8 @@ absl::StatusOr<BarsSeen> settle_bars(const PatternView& view, const std::vector<
   }
   if (binary && bars.direction[0] + bars.direction[1] < 0 && bars.direction[0] * bars.direction[1] >= 0) {
     return absl::InvalidArgumentError(
-        fmt::format("{}, or else lit bars of the binary code stand for 0; if the first bar was dark, pass "
-                    "{}, else --list",
+        fmt::format("{}, unless lit bars of the binary code mean 0: if the first bar was dark, pass "
+                    "{}; otherwise pass --list",
                     direction_words(bars.direction), options_of(layout)));
   }
   reasons.push_back(direction_words(bars.direction));

@@ -10,10 +10,10 @@
 #include <optional>
 #include <string_view>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
-#include "core/frame/raw_photograph.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
+#include "core/image/raw_photograph.h"
 
 namespace glasswing {
 namespace {

@@ -7,7 +7,7 @@
 #include "core/base/status.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/progress.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 namespace {

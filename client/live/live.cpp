@@ -15,7 +15,7 @@
 #include "core/base/status.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/progress.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/method/methods.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"

@@ -12,7 +12,7 @@
 #include "core/base/status.h"
 #include "core/cli/output.h"
 #include "core/cli/output_file.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 namespace {

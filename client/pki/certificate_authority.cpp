@@ -12,8 +12,8 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/security/roles.h"
 
 namespace glasswing {

@@ -16,13 +16,13 @@
 #include <vector>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/composite/compositor.h"
 #include "core/composite/fast_compositor.h"
+#include "core/file/file.h"
 #include "core/footprint/composite_error.h"
-#include "core/frame/image.h"
-#include "core/frame/image_file.h"
 #include "core/geometry/rig_geometry.h"
+#include "core/image/image.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/match_rays.h"
 #include "core/rays/ray_file.h"

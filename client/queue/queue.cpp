@@ -2,11 +2,11 @@
 
 #include <iostream>
 
+#include "client/capture/stage_axes.h"
 #include "client/cli/rpc.h"
 #include "client/queue/commands.h"
 #include "client/queue/queue_text.h"
 #include "client/queue/wish_options.h"
-#include "client/sessions/stage_axes.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "client/sessions/rail_positions.h"
+#include "client/capture/rail_positions.h"
 #include "core/base/status.h"
 
 namespace glasswing {

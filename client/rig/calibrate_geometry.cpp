@@ -10,11 +10,11 @@
 #include <nlohmann/json.hpp>
 
 #include "client/sessions/matte_input.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/cli/output.h"
 #include "core/cli/output_file.h"
+#include "core/file/file.h"
 #include "core/geometry/geometry_fit.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/rig_geometry.h"

@@ -8,17 +8,17 @@
 #include <filesystem>
 #include <iostream>
 
+#include "client/capture/capture.h"
+#include "client/capture/watch.h"
 #include "client/cli/rpc.h"
 #include "client/rig/curve_chart.h"
-#include "client/sessions/capture.h"
-#include "client/sessions/watch.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/base/utf8.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
+#include "core/file/file.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 

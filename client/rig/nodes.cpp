@@ -3,8 +3,8 @@
 #include <iostream>
 
 #include "client/cli/rpc.h"
+#include "client/plans/estimate.h"
 #include "client/rig/commands.h"
-#include "client/sessions/estimate.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/cli/output.h"

@@ -3,9 +3,9 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/capture/rail_positions.h"
 #include "client/cli/rig_view.h"
 #include "client/rig/commands.h"
-#include "client/sessions/rail_positions.h"
 #include "core/base/status.h"
 #include "core/cli/output.h"
 

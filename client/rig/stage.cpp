@@ -3,9 +3,9 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/capture/stage_axes.h"
 #include "client/cli/rpc.h"
 #include "client/rig/commands.h"
-#include "client/sessions/stage_axes.h"
 #include "core/base/scanner.h"
 #include "core/base/status.h"
 #include "core/cli/output.h"

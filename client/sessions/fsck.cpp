@@ -21,10 +21,10 @@
 #include "client/sessions/commands.h"
 #include "client/sessions/compare_rig.h"
 #include "core/archive/fsck_command.h"
-#include "core/base/descriptor.h"
 #include "core/base/status.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/progress.h"
+#include "core/file/descriptor.h"
 
 namespace glasswing {
 namespace {

@@ -9,9 +9,9 @@
 
 #include "client/cli/client.h"
 #include "client/cli/rpc.h"
-#include "core/base/file.h"
-#include "core/base/mapped_file.h"
 #include "core/cli/progress.h"
+#include "core/file/file.h"
+#include "core/file/mapped_file.h"
 #include "core/matte/matte.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 

@@ -5,10 +5,10 @@
 
 #include "client/cli/rpc.h"
 #include "core/base/checksum.h"
-#include "core/base/mapped_file.h"
-#include "core/base/positioned_file.h"
 #include "core/base/status.h"
 #include "core/cli/progress.h"
+#include "core/file/mapped_file.h"
+#include "core/file/positioned_file.h"
 #include "core/matte/row_part.h"
 #include "glasswing/v1/matte_service.grpc.pb.h"
 

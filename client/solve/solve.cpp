@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <map>
 
+#include "client/capture/watch.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/cli/settings.h"
-#include "client/sessions/watch.h"
 #include "client/solve/commands.h"
 #include "client/solve/put_parts.h"
 #include "client/solve/slurm.h"

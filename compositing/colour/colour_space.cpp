@@ -7,8 +7,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/base/module.h"
 #include "core/base/status.h"
+#include "core/process/module.h"
 
 namespace glasswing {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "compositing/colour/colour_module.h"
-#include "core/frame/image.h"
-#include "core/frame/image_file.h"
+#include "core/image/image.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 

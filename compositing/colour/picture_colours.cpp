@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 

@@ -10,8 +10,8 @@
 #include <string>
 
 #include "compositing/colour/colour_space.h"
-#include "core/frame/image.h"
-#include "core/frame/image_file.h"
+#include "core/image/image.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 

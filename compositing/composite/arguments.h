@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "compositing/colour/picture_colours.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 

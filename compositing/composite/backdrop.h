@@ -11,8 +11,8 @@
 #include "compositing/composite/arguments.h"
 #include "compositing/picture/moving_picture.h"
 #include "core/composite/histogram_match.h"
-#include "core/frame/image.h"
-#include "core/frame/image_file.h"
+#include "core/image/image.h"
+#include "core/image/image_file.h"
 #include "glasswing/v1/matte.pb.h"
 
 namespace glasswing {

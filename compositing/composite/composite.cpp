@@ -12,11 +12,11 @@
 #include "compositing/composite/sequence.h"
 #include "compositing/picture/picture.h"
 #include "compositing/picture/video_file.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/cli/output_file.h"
 #include "core/cli/progress.h"
+#include "core/file/file.h"
 #include "core/footprint/composite_error.h"
 #include "core/matte/matte_notes.h"
 

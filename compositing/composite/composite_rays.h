@@ -7,7 +7,7 @@
 #include <string>
 
 #include "compositing/composite/object.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "compositing/composite/arguments.h"
-#include "core/base/mapped_file.h"
 #include "core/composite/fast_compositor.h"
 #include "core/composite/fill_unsolved.h"
-#include "core/frame/image.h"
+#include "core/file/mapped_file.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 #include "core/matte/matte_file.h"
 

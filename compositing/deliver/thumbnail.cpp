@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 

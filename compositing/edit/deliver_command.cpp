@@ -7,10 +7,10 @@
 #include "compositing/edit/commands.h"
 #include "compositing/edit/edited_matte.h"
 #include "compositing/picture/picture.h"
-#include "core/base/mapped_file.h"
 #include "core/base/status.h"
 #include "core/cli/output_file.h"
 #include "core/cli/progress.h"
+#include "core/file/mapped_file.h"
 
 namespace glasswing {
 namespace {

@@ -10,9 +10,9 @@
 #include "compositing/edit/edited_matte.h"
 #include "compositing/edit/merge.h"
 #include "compositing/picture/picture.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/cli/output_file.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {

@@ -4,9 +4,9 @@
 #include "compositing/edit/edited_matte.h"
 #include "compositing/edit/reshape.h"
 #include "compositing/picture/picture.h"
-#include "core/base/mapped_file.h"
 #include "core/base/scanner.h"
 #include "core/base/status.h"
+#include "core/file/mapped_file.h"
 
 namespace glasswing {
 namespace {

@@ -2,7 +2,7 @@
 #include "compositing/picture/picture.h"
 #include "core/base/status.h"
 #include "core/cli/progress.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "compositing/picture/video_file.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 

@@ -9,8 +9,8 @@
 
 #include "compositing/colour/picture_colours.h"
 #include "core/cli/command_line.h"
-#include "core/frame/image.h"
-#include "core/frame/image_file.h"
+#include "core/image/image.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 

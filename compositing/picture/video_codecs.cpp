@@ -1,7 +1,7 @@
 #include "compositing/picture/video_codecs.h"
 
-#include "core/base/module.h"
 #include "core/base/status.h"
+#include "core/process/module.h"
 
 namespace glasswing {
 

@@ -12,9 +12,9 @@
 #include <opencv2/core/utils/logger.hpp>
 
 #include "compositing/picture/video_codecs.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 namespace {

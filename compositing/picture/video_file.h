@@ -8,7 +8,7 @@
 #include <memory>
 #include <optional>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace cv {
 class VideoCapture;

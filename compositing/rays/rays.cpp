@@ -6,9 +6,9 @@
 
 #include "compositing/picture/picture.h"
 #include "compositing/rays/commands.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/cli/output_file.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/match_rays.h"
 #include "core/rays/ray_file.h"

@@ -8,9 +8,9 @@
 
 #include "compositing/picture/picture.h"
 #include "compositing/stmap/commands.h"
-#include "core/base/mapped_file.h"
 #include "core/base/status.h"
 #include "core/cli/output_file.h"
+#include "core/file/mapped_file.h"
 
 namespace glasswing {
 namespace {

@@ -13,7 +13,7 @@
 #include "core/base/status.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "core/pattern/pattern.h"
 

@@ -12,7 +12,7 @@
 #include <array>
 #include <optional>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {

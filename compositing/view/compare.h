@@ -7,7 +7,7 @@
 
 #include <cstdint>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {

@@ -5,7 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/frame/picture_codecs.h"
+#include "core/image/picture_codecs.h"
 
 namespace glasswing {
 namespace {

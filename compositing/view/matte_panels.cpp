@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "core/composite/stmap.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 namespace {

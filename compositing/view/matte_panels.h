@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {

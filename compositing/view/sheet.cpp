@@ -6,10 +6,10 @@
 #include "compositing/picture/picture.h"
 #include "compositing/view/commands.h"
 #include "compositing/view/contact_sheet.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/cli/output_file.h"
 #include "core/cli/progress.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 namespace {

@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-#include "core/base/descriptor.h"
+#include "core/file/descriptor.h"
 #include "core/security/tls.h"
 
 namespace glasswing {

@@ -8,7 +8,7 @@
 
 #include "core/base/status.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/radiometry/frame_light.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"

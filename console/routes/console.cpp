@@ -12,8 +12,8 @@
 
 #include "console/routes/cookies.h"
 #include "console/routes/event_stream.h"
-#include "core/base/pause.h"
 #include "core/base/status.h"
+#include "core/process/pause.h"
 #include "core/security/roles.h"
 #include "core/service/service.h"
 #include "glasswing/v1/plan.pb.h"

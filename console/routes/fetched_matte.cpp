@@ -2,8 +2,8 @@
 
 #include "console/routes/scratch_file.h"
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/service/service.h"
 
 namespace glasswing {

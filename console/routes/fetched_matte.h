@@ -7,7 +7,7 @@
 #include <string>
 
 #include "console/routes/server_link.h"
-#include "core/base/mapped_file.h"
+#include "core/file/mapped_file.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {

@@ -10,8 +10,8 @@
 
 #include "console/http/http_host.h"
 #include "console/routes/fetched_matte.h"
-#include "core/base/low_priority.h"
 #include "core/base/status.h"
+#include "core/process/low_priority.h"
 
 namespace glasswing {
 namespace {

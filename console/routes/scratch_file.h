@@ -8,7 +8,7 @@
 #include <memory>
 #include <utility>
 
-#include "core/base/mapped_file.h"
+#include "core/file/mapped_file.h"
 
 namespace glasswing {
 

@@ -9,8 +9,8 @@
 #include <mutex>
 #include <string>
 
-#include "core/base/mapped_file.h"
-#include "core/frame/mosaic.h"
+#include "core/file/mapped_file.h"
+#include "core/image/mosaic.h"
 #include "glasswing/v1/archive_service.pb.h"
 
 namespace glasswing {

@@ -5,10 +5,10 @@
 #include <algorithm>
 
 #include "core/archive/check_archive.h"
-#include "core/base/fault_point.h"
-#include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/file/fault_point.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 

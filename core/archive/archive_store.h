@@ -13,7 +13,7 @@
 
 #include "core/archive/disk_room.h"
 #include "core/archive/disk_speed.h"
-#include "core/base/directory_lock.h"
+#include "core/file/directory_lock.h"
 #include "core/frame/archive.h"
 
 namespace glasswing {

@@ -12,7 +12,7 @@
 
 #include "core/archive/disk_room.h"
 #include "core/base/checksum.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 
 namespace glasswing {

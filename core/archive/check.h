@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/base/set_aside.h"
+#include "core/file/set_aside.h"
 
 namespace glasswing {
 

@@ -10,9 +10,9 @@
 #include <utility>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 #include "core/frame/archive_json.h"
 

@@ -4,8 +4,8 @@
 #include <random>
 #include <string>
 
-#include "core/base/positioned_file.h"
 #include "core/base/status.h"
+#include "core/file/positioned_file.h"
 
 namespace glasswing {
 namespace {

@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "core/archive/check_archive.h"
-#include "core/base/directory_lock.h"
 #include "core/base/status.h"
+#include "core/file/directory_lock.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {

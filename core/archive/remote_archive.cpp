@@ -13,9 +13,9 @@
 #include "core/archive/raw_call.h"
 #include "core/archive/row_message.h"
 #include "core/base/checksum.h"
-#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
+#include "core/process/pause.h"
 #include "core/service/service.h"
 
 namespace glasswing {

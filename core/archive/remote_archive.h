@@ -19,7 +19,7 @@
 
 namespace glasswing {
 
-// Rows of several frames, 16 bit: r, g, b, or one channel (core/frame/mosaic.h).
+// Rows of several frames, 16 bit: r, g, b, or one channel (core/image/mosaic.h).
 struct FrameRows {
   std::vector<std::span<const std::uint16_t>> rows;       // by requested frame
   std::shared_ptr<const void> owner;                      // keeps the samples alive

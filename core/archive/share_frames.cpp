@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <system_error>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 
 namespace glasswing {

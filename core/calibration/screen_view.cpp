@@ -10,7 +10,7 @@
 #include <set>
 
 #include "core/base/status.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {

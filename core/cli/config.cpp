@@ -10,8 +10,8 @@
 #include <set>
 #include <sstream>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 namespace {

@@ -8,10 +8,10 @@
 #include <ctime>
 #include <sstream>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/version.h"
 #include "core/cli/help.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 namespace {

@@ -8,8 +8,8 @@
 #include <cstdio>
 #include <cstring>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 namespace fs = std::filesystem;

@@ -15,7 +15,7 @@
 #include <functional>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "core/composite/footprint_rows.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 #include "core/radiometry/primary_mix.h"
 

@@ -13,7 +13,7 @@
 #include "core/composite/pyramid.h"
 #include "core/composite/summed_area_table.h"
 #include "core/composite/tile_kernel.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 #include "core/radiometry/primary_mix.h"
 

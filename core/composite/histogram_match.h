@@ -15,7 +15,7 @@
 #include <array>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/composite/light_paths.h"
+#include "core/file/file.h"
 #include "core/matte/exr_writer.h"
 #include "core/matte/matte_file.h"
 

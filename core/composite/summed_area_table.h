@@ -13,7 +13,7 @@
 #include <array>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {

@@ -10,7 +10,7 @@
 
 #include "core/composite/pyramid.h"
 #include "core/footprint/footprint.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {

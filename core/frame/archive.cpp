@@ -7,9 +7,9 @@
 #include <sstream>
 
 #include "core/base/checksum.h"
-#include "core/base/fault_point.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/fault_point.h"
+#include "core/file/file.h"
 #include "core/frame/archive_json.h"
 
 namespace glasswing {

@@ -20,15 +20,14 @@
 #include <string_view>
 #include <vector>
 
-#include "core/base/mapped_file.h"
-#include "core/frame/image.h"
-#include "core/frame/mosaic.h"
-#include "core/frame/tiff.h"
+#include "core/file/mapped_file.h"
+#include "core/image/image.h"
+#include "core/image/mosaic.h"
+#include "core/image/tiff.h"
 #include "glasswing/v1/archive.pb.h"
 
 namespace glasswing {
 
-inline constexpr int kMaxSide_px = 16384;  // of cameras, monitors and pictures
 inline constexpr int kMaxMonitors = 64;
 
 // Validates a manifest from any source: sides of 1 to kMaxSide_px, 1 to kMaxMonitors monitors with distinct

@@ -1,7 +1,7 @@
 #include "core/geometry/reprojection_fit.h"
 
-#include "core/base/module.h"
 #include "core/base/status.h"
+#include "core/process/module.h"
 
 namespace glasswing {
 

@@ -9,8 +9,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/matte/matte_region.h"
 
 namespace glasswing {

@@ -7,8 +7,8 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 #include "core/frame/archive_json.h"
 

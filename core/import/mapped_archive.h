@@ -12,8 +12,8 @@
 #include <string_view>
 #include <vector>
 
-#include "core/frame/image.h"
-#include "core/frame/tiff.h"
+#include "core/image/image.h"
+#include "core/image/tiff.h"
 #include "glasswing/v1/archive.pb.h"
 
 namespace glasswing {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/base/scanner.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

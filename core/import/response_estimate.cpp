@@ -10,7 +10,7 @@
 #include <tuple>
 
 #include "core/base/median.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 namespace {

@@ -15,9 +15,9 @@
 #include <cstring>
 #include <mutex>
 
-#include "core/base/file.h"
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/matte/exr_header.h"
 #include "core/matte/exr_writer.h"
 #include "core/matte/matte_head.h"

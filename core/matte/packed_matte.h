@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/base/positioned_file.h"
+#include "core/file/positioned_file.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/matte_region.h"
 

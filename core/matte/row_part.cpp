@@ -12,8 +12,8 @@
 #include <mutex>
 
 #include "core/base/checksum.h"
-#include "core/base/mapped_file.h"
 #include "core/base/status.h"
+#include "core/file/mapped_file.h"
 #include "core/matte/packed_matte.h"
 
 namespace glasswing {

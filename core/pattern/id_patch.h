@@ -22,7 +22,7 @@
 #include <span>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

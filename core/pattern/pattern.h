@@ -17,7 +17,7 @@
 #include <span>
 #include <variant>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "glasswing/v1/stimulus.pb.h"
 
 namespace glasswing {

@@ -11,10 +11,10 @@
 #include <optional>
 #include <set>
 
-#include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
+#include "core/file/file.h"
 #include "core/method/methods.h"
 #include "core/pattern/calibration_steps.h"
 #include "core/pattern/id_patch.h"

@@ -17,7 +17,7 @@
 #include <span>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/radiometry/tone_curve.h"
 
 namespace glasswing {

@@ -17,8 +17,8 @@
 #include <cstring>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 #include "core/matte/exr_header.h"
 #include "core/matte/exr_writer.h"

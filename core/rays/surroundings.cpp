@@ -13,7 +13,7 @@
 #include "core/composite/compositor.h"
 #include "core/composite/footprint_rows.h"
 #include "core/footprint/normal_rectangle.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {

@@ -13,7 +13,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/rays/cube.h"
 #include "core/rays/ray_matte.h"
 

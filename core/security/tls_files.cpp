@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/security/pem.h"
 
 namespace glasswing {

@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "core/base/descriptor.h"
+#include "core/file/descriptor.h"
 #include "core/service/connection_watch.h"
 
 namespace glasswing {

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "core/base/time.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/sim/flicker.h"
 #include "core/sim/panel_pose.h"
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/base/time.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

@@ -9,7 +9,7 @@
 #include <span>
 
 #include "core/base/time.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/sim/emission_timeline.h"
 #include "core/sim/sample_kernel.h"
 #include "core/sim/transport.h"

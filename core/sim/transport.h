@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/pattern/pattern.h"
 #include "core/sim/panel_pose.h"
 #include "core/sim/turntable.h"

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "core/footprint/fill.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/matte/covariance_axes.h"
 
 namespace glasswing {

@@ -3,15 +3,14 @@
 // Each pixel has F and a list of footprints, each with a weight a channel. Places, widths and weights are
 // whole numbers:
 //
-//   x, y    in 1/16 px (more before monitors wider than 3,800 px), coarser by a power of two up to 1/16 of
-//   the
-//           smaller width
+//   x, y    in 1/16 px (coarser for monitors wider than 3,800 px), coarser by a power of two up to 1/16 of
+//           the smaller width
 //   widths  of the footprint's axes, sixteen steps an octave; the angle between them in 1/256 of half a turn
 //   weight  in 1/512
 //
 // Channels whose footprints differ by less than an eighth of a width or a px, or by their errors, share one.
-// Each kind of number is a plane of bytes, as differences to the footprint before in the same place of a
-// pixel's list, deflated. Pixels that are not solved are filled (core/footprint/fill.h).
+// Each kind of number is a plane of bytes: differences to the same entry of the previous pixel's list,
+// deflated. Pixels that are not solved are filled (core/footprint/fill.h).
 #pragma once
 
 #include <absl/status/statusor.h>

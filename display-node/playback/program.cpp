@@ -9,7 +9,7 @@
 
 #include "core/base/checksum.h"
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/pattern/id_patch.h"
 #include "core/pattern/stimulus_kind.h"
 

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/pattern/pattern.h"
 #include "display-node/display.h"
 #include "display-node/playback/screen_response.h"

@@ -10,9 +10,9 @@
 #include <thread>
 
 #include "core/base/checksum.h"
-#include "core/base/fault_point.h"
 #include "core/base/status.h"
-#include "core/frame/photo.h"
+#include "core/file/fault_point.h"
+#include "core/image/photo.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
 #include "display-node/playback/player.h"

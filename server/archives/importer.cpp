@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
-#include "core/base/fault_point.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/file/fault_point.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "server/archives/session_archive.h"

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include "core/base/fault_point.h"
 #include "core/base/status.h"
+#include "core/file/fault_point.h"
 #include "server/archives/replicas.h"
 #include "server/archives/session_archive.h"
 #include "server/sessions/session_state.h"

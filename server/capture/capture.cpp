@@ -5,10 +5,10 @@
 
 #include <algorithm>
 
-#include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/version.h"
+#include "core/file/file.h"
 #include "core/pattern/draft_stages.h"
 #include "core/service/service.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"

@@ -6,11 +6,11 @@
 
 #include <algorithm>
 
-#include "core/base/fault_point.h"
 #include "core/base/name.h"
-#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/file/fault_point.h"
+#include "core/process/pause.h"
 #include "server/archives/session_archive.h"
 #include "server/capture/capture_check.h"
 #include "server/rig/stage_axes.h"

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <map>
 
-#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/pattern/describe_step.h"
+#include "core/process/pause.h"
 #include "server/capture/lag_search.h"
-#include "server/rig/rig_findings.h"
+#include "server/selftest/rig_findings.h"
 #include "server/sessions/session_state.h"
 
 namespace glasswing {

@@ -8,9 +8,9 @@
 #include <thread>
 
 #include "core/base/name.h"
-#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/pattern/id_patch.h"
+#include "core/process/pause.h"
 #include "core/service/service.h"
 #include "server/capture/patch_learning.h"
 #include "server/capture/rig_watch.h"

@@ -8,9 +8,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "core/base/run_program.h"
 #include "core/base/time.h"
 #include "core/base/utf8.h"
+#include "core/process/run_program.h"
 #include "core/telemetry/metrics.h"
 
 namespace glasswing {

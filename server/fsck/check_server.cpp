@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <set>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 #include "core/method/methods.h"
 #include "glasswing/v1/calibration.pb.h"

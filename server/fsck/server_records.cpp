@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "server/jobs/sqlite_job_store.h"
 #include "server/storage/row_checksums.h"
 

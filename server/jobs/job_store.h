@@ -184,4 +184,7 @@ absl::StatusOr<std::unique_ptr<JobStore>> open_job_store(const std::string& conn
                                                          const std::filesystem::path& data,
                                                          JobStoreOptions options, Problems& problems);
 
+// A store of one server that ends with the object, for tiles that need not outlive it.
+absl::StatusOr<std::unique_ptr<JobStore>> open_job_store_in_memory(JobStoreOptions options);
+
 }  // namespace glasswing

@@ -18,4 +18,8 @@ absl::StatusOr<std::unique_ptr<JobStore>> open_job_store(const std::string& conn
   return store;
 }
 
+absl::StatusOr<std::unique_ptr<JobStore>> open_job_store_in_memory(JobStoreOptions options) {
+  return SqliteJobStore::open_in_memory(std::move(options));
+}
+
 }  // namespace glasswing

@@ -119,6 +119,14 @@ absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::
   return store;
 }
 
+absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open_in_memory(JobStoreOptions options) {
+  GW_ASSIGN_OR_RETURN(Database writer, Database::open(":memory:"));
+  std::unique_ptr<SqliteJobStore> store(
+      new SqliteJobStore(std::move(writer), std::nullopt, std::move(options)));
+  GW_RETURN_IF_ERROR(store->transaction([&](SqlConnection&) { return store->prepare(); }));
+  return store;
+}
+
 absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open_unclaimed(
     const std::filesystem::path& path) {
   GW_ASSIGN_OR_RETURN(Database writer, Database::open(path));
@@ -213,7 +221,10 @@ std::string SqliteJobStore::next_tile(const std::string& open, const std::string
 
 absl::StatusOr<SqlRows> SqliteJobStore::read(const std::string& sql, const SqlValues& values) {
   const std::lock_guard lock(reader_mutex_);
-  return run_in(reader_, sql, values);
+  if (reader_) return run_in(*reader_, sql, values);
+  absl::StatusOr<SqlRows> rows;
+  (void)statements([&](SqlConnection& connection) { return (rows = connection.run(sql, values)).status(); });
+  return rows;
 }
 
 }  // namespace glasswing

@@ -14,6 +14,8 @@ class SqliteJobStore : public SqlJobStore {
   // A file of an earlier version was never released, and is recreated. DATA_LOSS: the file is damaged.
   static absl::StatusOr<std::unique_ptr<SqliteJobStore>> open(const std::filesystem::path& path,
                                                               JobStoreOptions options);
+  // Without a file, and gone with the object.
+  static absl::StatusOr<std::unique_ptr<SqliteJobStore>> open_in_memory(JobStoreOptions options);
   // For checking the file while no server is running: opens it as it is, whichever server it belongs to. Its
   // version must be the current one.
   static absl::StatusOr<std::unique_ptr<SqliteJobStore>> open_unclaimed(const std::filesystem::path& path);
@@ -33,7 +35,7 @@ class SqliteJobStore : public SqlJobStore {
     absl::Status status;
   };
 
-  SqliteJobStore(Database writer, Database reader, JobStoreOptions options)
+  SqliteJobStore(Database writer, std::optional<Database> reader, JobStoreOptions options)
       : SqlJobStore(std::move(options)), writer_(std::move(writer)), reader_(std::move(reader)) {}
   absl::Status prepare();
   absl::Status commit(Waiting waiting);
@@ -45,7 +47,7 @@ class SqliteJobStore : public SqlJobStore {
   bool is_committing_ = false;     // guarded by mutex_
   Database writer_;                // used by the thread that set is_committing_
   std::mutex reader_mutex_;
-  Database reader_;  // guarded by reader_mutex_
+  std::optional<Database> reader_;  // guarded by reader_mutex_; none in memory
 };
 
 }  // namespace glasswing

@@ -5,12 +5,12 @@
 
 #include <algorithm>
 
-#include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/file/fault_point.h"
 #include "server/queue/queue_wish.h"
-#include "server/rig/rig_check.h"
 #include "server/rig/rig_link.h"
+#include "server/selftest/rig_check.h"
 #include "server/sessions/session_state.h"
 
 namespace glasswing {

@@ -6,9 +6,9 @@
 
 #include <set>
 
-#include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 namespace {

@@ -11,10 +11,10 @@
 #include <memory>
 
 #include "core/base/address.h"
-#include "core/base/descriptor.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/file/descriptor.h"
 
 namespace glasswing {
 namespace {

@@ -13,11 +13,11 @@
 #include "server/rig/caller.h"
 #include "server/rig/embed_calibrations.h"
 #include "server/rig/plan_for_rig.h"
-#include "server/rig/ramp_show.h"
-#include "server/rig/rig_check.h"
-#include "server/rig/rig_findings.h"
 #include "server/rig/stage_axes.h"
-#include "server/rig/sync_calibration.h"
+#include "server/selftest/ramp_show.h"
+#include "server/selftest/rig_check.h"
+#include "server/selftest/rig_findings.h"
+#include "server/selftest/sync_calibration.h"
 #include "server/services/pages.h"
 
 namespace glasswing {

@@ -4,10 +4,10 @@
 
 #include <utility>
 
-#include "core/base/file.h"
 #include "core/base/name.h"
-#include "core/base/pause.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
+#include "core/process/pause.h"
 #include "server/jobs/timed_job_store.h"
 
 namespace glasswing {
@@ -51,6 +51,10 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
                      {.server_id = id, .server_address = options.address, .lease = options.lease},
                      *stores.problems));
   stores.jobs = timed(std::move(jobs), *stores.problems);
+  GW_ASSIGN_OR_RETURN(stores.drafts, open_job_store_in_memory({.server_id = id,
+                                                               .server_address = {},
+                                                               .lease = kDraftLease,
+                                                               .least_before_twice = std::chrono::hours(1)}));
   std::unique_ptr<Server> server(new Server(options, std::move(names), std::move(stores)));
   GW_RETURN_IF_ERROR(server->take_up());
   return server;
@@ -63,7 +67,7 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
       solves_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
               options.min_tile_seconds),
       following_solves_(*stores_.sessions, solves_),
-      drafts_(*stores_.sessions, mattes_),
+      drafts_(*stores_.sessions, mattes_, *stores_.drafts),
       rounds_(drafts_, mattes_),
       tiles_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
              solves_.progress(), drafts_, options.lease),

@@ -83,6 +83,7 @@ class Server {
     std::unique_ptr<SessionStore> sessions;
     std::unique_ptr<ImageFiles> images;
     std::unique_ptr<JobStore> jobs;
+    std::unique_ptr<JobStore> drafts;
     std::unique_ptr<QueueStore> queue;
   };
   Server(const ServerOptions& options, NodeNames names, Stores stores);

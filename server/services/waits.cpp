@@ -8,7 +8,7 @@
 #include "core/pattern/describe_step.h"
 #include "core/service/preparation.h"
 #include "server/archives/replicas.h"
-#include "server/rig/rig_findings.h"
+#include "server/selftest/rig_findings.h"
 #include "server/sessions/session_state.h"
 
 namespace glasswing {

@@ -6,12 +6,12 @@
 #include <cmath>
 #include <vector>
 
-#include "core/base/pause.h"
-#include "core/base/positioned_file.h"
 #include "core/base/status.h"
 #include "core/design/adaptation.h"
+#include "core/file/positioned_file.h"
 #include "core/frame/archive.h"
 #include "core/matte/packed_matte.h"
+#include "core/process/pause.h"
 #include "server/archives/session_archive.h"
 
 namespace glasswing {

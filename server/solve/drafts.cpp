@@ -8,12 +8,12 @@
 #include <utility>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
-#include "core/base/mapped_file.h"
-#include "core/base/pause.h"
 #include "core/base/status.h"
-#include "core/frame/mosaic.h"
+#include "core/file/file.h"
+#include "core/file/mapped_file.h"
+#include "core/image/mosaic.h"
 #include "core/matte/matte_file.h"
+#include "core/process/pause.h"
 #include "server/archives/session_archive.h"
 #include "server/solve/join_tiles.h"
 
@@ -23,9 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::milliseconds kDraftPause(500);
-// Short: once the capture has ended, solvers learn within a third of it that the draft is no longer wanted.
-constexpr std::chrono::milliseconds kDraftLease(1500);
-constexpr int kMaxFailures = 3;
+constexpr const char* kDraft = "draft";  // what each of its jobs computes
 // Nothing is known about the cost of rows, and a draft is not surveyed.
 constexpr int kDraftTiles = 48, kMinDraftRows = 2;
 constexpr std::int64_t kMaxDraftTileBytes = 256 << 20;  // of frames' samples
@@ -55,64 +53,11 @@ absl::Status void_attempt(const v1::TileLease& lease) {
                                         lease.tile(), lease.session()));
 }
 
+TileAttempt attempt_of(std::int64_t job, const v1::TileLease& lease) {
+  return {.job = job, .tile = lease.tile(), .attempt = lease.attempt()};
+}
+
 }  // namespace
-
-DraftTiles::DraftTiles(std::vector<TileRange> ranges, nanoseconds lease)
-    : holders_(ranges.size()), lease_(lease) {
-  for (size_t i = 0; i < ranges.size(); ++i)
-    states_.push_back({.number = static_cast<int>(i), .range = ranges[i], .error = {}, .done = {}});
-}
-
-std::optional<DraftTiles::Claimed> DraftTiles::claim(nanoseconds now) {
-  for (size_t i = 0; i < states_.size(); ++i) {
-    Holder& holder = holders_[i];
-    if (states_[i].is_done() || (holder.held && now < holder.until)) continue;
-    holder = {.attempt = holder.attempt + 1, .held = true, .until = now + lease_};
-    return Claimed{.tile = static_cast<int>(i), .attempt = holder.attempt, .range = states_[i].range};
-  }
-  return std::nullopt;
-}
-
-absl::Status DraftTiles::check(const v1::TileLease& lease) const {
-  const bool known = lease.tile() >= 0 && lease.tile() < static_cast<int>(states_.size());
-  if (known && holders_[lease.tile()].attempt == lease.attempt()) return absl::OkStatus();
-  return void_attempt(lease);
-}
-
-absl::Status DraftTiles::renew(const v1::TileLease& lease, nanoseconds now) {
-  GW_RETURN_IF_ERROR(check(lease));
-  const size_t at = lease.tile();
-  if (states_[at].is_done() || !holders_[at].held) return void_attempt(lease);
-  holders_[at].until = now + lease_;
-  return absl::OkStatus();
-}
-
-absl::StatusOr<TileRange> DraftTiles::range(const v1::TileLease& lease) const {
-  GW_RETURN_IF_ERROR(check(lease));
-  return states_[lease.tile()].range;
-}
-
-absl::Status DraftTiles::complete(const v1::TileLease& lease, const std::string& file) {
-  GW_RETURN_IF_ERROR(check(lease));
-  states_[lease.tile()].done.result = file;
-  return absl::OkStatus();
-}
-
-bool DraftTiles::give_back(const v1::TileLease& lease, bool failed) {
-  if (!check(lease).ok()) return true;
-  const size_t at = lease.tile();
-  holders_[at].held = false;
-  if (failed) ++states_[at].failures;
-  return states_[at].failures < kMaxFailures;
-}
-
-bool DraftTiles::was_claimed() const {
-  return std::ranges::any_of(holders_, [](const Holder& holder) { return holder.attempt > 0; });
-}
-
-bool DraftTiles::all_done() const {
-  return std::ranges::all_of(states_, &TileState::is_done);
-}
 
 int pixel_step_of(const v1::Camera& camera, int image_count, double unit_seconds, double seconds_left) {
   const double pixels = static_cast<double>(camera.width_px()) * camera.height_px();
@@ -149,8 +94,11 @@ std::optional<std::vector<int>> reached(const DraftStage& stage, const std::vect
   return std::nullopt;
 }
 
-Drafts::Drafts(SessionStore& sessions, const MatteFiles& mattes)
-    : sessions_(sessions), mattes_(mattes), thread_([this](std::stop_token stop) { run(stop); }) {}
+Drafts::Drafts(SessionStore& sessions, const MatteFiles& mattes, JobStore& tiles)
+    : sessions_(sessions),
+      mattes_(mattes),
+      tiles_(tiles),
+      thread_([this](std::stop_token stop) { run(stop); }) {}
 
 void Drafts::take_up() {
   const std::lock_guard lock(mutex_);
@@ -170,12 +118,12 @@ void Drafts::note(const v1::Session& session) {
   if (session.state() == v1::SESSION_STATE_CAPTURING) return to_look_at_.add(session.name());
   if (session.state() == v1::SESSION_STATE_PAUSED) return;
   const std::lock_guard lock(mutex_);
-  if (running_ && running_->session.name() == session.name()) running_.reset();
+  if (running_ && running_->session.name() == session.name()) end();
 }
 
 void Drafts::forget(const std::string& session) {
   const std::lock_guard lock(mutex_);
-  if (running_ && running_->session.name() == session) running_.reset();
+  if (running_ && running_->session.name() == session) end();
   made_.erase(session);
   failed_.erase(session);
 }
@@ -239,8 +187,7 @@ absl::Status Drafts::look(const std::string& name) {
   plan->looked = now;
   {
     const std::lock_guard lock(mutex_);
-    if (running_ && running_->tiles.was_claimed())
-      return absl::OkStatus();  // looked at again once it is done
+    if (running_ && running_->began) return absl::OkStatus();  // looked at again once it is done
   }
   const auto may_be_reached = [&](const DraftStage& stage) {
     return stage.step_count > plan->begun && session->proven_count() >= kNearlyAll * stage.step_count;
@@ -251,14 +198,13 @@ absl::Status Drafts::look(const std::string& name) {
     if (!may_be_reached(*stage)) continue;
     std::optional<std::vector<int>> steps = reached(*stage, plan->steps, manifest);
     if (!steps) continue;
-    begin(*session, *stage, *std::move(steps), manifest, *plan);
-    break;
+    return begin(*session, *stage, *std::move(steps), manifest, *plan);
   }
   return absl::OkStatus();
 }
 
-void Drafts::begin(const v1::Session& session, const DraftStage& stage, std::vector<int> steps,
-                   const v1::CaptureManifest& manifest, Plan& plan) {
+absl::Status Drafts::begin(const v1::Session& session, const DraftStage& stage, std::vector<int> steps,
+                           const v1::CaptureManifest& manifest, Plan& plan) {
   v1::Draft draft;
   draft.set_image_count(static_cast<int>(steps.size()));
   draft.set_planned_image_count(static_cast<int>(plan.steps.size()));
@@ -274,40 +220,48 @@ void Drafts::begin(const v1::Session& session, const DraftStage& stage, std::vec
                  : pixel_step_of(manifest.camera(), draft.image_count(), unit_seconds_, seconds_left);
   plan.begun = stage.step_count;
   // With few pixels, more sweeps do not improve a draft.
-  if (!waited_for && plan.pixel_step > 1 && pixel_step >= plan.pixel_step) return;
-  if (!waited_for && plan.pixel_step == 1 && pixel_step > 1) return;
+  if (!waited_for && plan.pixel_step > 1 && pixel_step >= plan.pixel_step) return absl::OkStatus();
+  if (!waited_for && plan.pixel_step == 1 && pixel_step > 1) return absl::OkStatus();
   plan.pixel_step = pixel_step;
   // Solvers identify jobs by number, across restarts of the server.
   last_job_ = std::min(
       last_job_ - 1, -std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
-  DraftTiles tiles(draft_tiles(manifest, draft.image_count(), pixel_step), kDraftLease);
-  running_ = {.job = last_job_,
+  if (running_) end();
+  GW_ASSIGN_OR_RETURN(const std::int64_t job,
+                      tiles_.create({.session = session.name(), .computes = kDraft, .work = {}},
+                                    draft_tiles(manifest, draft.image_count(), pixel_step)));
+  running_ = {.lease_job = last_job_,
+              .job = job,
               .session = session,
               .draft = draft,
               .steps = std::move(steps),
-              .pixel_step = pixel_step,
-              .tiles = std::move(tiles)};
+              .pixel_step = pixel_step};
   spdlog::info("draft begun session={} images={} of={} pixel_step={}", session.name(), draft.image_count(),
                draft.planned_image_count(), pixel_step);
+  return absl::OkStatus();
 }
 
-v1::ClaimTileResponse Drafts::claim() {
+v1::ClaimTileResponse Drafts::claim(const std::string& solver) {
   v1::ClaimTileResponse response;
   const std::lock_guard lock(mutex_);
   if (!running_) return response;
-  const nanoseconds now = monotonic_now();
-  const bool first = !running_->tiles.was_claimed();
-  const std::optional<DraftTiles::Claimed> claimed = running_->tiles.claim(now);
-  if (!claimed) return response;
-  if (first) running_->began = now;
+  const absl::StatusOr<std::optional<Lease>> claimed =
+      tiles_.claim(solver, std::vector<std::string>{kDraft}, /*ahead=*/false);
+  if (!claimed.ok() || !*claimed) {
+    const absl::StatusOr<JobCounts> counts = tiles_.counts(running_->job);
+    if (counts.ok() && counts->quarantined > 0) give_up("no solver that began one of its tiles answers");
+    return response;
+  }
+  if (!running_->began) running_->began = monotonic_now();
+  const TileAttempt& attempt = (*claimed)->id;
   v1::TileLease& lease = *response.mutable_lease();
   lease.set_session(running_->session.name());
-  lease.set_job(running_->job);
-  lease.set_tile(claimed->tile);
-  lease.set_attempt(claimed->attempt);
+  lease.set_job(running_->lease_job);
+  lease.set_tile(attempt.tile);
+  lease.set_attempt(attempt.attempt);
   response.set_lease_ms(kDraftLease.count());
-  response.set_first_row(claimed->range.first);
-  response.set_row_count(claimed->range.count);
+  response.set_first_row((*claimed)->range.first);
+  response.set_row_count((*claimed)->range.count);
   response.set_method(running_->session.plan().method());
   response.set_archive_address(running_->session.archive_address());
   *response.mutable_draft() = running_->draft;
@@ -317,13 +271,27 @@ v1::ClaimTileResponse Drafts::claim() {
 }
 
 Drafts::Running* Drafts::running(const v1::TileLease& lease) {
-  return running_ && running_->job == lease.job() ? &*running_ : nullptr;
+  return running_ && running_->lease_job == lease.job() ? &*running_ : nullptr;
+}
+
+void Drafts::end() {
+  (void)tiles_.remove(running_->job);
+  running_.reset();
+}
+
+void Drafts::give_up(const std::string& error) {
+  const std::string session = running_->session.name();
+  const int images = running_->draft.image_count();
+  spdlog::warn("no draft session={} images={} error=\"{}\"", session, images, error);
+  failed_[session] = {.image_count = images, .status = absl::FailedPreconditionError(error)};
+  to_look_at_.add(session);
+  end();
 }
 
 absl::Status Drafts::renew(const v1::TileLease& lease) {
   const std::lock_guard lock(mutex_);
-  Running* const draft = running(lease);
-  return draft == nullptr ? void_attempt(lease) : draft->tiles.renew(lease, monotonic_now());
+  const Running* const draft = running(lease);
+  return draft == nullptr ? void_attempt(lease) : tiles_.renew(attempt_of(draft->job, lease));
 }
 
 absl::Status Drafts::check(const v1::TileLease& lease) {
@@ -340,7 +308,8 @@ absl::Status Drafts::complete(const v1::CompleteTileRequest& header,
     const std::lock_guard lock(mutex_);
     const Running* const draft = running(lease);
     if (draft == nullptr) return void_attempt(lease);
-    GW_ASSIGN_OR_RETURN(range, draft->tiles.range(lease));
+    GW_ASSIGN_OR_RETURN(const TileState tile, tiles_.tile(attempt_of(draft->job, lease)));
+    range = tile.range;
     session = draft->session;
   }
   GW_RETURN_IF_ERROR(outline.status());
@@ -349,18 +318,21 @@ absl::Status Drafts::complete(const v1::CompleteTileRequest& header,
   const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), matte.checksum());
   GW_RETURN_IF_ERROR(matte.place(directory / file));  // not flushed
   std::optional<Running> done;
+  std::vector<TileState> tiles;
   {
     const std::lock_guard lock(mutex_);
-    Running* const draft = running(lease);
+    const Running* const draft = running(lease);
     if (draft == nullptr) return void_attempt(lease);
-    GW_RETURN_IF_ERROR(draft->tiles.complete(lease, file));
-    if (!draft->tiles.all_done()) return absl::OkStatus();
-    done = std::exchange(running_, std::nullopt);
+    GW_RETURN_IF_ERROR(tiles_.complete(attempt_of(draft->job, lease), {.result = file}));
+    GW_ASSIGN_OR_RETURN(tiles, tiles_.tiles(draft->job));
+    if (!std::ranges::all_of(tiles, &TileState::is_done)) return absl::OkStatus();
+    done = *draft;
+    end();
     const double solved = static_cast<double>(session.pixel_count()) / (done->pixel_step * done->pixel_step);
-    const std::chrono::duration<double> took = monotonic_now() - done->began;
+    const std::chrono::duration<double> took = monotonic_now() - *done->began;
     unit_seconds_ = took.count() / (solved * done->draft.image_count());
   }
-  const absl::Status finished = finish(*done);
+  const absl::Status finished = finish(*done, tiles);
   if (!finished.ok()) {
     spdlog::warn("no draft session={} error=\"{}\"", session.name(), std::string(finished.message()));
     const std::lock_guard lock(mutex_);
@@ -370,18 +342,18 @@ absl::Status Drafts::complete(const v1::CompleteTileRequest& header,
   return absl::OkStatus();
 }
 
-absl::Status Drafts::finish(const Running& done) {
+absl::Status Drafts::finish(const Running& done, const std::vector<TileState>& tiles) {
   const std::string& name = done.session.name();
   GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(name));
   const fs::path unfinished = directory / "draft.tmp";
   {
     GW_ASSIGN_OR_RETURN(PositionedFile file, PositionedFile::create(unfinished));
-    GW_RETURN_IF_ERROR(join_tiles(done.tiles.states(), directory, file));
+    GW_RETURN_IF_ERROR(join_tiles(tiles, directory, file));
   }
   // Without an Edit, because captures wait for it.
   GW_RETURN_IF_ERROR(place_file_durably(unfinished, mattes_.draft(name)));
   std::error_code ignored;  // all go with the session's solve
-  for (const TileState& tile : done.tiles.states()) fs::remove(directory / tile.done.result, ignored);
+  for (const TileState& tile : tiles) fs::remove(directory / tile.done.result, ignored);
   SessionStore::Edit edit = sessions_.edit();
   if (const absl::Status there = edit.find(name).status(); !there.ok()) {  // deleted meanwhile
     fs::remove(mattes_.draft(name), ignored);
@@ -399,16 +371,15 @@ absl::Status Drafts::finish(const Running& done) {
 
 void Drafts::fail(const v1::FailTileRequest& request) {
   const std::lock_guard lock(mutex_);
-  Running* const draft = running(request.lease());
+  const Running* const draft = running(request.lease());
   if (draft == nullptr) return;
-  const bool goes_on = draft->tiles.give_back(request.lease(), !request.handed_back());
-  if (goes_on && !request.permanent()) return;
-  spdlog::warn("no draft session={} images={} error=\"{}\"", draft->session.name(),
-               draft->draft.image_count(), request.error());
-  failed_[draft->session.name()] = {.image_count = draft->draft.image_count(),
-                                    .status = absl::FailedPreconditionError(request.error())};
-  to_look_at_.add(draft->session.name());
-  running_.reset();
+  const TileAttempt attempt = attempt_of(draft->job, request.lease());
+  if (request.handed_back()) {
+    (void)tiles_.hand_back(attempt);
+    return;
+  }
+  const absl::StatusOr<bool> quarantined = tiles_.fail(attempt, request.error(), request.permanent());
+  if (quarantined.ok() && *quarantined) give_up(request.error());
 }
 
 }  // namespace glasswing

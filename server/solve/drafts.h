@@ -3,8 +3,9 @@
 // tiles use the same frames.
 //
 // Drafts are independent of the finished matte, which is solved from all frames once the capture has ended.
-// They are not in the job store: their tiles are handed out only while it has none, they end with the capture
-// or with the server, and their outcome does not change a session. Their job numbers are negative.
+// Their tiles are in a job store of their own, in memory: they are handed out only while the other has none,
+// they end with the capture or with the server, and their outcome does not change a session. Their leases
+// have negative job numbers.
 #pragma once
 
 #include <absl/status/status.h>
@@ -23,52 +24,20 @@
 #include "core/base/time.h"
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/work_service.pb.h"
+#include "server/jobs/job_store.h"
 #include "server/solve/received_matte.h"
 #include "server/solve/session_queue.h"
 #include "server/solve/solve_session.h"
 
 namespace glasswing {
 
-// The tiles of one draft, and their holders. The caller provides the time.
-class DraftTiles {
- public:
-  DraftTiles(std::vector<TileRange> ranges, nanoseconds lease);
-
-  struct Claimed {
-    int tile = 0, attempt = 0;
-    TileRange range;
-  };
-  // A tile that is not done and not leased; none: there is no such tile.
-  std::optional<Claimed> claim(nanoseconds now);
-  // These three return ABORTED if the tile is done or a later attempt has it.
-  absl::Status renew(const v1::TileLease& lease, nanoseconds now);
-  absl::StatusOr<TileRange> range(const v1::TileLease& lease) const;
-  // The attempt that completed the tile may repeat the call.
-  absl::Status complete(const v1::TileLease& lease, const std::string& file);
-  // Ends the lease. False: the tile has failed too often. Also OK for a void attempt.
-  bool give_back(const v1::TileLease& lease, bool failed);
-
-  bool was_claimed() const;
-  bool all_done() const;
-  const std::vector<TileState>& states() const { return states_; }
-
- private:
-  struct Holder {
-    int attempt = 0;  // the latest
-    bool held = false;
-    nanoseconds until{};
-  };
-  absl::Status check(const v1::TileLease& lease) const;
-
-  std::vector<TileState> states_;
-  std::vector<Holder> holders_;
-  nanoseconds lease_;
-};
+// Short: once the capture has ended, solvers learn within a third of it that the draft is no longer wanted.
+inline constexpr std::chrono::milliseconds kDraftLease(1500);
 
 // Thread-safe.
 class Drafts {
  public:
-  Drafts(SessionStore& sessions, const MatteFiles& mattes);
+  Drafts(SessionStore& sessions, const MatteFiles& mattes, JobStore& tiles);
 
   // Drafts that an earlier server made can be fetched.
   void take_up();
@@ -86,7 +55,7 @@ class Drafts {
   // Like those of TileDispatcher.
   static bool is_draft(const v1::TileLease& lease) { return lease.job() < 0; }
   // Without a lease in the answer there is nothing to do.
-  v1::ClaimTileResponse claim();
+  v1::ClaimTileResponse claim(const std::string& solver);
   absl::Status renew(const v1::TileLease& lease);
   absl::Status check(const v1::TileLease& lease);  // ABORTED: the draft is not made any more
   absl::Status complete(const v1::CompleteTileRequest& header, const absl::StatusOr<MatteOutline>& outline,
@@ -95,13 +64,13 @@ class Drafts {
 
  private:
   struct Running {
-    std::int64_t job = 0;
+    std::int64_t lease_job = 0;  // in leases
+    std::int64_t job = 0;        // in tiles_
     v1::Session session;
     v1::Draft draft;
     std::vector<int> steps;  // rising
     int pixel_step = 1;
-    DraftTiles tiles;
-    nanoseconds began{};  // when the first tile was claimed
+    std::optional<nanoseconds> began = {};  // when the first tile was claimed
   };
   // The parts of a session that can be drafted.
   struct Plan {
@@ -121,14 +90,18 @@ class Drafts {
   // Begins a draft if the session has reached a stage and no solver is working on an earlier draft.
   absl::Status look(const std::string& name);
   absl::StatusOr<Plan*> plan_of(const v1::Session& session);
-  void begin(const v1::Session& session, const DraftStage& stage, std::vector<int> steps,
-             const v1::CaptureManifest& manifest, Plan& plan);
+  absl::Status begin(const v1::Session& session, const DraftStage& stage, std::vector<int> steps,
+                     const v1::CaptureManifest& manifest, Plan& plan);
   // Requires mutex_. Null: this draft is not in progress.
   Running* running(const v1::TileLease& lease);
-  absl::Status finish(const Running& done);
+  // These two require mutex_. The draft is not made any more.
+  void end();
+  void give_up(const std::string& error);
+  absl::Status finish(const Running& done, const std::vector<TileState>& tiles);
 
   SessionStore& sessions_;
   const MatteFiles& mattes_;
+  JobStore& tiles_;
   std::map<std::string, Plan> plans_;  // used by thread_ alone
   std::mutex mutex_;
   std::optional<Running> running_;         // guarded by mutex_

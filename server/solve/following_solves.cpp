@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include "core/base/pause.h"
+#include "core/process/pause.h"
 #include "server/sessions/session_state.h"
 
 namespace glasswing {

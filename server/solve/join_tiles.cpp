@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "core/base/mapped_file.h"
 #include "core/base/status.h"
+#include "core/file/mapped_file.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/packed_matte.h"
 #include "server/storage/matte_files.h"

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <span>
 
-#include "core/base/positioned_file.h"
+#include "core/file/positioned_file.h"
 #include "server/jobs/job_store.h"
 
 namespace glasswing {

@@ -5,9 +5,9 @@
 
 #include <utility>
 
-#include "core/base/fault_point.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/fault_point.h"
+#include "core/file/file.h"
 #include "core/matte/matte_notes.h"
 #include "core/matte/packed_matte.h"
 #include "server/sessions/session_state.h"

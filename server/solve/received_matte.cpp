@@ -5,8 +5,8 @@
 #include <atomic>
 #include <utility>
 
-#include "core/base/positioned_file.h"
 #include "core/base/status.h"
+#include "core/file/positioned_file.h"
 #include "core/matte/packed_matte.h"
 
 namespace glasswing {

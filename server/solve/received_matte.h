@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {

@@ -5,10 +5,10 @@
 
 #include <algorithm>
 
-#include "core/base/fault_point.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
-#include "core/frame/mosaic.h"
+#include "core/file/fault_point.h"
+#include "core/file/file.h"
+#include "core/image/mosaic.h"
 #include "core/matte/packed_matte.h"
 #include "core/matte/row_part.h"
 #include "core/method/methods.h"

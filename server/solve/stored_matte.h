@@ -8,7 +8,7 @@
 #include <string_view>
 #include <utility>
 
-#include "core/base/positioned_file.h"
+#include "core/file/positioned_file.h"
 
 namespace glasswing {
 

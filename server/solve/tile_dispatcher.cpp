@@ -5,11 +5,11 @@
 
 #include <algorithm>
 
-#include "core/base/fault_point.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/base/utf8.h"
 #include "core/base/version.h"
+#include "core/file/fault_point.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 #include "core/method/methods.h"
 #include "core/pattern/plan.h"
@@ -121,7 +121,7 @@ absl::StatusOr<v1::ClaimTileResponse> TileDispatcher::claim(const v1::ClaimTileR
                       stores_.jobs.claim(request.solver(), computed, request.ahead()));
   fleet_.claimed(request.solver());
   if (!lease) {
-    v1::ClaimTileResponse draft = drafts_.claim();
+    v1::ClaimTileResponse draft = drafts_.claim(request.solver());
     if (draft.has_lease()) {
       nodes_.note(request.solver(),
                   fmt::format("drafting {} tile {}", draft.lease().session(), draft.lease().tile()));

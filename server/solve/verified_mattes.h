@@ -11,7 +11,7 @@
 #include <string_view>
 #include <unordered_set>
 
-#include "core/base/positioned_file.h"
+#include "core/file/positioned_file.h"
 #include "server/solve/stored_matte.h"
 
 namespace glasswing {

@@ -8,7 +8,7 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
-#include "core/frame/photo.h"
+#include "core/image/photo.h"
 #include "server/storage/image_name.h"
 
 namespace glasswing {

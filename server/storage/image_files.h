@@ -17,7 +17,7 @@
 #include <string_view>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 

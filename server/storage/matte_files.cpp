@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 namespace {

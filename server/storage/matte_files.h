@@ -20,7 +20,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/base/positioned_file.h"
+#include "core/file/positioned_file.h"
 
 namespace glasswing {
 

@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include "core/base/set_aside.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/file/set_aside.h"
 
 namespace glasswing {
 

@@ -13,7 +13,7 @@
 
 #include "core/base/median.h"
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 namespace {

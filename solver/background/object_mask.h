@@ -11,7 +11,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "solver/background/image_registration.h"
 #include "solver/background/mask_cleaning.h"
 

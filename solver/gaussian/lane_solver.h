@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "solver/gaussian/joint_batch.h"
+#include "solver/gaussian/kernels/joint_batch.h"
 #include "solver/gaussian/mode_search.h"
 #include "solver/gaussian/swept_monitor.h"
 

@@ -10,7 +10,7 @@
 
 #include <span>
 
-#include "solver/gaussian/joint_fit.h"
+#include "solver/gaussian/kernels/joint_fit.h"
 #include "solver/gaussian/peaks.h"
 
 namespace glasswing {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/footprint/footprint.h"
-#include "solver/gaussian/line_fit.h"
+#include "solver/gaussian/kernels/line_fit.h"
 
 namespace glasswing {
 

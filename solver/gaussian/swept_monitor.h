@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "solver/gaussian/broad_light.h"
-#include "solver/gaussian/joint_batch.h"
+#include "solver/gaussian/kernels/joint_batch.h"
 #include "solver/gaussian/stack_layout.h"
 
 namespace glasswing {

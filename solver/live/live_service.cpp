@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/service/service.h"
 #include "solver/live/live_matte.h"
 #include "solver/ramp/ramp_compositor.h"

@@ -10,7 +10,7 @@
 
 #include "core/base/median.h"
 #include "core/base/status.h"
-#include "core/frame/mosaic.h"
+#include "core/image/mosaic.h"
 #include "core/pattern/stimulus_kind.h"
 #include "core/radiometry/frame_light.h"
 #include "solver/method/exposure_changes.h"

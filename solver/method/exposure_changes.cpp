@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "core/base/status.h"
-#include "core/frame/mosaic.h"
+#include "core/image/mosaic.h"
 #include "core/radiometry/frame_light.h"
 #include "solver/method/exposure_merge.h"
 

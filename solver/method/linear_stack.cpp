@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "core/base/status.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/import/photograph_response.h"
 #include "solver/method/exposure_merge.h"
 #include "solver/method/frame_correction.h"

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "core/frame/mosaic.h"
+#include "core/image/mosaic.h"
 #include "core/matte/matte.h"
 #include "glasswing/v1/archive.pb.h"
 

@@ -14,7 +14,7 @@
 // unknown.
 #pragma once
 
-#include "core/frame/mosaic.h"
+#include "core/image/mosaic.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {

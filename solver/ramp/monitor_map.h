@@ -13,7 +13,7 @@
 
 #include <array>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/composite/summed_area_table.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 #include "solver/ramp/smoother/ramp_frame.h"
 

@@ -10,7 +10,7 @@
 #include "core/base/status.h"
 #include "core/matte/matte_rounding.h"
 #include "solver/background/stage_maps.h"
-#include "solver/frames/code_response.h"
+#include "solver/corrections/code_response.h"
 #include "solver/method/filled_rows.h"
 #include "solver/method/frame_registration.h"
 #include "solver/mosaic/interpolated_stack.h"

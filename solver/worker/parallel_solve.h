@@ -11,7 +11,7 @@
 
 #include "core/import/mapped_archive.h"
 #include "core/radiometry/shading.h"
-#include "solver/frames/frame_corrections.h"
+#include "solver/corrections/frame_corrections.h"
 #include "solver/method/brightness_drift.h"
 #include "solver/method/linear_stack.h"
 #include "solver/method/method.h"

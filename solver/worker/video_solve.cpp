@@ -8,7 +8,7 @@
 #include <mutex>
 
 #include "core/base/status.h"
-#include "core/frame/mosaic.h"
+#include "core/image/mosaic.h"
 #include "solver/method/linear_stack.h"
 #include "solver/ramp/video_layout.h"
 

@@ -16,13 +16,13 @@
 #include <vector>
 
 #include "core/base/checksum.h"
-#include "core/base/fault_point.h"
-#include "core/base/low_priority.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/base/version.h"
+#include "core/file/fault_point.h"
 #include "core/method/methods.h"
+#include "core/process/low_priority.h"
 #include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"

@@ -18,7 +18,7 @@
 
 #include "core/archive/archive_service.h"
 #include "core/archive/remote_archive.h"
-#include "core/base/freed_memory.h"
+#include "core/process/freed_memory.h"
 #include "core/security/tls.h"
 #include "core/service/service.h"
 #include "tests/bench/rows.h"

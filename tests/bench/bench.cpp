@@ -5,8 +5,8 @@
 #include <CLI/CLI.hpp>
 #include <regex>
 
-#include "core/base/file.h"
-#include "core/base/freed_memory.h"
+#include "core/file/file.h"
+#include "core/process/freed_memory.h"
 #include "tests/bench/rows.h"
 
 namespace glasswing {

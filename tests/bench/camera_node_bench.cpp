@@ -15,8 +15,8 @@
 #include <set>
 #include <thread>
 
-#include "core/base/file.h"
 #include "core/base/time.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"

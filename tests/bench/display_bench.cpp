@@ -4,7 +4,7 @@
 #include <chrono>
 #include <vector>
 
-#include "core/base/freed_memory.h"
+#include "core/process/freed_memory.h"
 #include "core/radiometry/tone_curve.h"
 #include "display-node/playback/picture_queue.h"
 #include "tests/bench/rows.h"

@@ -6,8 +6,8 @@
 
 #include <tuple>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 
 namespace glasswing {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "core/base/status.h"
 #include "core/composite/compositor.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "solver/methods.h"
 #include "tests/results/solved.h"
 

@@ -7,7 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "tests/compare/measure.h"
 #include "tests/results/panels.h"
 

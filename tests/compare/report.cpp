@@ -8,8 +8,8 @@
 #include <set>
 #include <utility>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "tests/compare/candidate.h"
 #include "tests/compare/chart.h"
 #include "tests/compare/picture_rows.h"

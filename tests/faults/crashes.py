@@ -24,7 +24,7 @@ from stage import Stage
 
 case: Cases[Stage] = Cases()
 
-# The fault points (core/base/fault_point.h) that each daemon passes. tests/faults/solve covers those of a
+# The fault points (core/file/fault_point.h) that each daemon passes. tests/faults/solve covers those of a
 # solve in depth.
 _CAMERA_POINTS = ("archive begun", "frames written", "frames listed", "archive sealed", "archive removed")
 _SERVER_POINTS = ("session stored", "import sealed", "session captured", "frames deleted", "mattes deleted", "session deleted")

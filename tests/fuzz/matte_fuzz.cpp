@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "compositing/deliver/delivery_file.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/packed_matte.h"

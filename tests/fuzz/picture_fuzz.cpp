@@ -5,9 +5,9 @@
 
 #include "camera-node/backends/pixel_format.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
-#include "core/frame/picture_header.h"
-#include "core/frame/radiance_hdr.h"
+#include "core/image/image_file.h"
+#include "core/image/picture_header.h"
+#include "core/image/radiance_hdr.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {

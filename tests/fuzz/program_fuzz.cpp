@@ -4,7 +4,7 @@
 #include <google/protobuf/stubs/logging.h>
 #include <google/protobuf/text_format.h>
 
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "display-node/playback/program.h"
 #include "tests/fuzz/fuzz_target.h"
 

@@ -1,8 +1,8 @@
 // Raw photographs, as cameras and users give them.
 #include "core/frame/archive.h"
-#include "core/frame/mosaic.h"
-#include "core/frame/raw_photograph.h"
-#include "tests/core/frame/dng.h"
+#include "core/image/mosaic.h"
+#include "core/image/raw_photograph.h"
+#include "tests/core/image/dng.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {

@@ -4,7 +4,7 @@
 #include <tuple>
 
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "glasswing/v1/archive.pb.h"
 
 namespace glasswing::gate {

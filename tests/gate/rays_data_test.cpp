@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/rays/match_rays.h"
 #include "core/rays/surroundings.h"
 #include "solver/methods.h"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {

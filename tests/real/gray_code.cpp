@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
 

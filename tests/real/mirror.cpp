@@ -14,7 +14,7 @@
 #include <optional>
 
 #include "core/composite/compositor.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
 #include "solver/method/method.h"

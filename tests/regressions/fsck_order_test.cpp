@@ -1,6 +1,6 @@
 // fsck made a list of frames anew whose first line was lost, and put that frame last.
 #include "core/archive/fsck.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "tests/core/archive/made_archive.h"
 #include "tests/support/status.h"
 

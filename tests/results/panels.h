@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

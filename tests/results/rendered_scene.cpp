@@ -5,10 +5,10 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/import/foreign_manifest.h"
 #include "core/pattern/pattern.h"
 

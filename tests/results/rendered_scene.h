@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "core/frame/image.h"
-#include "core/frame/mosaic.h"
+#include "core/image/image.h"
+#include "core/image/mosaic.h"
 #include "solver/gaussian/synthesized_capture.h"
 #include "solver/method/method.h"
 

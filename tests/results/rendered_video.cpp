@@ -7,7 +7,7 @@
 
 #include "core/base/status.h"
 #include "core/composite/compositor.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "solver/methods.h"
 #include "solver/ramp/video_layout.h"
 

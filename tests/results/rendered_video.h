@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "solver/method/video_method.h"
 
 namespace glasswing {

@@ -6,7 +6,7 @@
 #include <map>
 
 #include "core/composite/compositor.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/method/methods.h"
 #include "solver/methods.h"
 #include "tests/results/rendered_scene.h"

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/matte/matte.h"
 
 namespace glasswing {

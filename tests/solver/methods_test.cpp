@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/footprint/footprint.h"
 #include "core/matte/matte.h"
 #include "core/pattern/plan.h"

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "solver/method/method.h"
 
 namespace glasswing {

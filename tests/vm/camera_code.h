@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

@@ -17,7 +17,7 @@
 #include "camera-node/backends/aravis/stamp_clock.h"
 #include "camera-node/backends/pixel_format.h"
 #include "camera-node/camera.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 

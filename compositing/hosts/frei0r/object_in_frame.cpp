@@ -11,9 +11,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/base/for_rows.h"
-#include "core/base/mapped_file.h"
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/file/mapped_file.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/ray_file.h"
 

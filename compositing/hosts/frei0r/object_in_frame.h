@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/composite/fast_compositor.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

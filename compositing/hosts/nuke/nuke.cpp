@@ -8,10 +8,10 @@
 #include "compositing/hosts/nuke/commands.h"
 #include "compositing/hosts/nuke/nuke_script.h"
 #include "compositing/picture/picture.h"
-#include "core/base/file.h"
-#include "core/base/mapped_file.h"
 #include "core/base/status.h"
 #include "core/cli/output_file.h"
+#include "core/file/file.h"
+#include "core/file/mapped_file.h"
 
 namespace glasswing {
 namespace {

@@ -8,10 +8,10 @@
 #include <fstream>
 #include <random>
 
-#include "core/base/file.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "tests/camera-node/backends/camera_contract.h"
-#include "tests/core/frame/dng.h"
+#include "tests/core/image/dng.h"
 #include "tests/support/temporary_directory.h"
 
 namespace glasswing {

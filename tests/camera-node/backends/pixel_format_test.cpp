@@ -8,7 +8,7 @@
 #include <random>
 #include <set>
 
-#include "core/frame/mosaic.h"
+#include "core/image/mosaic.h"
 #include "tests/support/status.h"
 
 namespace glasswing {

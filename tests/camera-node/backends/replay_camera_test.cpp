@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "tests/camera-node/backends/camera_contract.h"
 #include "tests/support/status.h"
 

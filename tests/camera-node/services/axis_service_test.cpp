@@ -10,7 +10,7 @@
 #include <map>
 #include <mutex>
 
-#include "core/base/pause.h"
+#include "core/process/pause.h"
 #include "core/service/service.h"
 #include "tests/support/status.h"
 

@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "core/base/checksum.h"
-#include "core/base/fault_point.h"
-#include "core/base/file.h"
+#include "core/file/fault_point.h"
+#include "core/file/file.h"
 #include "core/service/joined_calls.h"
 #include "tests/camera-node/services/camera_node_fixture.h"
 #include "tests/support/status.h"

@@ -6,8 +6,8 @@
 #include <limits>
 #include <optional>
 
-#include "core/base/fault_point.h"
-#include "core/frame/image.h"
+#include "core/file/fault_point.h"
+#include "core/image/image.h"
 #include "tests/camera-node/services/camera_node_fixture.h"
 #include "tests/support/status.h"
 

@@ -12,10 +12,10 @@
 
 #include "camera-node/backends/emission_client.h"
 #include "camera-node/backends/sim_camera.h"
-#include "core/base/file.h"
-#include "core/frame/image_file.h"
-#include "core/frame/mosaic.h"
-#include "tests/core/frame/dng.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
+#include "core/image/mosaic.h"
+#include "tests/core/image/dng.h"
 
 namespace glasswing {
 namespace {

@@ -6,8 +6,8 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 
-#include "core/base/file.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"

@@ -5,9 +5,9 @@
 #include <random>
 
 #include "compositing/picture/video_file.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "tests/client/fake_server.h"
 #include "tests/client/run_glasswing.h"
 #include "tests/support/status.h"

@@ -5,9 +5,9 @@
 #include <functional>
 #include <map>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/import/mapped_archive.h"
 #include "tests/client/fake_server.h"
 #include "tests/client/run_glasswing.h"

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "client/exchange/frame_source.h"
-#include "core/base/file.h"
-#include "tests/core/frame/dng.h"
+#include "core/file/file.h"
+#include "tests/core/image/dng.h"
 #include "tests/support/temporary_directory.h"
 
 namespace glasswing {

@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "core/base/file.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "tests/support/status.h"
 
 namespace glasswing {

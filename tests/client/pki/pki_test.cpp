@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "client/pki/certificate_authority.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/security/tls.h"
 #include "core/service/service.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"

@@ -7,8 +7,8 @@
 // far) are assumed.
 #include <iostream>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/file/file.h"
 #include "core/geometry/rig_geometry.h"
 #include "core/matte/matte_file.h"
 #include "tests/core/rays/snell.h"

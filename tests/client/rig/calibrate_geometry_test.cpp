@@ -3,7 +3,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/geometry/rig_geometry.h"
 #include "core/matte/matte_file.h"
 #include "tests/client/run_glasswing.h"

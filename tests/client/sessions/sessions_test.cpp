@@ -5,11 +5,11 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "client/sessions/rail_positions.h"
+#include "client/capture/rail_positions.h"
 #include "core/base/checksum.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "tests/client/fake_server.h"
 #include "tests/client/run_glasswing.h"

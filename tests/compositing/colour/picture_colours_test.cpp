@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <random>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/footprint/matte_object.h"

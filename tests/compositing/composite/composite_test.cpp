@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "compositing/composite/backdrop.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"

@@ -6,7 +6,7 @@
 
 #include "compositing/composite/sequence.h"
 #include "compositing/picture/video_file.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/support/status.h"

@@ -11,9 +11,9 @@
 #include <sstream>
 
 #include "compositing/deliver/half_channels.h"
-#include "core/base/file.h"
-#include "core/base/positioned_file.h"
 #include "core/composite/compositor.h"
+#include "core/file/file.h"
+#include "core/file/positioned_file.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/packed_matte.h"
 #include "tests/core/footprint/matte_object.h"

@@ -1,8 +1,8 @@
 // glasswing matte: what its verbs write, and what they refuse. Edits themselves: tests/core/edit.
 #include <nlohmann/json.hpp>
 
-#include "core/base/file.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/footprint/matte_object.h"

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "core/frame/mosaic.h"
+#include "core/image/mosaic.h"
 #include "core/matte/matte_file.h"
 #include "tests/core/footprint/matte_object.h"
 #include "tests/support/status.h"

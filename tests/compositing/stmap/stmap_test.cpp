@@ -10,9 +10,9 @@
 #include <random>
 #include <sstream>
 
-#include "core/base/file.h"
 #include "core/composite/compositor.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"

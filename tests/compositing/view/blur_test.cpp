@@ -3,8 +3,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "core/base/file.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/support/status.h"

@@ -1,6 +1,6 @@
 #include <nlohmann/json.hpp>
 
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/support/status.h"
 

@@ -7,7 +7,7 @@
 
 #include <charconv>
 
-#include "core/base/descriptor.h"
+#include "core/file/descriptor.h"
 
 namespace glasswing {
 namespace {

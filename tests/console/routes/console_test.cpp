@@ -7,8 +7,8 @@
 
 #include "console/routes/cookies.h"
 #include "console/routes/json_call.h"
-#include "core/base/file.h"
 #include "core/composite/stmap.h"
+#include "core/file/file.h"
 #include "core/frame/archive_json.h"
 #include "core/matte/matte_file.h"
 #include "core/security/tls.h"

@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "core/archive/fsck.h"
-#include "core/base/directory_lock.h"
-#include "core/base/file.h"
+#include "core/file/directory_lock.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"

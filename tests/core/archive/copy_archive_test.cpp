@@ -1,7 +1,7 @@
 // Copies an archive between nodes.
 #include "core/archive/copy_archive.h"
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "tests/core/archive/made_archive.h"
 #include "tests/support/status.h"
 

@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "core/base/file.h"
 #include "core/cli/help.h"
+#include "core/file/file.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"
 

@@ -9,10 +9,10 @@
 #include <random>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "core/import/foreign_manifest.h"
-#include "tests/core/base/flipped.h"
+#include "tests/core/file/flipped.h"
 #include "tests/core/frame/archive_rows.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"

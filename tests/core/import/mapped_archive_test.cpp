@@ -6,7 +6,7 @@
 #include <random>
 #include <span>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"

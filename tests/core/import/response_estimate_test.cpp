@@ -8,7 +8,7 @@
 #include <numbers>
 #include <random>
 
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 
 namespace glasswing {
 namespace {

@@ -11,7 +11,7 @@
 #include <set>
 #include <sstream>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 #include "tests/core/matte/other_program.h"
 #include "tests/support/status.h"

@@ -6,8 +6,8 @@
 #include <functional>
 
 #include "core/matte/matte_layers.h"
-#include "tests/core/base/flipped.h"
-#include "tests/core/frame/exr_of_parts.h"
+#include "tests/core/file/flipped.h"
+#include "tests/core/image/exr_of_parts.h"
 #include "tests/core/matte/random_matte.h"
 
 namespace glasswing {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "tests/core/matte/random_matte.h"
 #include "tests/support/status.h"
 

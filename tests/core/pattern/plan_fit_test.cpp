@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "core/pattern/id_patch.h"
 #include "tests/support/status.h"
 

@@ -11,9 +11,9 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "core/rays/ray_file.h"
 #include "tests/core/rays/snell.h"
 

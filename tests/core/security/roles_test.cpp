@@ -10,7 +10,7 @@
 #include <tuple>
 #include <vector>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/security/tls.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"

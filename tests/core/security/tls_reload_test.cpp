@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <future>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/security/tls.h"
 #include "core/service/service.h"
 #include "glasswing/v1/session_service.grpc.pb.h"

@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/service/service.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "tests/core/security/made_certificates.h"

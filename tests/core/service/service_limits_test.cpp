@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <thread>
 
-#include "core/base/descriptor.h"
+#include "core/file/descriptor.h"
 #include "core/service/service.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"

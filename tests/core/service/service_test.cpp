@@ -9,8 +9,8 @@
 #include <string>
 #include <thread>
 
-#include "core/base/descriptor.h"
 #include "core/base/time.h"
+#include "core/file/descriptor.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "tests/support/status.h"
 

@@ -11,7 +11,7 @@
 #include <sstream>
 #include <thread>
 
-#include "core/base/descriptor.h"
+#include "core/file/descriptor.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"
 

@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <numbers>
 
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/pattern/id_patch.h"
 #include "core/sim/panel.h"
 #include "tests/support/status.h"

@@ -10,8 +10,8 @@
 #include <semaphore>
 #include <thread>
 
-#include "core/base/fault_point.h"
-#include "core/frame/image_file.h"
+#include "core/file/fault_point.h"
+#include "core/image/image_file.h"
 #include "core/service/joined_calls.h"
 #include "core/service/service.h"
 #include "display-node/backends/light_tap.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "glasswing/v1/stimulus.pb.h"
 
 namespace glasswing {

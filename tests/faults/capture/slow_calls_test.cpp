@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <numeric>
 
-#include "core/base/fault_point.h"
-#include "core/base/file.h"
+#include "core/file/fault_point.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 #include "core/service/joined_calls.h"
 #include "core/service/service.h"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import random
 
-# The points where GLASSWING_FAULT can kill or stop a daemon (core/base/fault_point.h). True: it passes them
+# The points where GLASSWING_FAULT can kill or stop a daemon (core/file/fault_point.h). True: it passes them
 # once per tile.
 SERVER_POINTS = {
     "tile received": True,

@@ -8,9 +8,9 @@
 #include <fstream>
 #include <map>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/service/service.h"
 #include "tests/faults/capture/decoder.h"
 #include "tests/faults/capture/rig.h"

@@ -5,7 +5,7 @@
 
 #include <set>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/frame/archive.h"
 #include "core/matte/matte_file.h"
 #include "core/pattern/plan.h"

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "server/storage/row_checksums.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/security/pem.h"
 #include "core/security/tls.h"
 #include "core/service/service.h"

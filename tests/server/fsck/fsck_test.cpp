@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "core/matte/matte_file.h"
 #include "server/fsck/check_server.h"
 #include "server/services/server.h"

@@ -78,5 +78,23 @@ TEST_F(JobsFile, ANewerVersionIsRefused) {
   EXPECT_NE(refused.message().find("version 4"), std::string::npos) << refused;
 }
 
+TEST(JobsInMemory, AreHandedOutAndCountedAsThoseOfAFile) {
+  const JobStoreOptions options{.server_id = "a", .server_address = "", .lease = std::chrono::hours(1)};
+  const std::unique_ptr<JobStore> store = open_job_store_in_memory(options).value();
+  const std::int64_t job = store->create({.session = "s", .computes = "c", .work = ""}, ranges(2)).value();
+  const std::vector<std::string> computes{"c"};
+  const Lease first = store->claim("a", computes, false)->value();
+  const Lease second = store->claim("b", computes, false)->value();
+  EXPECT_FALSE(store->claim("c", computes, false)->has_value());
+  ASSERT_OK(store->complete(first.id, result("one")));
+  EXPECT_TRUE(absl::IsAborted(store->renew(first.id)));
+  EXPECT_TRUE(*store->fail(second.id, "no", true));
+  EXPECT_EQ(store->counts(job)->done, 1);
+  EXPECT_EQ(store->counts(job)->quarantined, 1);
+  EXPECT_EQ(store->tiles(job)->at(0).done.result, "one");
+  // Another store in memory is another store.
+  EXPECT_TRUE(open_job_store_in_memory(options).value()->own_jobs()->empty());
+}
+
 }  // namespace
 }  // namespace glasswing

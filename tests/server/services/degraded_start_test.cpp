@@ -1,10 +1,10 @@
 // What the server does without: each damage is made by hand, and the server starts all the same.
 #include <gtest/gtest.h>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "server/services/server.h"
 #include "server/storage/database.h"
-#include "tests/core/base/flipped.h"
+#include "tests/core/file/flipped.h"
 #include "tests/server/jobs/helpers.h"
 #include "tests/server/jobs/postgres_fixture.h"
 #include "tests/support/status.h"

@@ -29,7 +29,7 @@
 #include "display-node/services/emission_service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
-#include "server/rig/sync_calibration.h"
+#include "server/selftest/sync_calibration.h"
 #include "server/services/session_service.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"

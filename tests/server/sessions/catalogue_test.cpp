@@ -5,9 +5,9 @@
 
 #include <fstream>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "server/storage/database.h"
-#include "tests/core/base/flipped.h"
+#include "tests/core/file/flipped.h"
 #include "tests/support/status.h"
 
 namespace glasswing {

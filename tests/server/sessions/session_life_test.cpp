@@ -8,10 +8,10 @@
 #include <semaphore>
 #include <set>
 
-#include "core/base/fault_point.h"
-#include "core/base/file.h"
 #include "core/base/time.h"
-#include "core/frame/image_file.h"
+#include "core/file/fault_point.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "server/sessions/session_state.h"
 #include "tests/faults/capture/rig.h"
 #include "tests/server/solve/idle_solver.h"

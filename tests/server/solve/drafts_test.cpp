@@ -12,63 +12,6 @@ namespace {
 
 using testing::ElementsAre;
 
-constexpr nanoseconds kLease = std::chrono::seconds(1);
-
-v1::TileLease lease_of(const DraftTiles::Claimed& claimed) {
-  v1::TileLease lease;
-  lease.set_session("s");
-  lease.set_job(-1);
-  lease.set_tile(claimed.tile);
-  lease.set_attempt(claimed.attempt);
-  return lease;
-}
-
-DraftTiles two_tiles() {
-  return {{{.first = 0, .count = 4}, {.first = 4, .count = 3}}, kLease};
-}
-
-TEST(DraftTiles, EachIsHandedOutOnceUntilItsLeaseExpires) {
-  DraftTiles tiles = two_tiles();
-  EXPECT_FALSE(tiles.was_claimed());
-  const auto first = tiles.claim(nanoseconds(0)), second = tiles.claim(nanoseconds(0));
-  ASSERT_TRUE(first && second);
-  EXPECT_TRUE(tiles.was_claimed());
-  EXPECT_EQ(first->range.first, 0);
-  EXPECT_EQ(second->range.first, 4);
-  EXPECT_FALSE(tiles.claim(kLease - nanoseconds(1)));
-  EXPECT_OK(tiles.renew(lease_of(*second), kLease - nanoseconds(1)));
-  const auto again = tiles.claim(kLease);
-  ASSERT_TRUE(again);
-  EXPECT_EQ(again->tile, first->tile);
-  EXPECT_EQ(again->attempt, first->attempt + 1);
-  EXPECT_FALSE(tiles.claim(kLease));  // the second's was renewed
-  EXPECT_TRUE(absl::IsAborted(tiles.renew(lease_of(*first), kLease)));
-  EXPECT_TRUE(absl::IsAborted(tiles.complete(lease_of(*first), "late")));
-  EXPECT_TRUE(absl::IsAborted(tiles.range(lease_of(*first)).status()));
-  EXPECT_EQ(tiles.range(lease_of(*again))->count, 4);
-}
-
-TEST(DraftTiles, AreDoneOnceAllResultsAreThere) {
-  DraftTiles tiles = two_tiles();
-  const auto first = tiles.claim(nanoseconds(0)), second = tiles.claim(nanoseconds(0));
-  EXPECT_OK(tiles.complete(lease_of(*first), "a"));
-  EXPECT_OK(tiles.complete(lease_of(*first), "a"));  // the answer was lost
-  EXPECT_TRUE(absl::IsAborted(tiles.renew(lease_of(*first), nanoseconds(0))));
-  EXPECT_FALSE(tiles.all_done());
-  EXPECT_OK(tiles.complete(lease_of(*second), "b"));
-  EXPECT_TRUE(tiles.all_done());
-  EXPECT_FALSE(tiles.claim(10 * kLease));
-}
-
-TEST(DraftTiles, AreFreeAgainWhenGivenBackAndFailAtTheThirdTime) {
-  DraftTiles tiles = two_tiles();
-  for (int i = 0; i < 5; ++i)
-    EXPECT_TRUE(tiles.give_back(lease_of(*tiles.claim(nanoseconds(0))), /*failed=*/false)) << i;
-  EXPECT_TRUE(tiles.give_back(lease_of(*tiles.claim(nanoseconds(0))), /*failed=*/true));
-  EXPECT_TRUE(tiles.give_back(lease_of(*tiles.claim(nanoseconds(0))), /*failed=*/true));
-  EXPECT_FALSE(tiles.give_back(lease_of(*tiles.claim(nanoseconds(0))), /*failed=*/true));
-}
-
 v1::CaptureManifest manifest_of(const std::vector<int>& steps) {
   v1::CaptureManifest manifest;
   for (const int step : steps) manifest.add_frames()->set_step(step);

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "core/frame/photo.h"
+#include "core/image/photo.h"
 #include "server/storage/image_name.h"
 #include "tests/support/status.h"
 

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/base/file.h"
+#include "core/file/file.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"
 

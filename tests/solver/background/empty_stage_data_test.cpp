@@ -10,7 +10,7 @@
 
 #include "core/composite/compositor.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "core/import/foreign_manifest.h"
 #include "solver/background/empty_stage.h"
 #include "solver/gaussian/stack_layout.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "core/frame/image.h"
+#include "core/image/image.h"
 #include "solver/background/image_registration.h"
 
 namespace glasswing {

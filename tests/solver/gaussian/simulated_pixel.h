@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "solver/gaussian/joint_batch.h"
+#include "solver/gaussian/kernels/joint_batch.h"
 #include "solver/gaussian/mode_search.h"
 
 namespace glasswing {

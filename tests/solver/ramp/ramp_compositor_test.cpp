@@ -8,7 +8,7 @@
 
 #include "core/composite/compositor.h"
 #include "core/composite/summed_area_table.h"
-#include "core/frame/image_file.h"
+#include "core/image/image_file.h"
 #include "solver/ramp/ramp_footprint.h"
 
 namespace glasswing {

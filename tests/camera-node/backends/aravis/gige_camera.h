@@ -9,7 +9,7 @@
 #include <string>
 
 #include "core/base/time.h"
-#include "core/frame/image.h"
+#include "core/image/image.h"
 
 namespace glasswing {
 

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "core/base/file.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "tests/compositing/run_glasswing.h"
 #include "tests/core/matte/other_program.h"
 #include "tests/support/status.h"

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/base/file.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "tests/compositing/host_mattes.h"
 #include "tests/compositing/run_glasswing.h"

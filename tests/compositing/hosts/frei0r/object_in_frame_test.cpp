@@ -6,9 +6,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/base/file.h"
 #include "core/composite/compositor.h"
-#include "core/frame/image_file.h"
+#include "core/file/file.h"
+#include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "core/rays/ray_file.h"
 #include "tests/compositing/host_mattes.h"
