@@ -1,6 +1,7 @@
 #include "core/axis/axis_module.h"
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 #include <ceres/rotation.h>
 
 #include <Eigen/Dense>
@@ -243,7 +244,7 @@ class Fit {
   Frame frame_;
   MatrixXd covariance_;
   std::array<double, kKinds.size()> sds_{1e-3, 1e-3, 0.1};
-  AxisSolution solution_{.pixel_sd = 0.1};
+  AxisSolution solution_{.covariance = {}, .pixel_sd = 0.1, .residuals_px = {}};
 };
 
 AxisSolution fit(AxisProblem& problem) { return Fit(problem).run(); }

@@ -30,7 +30,4 @@ absl::StatusOr<const v1::AxisGeometry*> find_axis_geometry(const v1::RigGeometry
 
 Eigen::Matrix4d object_to_rig(const v1::AxisGeometry& axis, double position_deg);
 
-// INVALID_ARGUMENT names the number that is wrong.
-absl::Status check_axis_geometry(const v1::AxisGeometry& axis);
-
 }  // namespace glasswing

@@ -22,8 +22,8 @@ constexpr std::array<std::uint64_t, kRows> kPrint{
     0x00910099009900, 0x00ad008d009900, 0x008500b9009500, 0x00810081008100, 0x00ff00ff00ff00};
 
 constexpr double kLean_rad = 12.0 * std::numbers::pi / 180.0;
-// Light of the room that white and black paper and the back of the plate reflect.
-constexpr float kWhite = 0.45f, kBlack = 0.03f, kBack = 0.12f;
+// Light of the room that paper, ink and the back of the plate reflect.
+constexpr float kPaper = 0.45f, kInk = 0.03f, kBehind = 0.12f;
 
 class BoardScene final : public Scene {
  public:
@@ -39,12 +39,12 @@ class BoardScene final : public Scene {
   Colour foreground(const Ray& ray) const override {
     const std::optional<Cell> cell = hit(ray);
     if (!cell) return {};
-    float light = kWhite;
+    float light = kPaper;
     if (dot(ray.direction, cross(kRight, down_)) < 0.0) {
-      light = kBack;
+      light = kBehind;
     } else if (cell->x >= 0.0 && cell->x < kColumns && cell->y >= 0.0 && cell->y < kRows) {
       const std::uint64_t row = kPrint[static_cast<int>(cell->y)];
-      light = (row >> (kColumns - 1 - static_cast<int>(cell->x)) & 1) != 0 ? kWhite : kBlack;
+      light = (row >> (kColumns - 1 - static_cast<int>(cell->x)) & 1) != 0 ? kPaper : kInk;
     }
     return {light, light, light};
   }

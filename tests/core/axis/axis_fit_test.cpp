@@ -31,7 +31,10 @@ TEST(AxisFit, FindsTheAxisOfPerfectPoints) {
 
 // Standard errors are those of repeats, with a table that wobbles and a lens that is known within a covariance.
 TEST(AxisFit, StatesItsErrors) {
-  MadeTable table{.noise_px = 0.05, .tip_deg = 0.02, .shift_mm = 0.004};
+  MadeTable table;
+  table.noise_px = 0.05;
+  table.tip_deg = 0.02;
+  table.shift_mm = 0.004;
   const std::vector<double> at = positions(-60, 60, 13);
   const std::array<double, 9> lens_sd{0.3, 0.3, 0.4, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0};
   constexpr int kRepeats = 100;
@@ -63,7 +66,8 @@ TEST(AxisFit, StatesItsErrors) {
 }
 
 TEST(AxisFit, LeavesOutPointsThatWereTakenForOthers) {
-  const MadeTable table{.noise_px = 0.05};
+  MadeTable table;
+  table.noise_px = 0.05;
   const std::vector<double> at = positions(-60, 60, 9);
   std::vector<AxisSighting> seen = sightings(table, at, 3);
   for (size_t i = 7; i < seen.size(); i += 40) seen[i].pixel.x() += 6.0;

@@ -28,13 +28,13 @@ v1::CameraGeometry true_camera() {
 }
 
 // What the camera sees of the board, in the sensor's own noise.
-RadianceImage picture(double turn_deg, std::uint64_t seed, int frame) {
+RadianceImage picture(double turn_deg, int seed, int frame) {
   const std::vector<SceneMonitor> monitors{{.name = "back", .size = kBack, .pitch_mm = kPitch_mm}};
   const Transport transport = *build_transport("board", true, monitors, kWidth_px, kHeight_px, kRaysAcross, kFocalWidths,
                                                {.turn_deg = turn_deg, .wobble_deg = 0.02});
   std::vector<RadianceImage> black(1);
   SensorModel sensor;
-  sensor.seed = seed;
+  sensor.seed = static_cast<std::uint64_t>(seed);
   sensor.read_sd = 0.002;
   sensor.gain = 0.0004;
   const Image16 codes = expose(transport.respond(black), sensor.full_scale_exposure_ms, sensor, frame);
@@ -46,7 +46,7 @@ RadianceImage picture(double turn_deg, std::uint64_t seed, int frame) {
 TEST(BoardAxis, IsFoundOnASimulatedTableWithinItsStatedErrors) {
   const Board board = *parse_board("--board", "7x5:8:6", "4x4_50");
   int within = 0, count = 0;
-  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+  for (int seed = 1; seed <= 6; ++seed) {
     // Each from other positions.
     const std::vector<double> at = positions(-62.0 + seed, 55.0 + 1.5 * seed, 9 + seed % 3);
     std::vector<AxisSighting> seen;
@@ -63,7 +63,7 @@ TEST(BoardAxis, IsFoundOnASimulatedTableWithinItsStatedErrors) {
     const double off_deg = direction.cross(kDirection).norm() * 180.0 / std::numbers::pi;
     const double off_mm = (point - kPoint_mm).cross(kDirection).norm();
     std::printf("seed %d: %.4f +- %.4f deg, %.4f +- %.4f mm, residuals %.3f px, tip %.3f deg, shift %.4f mm, turn %.3f deg:",
-                static_cast<int>(seed), off_deg, fit->direction_sd_deg, off_mm, fit->point_sd_mm,
+                seed, off_deg, fit->direction_sd_deg, off_mm, fit->point_sd_mm,
                 fit->axis.residual_px(), fit->axis.tip_deg(), fit->axis.shift_mm(), fit->axis.turn_deg());
     EXPECT_LE(off_deg, 0.05);
     EXPECT_LE(off_mm, 0.05);
