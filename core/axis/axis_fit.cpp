@@ -24,6 +24,7 @@ using Eigen::Vector3d;
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kMinSpan_deg = 10.0;
 constexpr double kHuber_sd = 2.0, kMax_sd = 5.0;  // of residuals
+constexpr double kMinPixel_sd = 0.01;
 // What is warned about.
 constexpr double kShortSpan_deg = 60.0, kWeakDirection_deg = 0.05, kWeakPoint_mm = 0.05;
 constexpr int kFewPositions = 6;
@@ -91,8 +92,9 @@ void take_lens(const v1::CameraGeometry& camera, AxisProblem& problem) {
   problem.lens = {camera.fx_px(), camera.fy_px(), camera.cx_px(), camera.cy_px(), camera.k1(),
                   camera.k2(),    camera.p1(),    camera.p2(),    camera.k3()};
   if (camera.covariance_size() == kLensNumbers * kLensNumbers) {
-    problem.lens_covariance = Eigen::Map<const Eigen::Matrix<double, kLensNumbers, kLensNumbers, Eigen::RowMajor>>(
-        camera.covariance().data());
+    problem.lens_covariance =
+        Eigen::Map<const Eigen::Matrix<double, kLensNumbers, kLensNumbers, Eigen::RowMajor>>(
+            camera.covariance().data());
   }
 }
 
@@ -137,7 +139,7 @@ void leave_out(const AxisSolution& solution, AxisProblem& problem) {
   std::vector<double> sorted = sizes;
   std::ranges::nth_element(sorted, sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2));
   // The median of a Rayleigh distribution.
-  const double sd_px = sorted[sorted.size() / 2] / std::sqrt(2.0 * std::numbers::ln2);
+  const double sd_px = std::max(kMinPixel_sd, sorted[sorted.size() / 2] / std::sqrt(2.0 * std::numbers::ln2));
   size_t i = 0;
   std::erase_if(problem.points, [&](const auto&) { return sizes[i++] > kMax_sd * sd_px; });
 }
@@ -187,17 +189,19 @@ void add_warnings(double span_deg, AxisFit& fit) {
                                   span_deg, kShortSpan_deg));
   }
   if (fit.direction_sd_deg > kWeakDirection_deg || fit.point_sd_mm > kWeakPoint_mm) {
-    axis.add_warnings(fmt::format(
-        "the standard error is {:.3f} degrees and {:.3f} mm; more positions, or a board that is larger in the "
-        "picture, make it smaller",
-        fit.direction_sd_deg, fit.point_sd_mm));
+    axis.add_warnings(
+        fmt::format("the standard error is {:.3f} degrees and {:.3f} mm; more positions, or a board that is "
+                    "larger in the "
+                    "picture, make it smaller",
+                    fit.direction_sd_deg, fit.point_sd_mm));
   }
 }
 
 }  // namespace
 
 absl::StatusOr<const AxisModule*> axis_module() {
-  static const absl::StatusOr<const void*> kModule = load_module("glasswing-axis.so", "glasswing_axis_module");
+  static const absl::StatusOr<const void*> kModule =
+      load_module("glasswing-axis.so", "glasswing_axis_module");
   GW_RETURN_IF_ERROR(kModule.status());
   return static_cast<const AxisModule*>(*kModule);
 }
@@ -212,7 +216,8 @@ absl::StatusOr<AxisFit> fit_axis(const v1::CameraGeometry& camera, std::span<con
   const double span_deg = span_of(stands);
   if (stands.size() < kMinAxisPositions || span_deg < kMinSpan_deg) {
     return absl::FailedPreconditionError(fmt::format(
-        "{} points or more are seen at {} of {} positions, which span {:.0f} degrees; the axis needs {} positions "
+        "{} points or more are seen at {} of {} positions, which span {:.0f} degrees; the axis needs {} "
+        "positions "
         "that span {:.0f}",
         kMinAxisPoints, stands.size(), positions_deg.size(), span_deg, kMinAxisPositions, kMinSpan_deg));
   }

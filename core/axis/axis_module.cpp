@@ -25,10 +25,10 @@ constexpr int kObjectNumbers = 6;  // rotation about the camera's axes, translat
 
 // What deviations have in common: the same standard deviation.
 struct Kind {
-  int first, count;  // of a position's deviations
-  double min_sd;     // less has no effect: 1e-6 of what could be seen
+  int first, count;   // of a position's deviations
+  double negligible;  // standard deviation
 };
-constexpr std::array<Kind, 3> kKinds{{{0, 2, 1e-8}, {2, 1, 1e-8}, {3, 3, 1e-6}}};
+constexpr std::array<Kind, 3> kKinds{{{0, 2, 1e-6}, {2, 1, 1e-6}, {3, 3, 1e-4}}};
 
 // An axis as it was at the start of a step, with two directions across it.
 struct Frame {
@@ -49,9 +49,9 @@ struct Seen {
   template <typename T>
   bool operator()(const T* lens, const T* axis, const T* object, const T* deviation, T* residual) const {
     using Vector = Eigen::Matrix<T, 3, 1>;
-    const Vector direction = (frame.direction.cast<T>() + axis[0] * frame.across_x.cast<T>() +
-                              axis[1] * frame.across_y.cast<T>())
-                                 .normalized();
+    const Vector direction =
+        (frame.direction.cast<T>() + axis[0] * frame.across_x.cast<T>() + axis[1] * frame.across_y.cast<T>())
+            .normalized();
     const Vector point =
         frame.point_mm.cast<T>() + axis[2] * frame.across_x.cast<T>() + axis[3] * frame.across_y.cast<T>();
     Vector from = turned_mm.cast<T>(), to;
@@ -89,17 +89,23 @@ class Fit {
         start_(problem.lens),
         frame_(frame_of(problem.direction, problem.point_mm)) {
     for (auto& deviation : deviations_) deviation.fill(0.0);
-    for (size_t i = 0; i < kLensNumbers; ++i) {
-      if (!(problem.lens_covariance(i, i) > 0.0)) held_.push_back(static_cast<int>(i));
-    }
+    for (int i = 0; i < static_cast<int>(kLensNumbers); ++i)
+      (problem.lens_covariance(i, i) > 0.0 ? free_ : held_).push_back(i);
+    lens_information_ = problem.lens_covariance(free_, free_).inverse();
   }
 
   AxisSolution run() {
-    constexpr int kRounds = 60;
+    constexpr int kRounds = 10;
     constexpr double kEnd = 1e-3;  // of the standard deviations
     for (int round = 0; round < kRounds; ++round) {
       solve();
-      if (estimate() < kEnd && round > 0) break;
+      const auto before = sds_;
+      const double pixel_before = solution_.pixel_sd;
+      estimate();
+      double change = std::abs(solution_.pixel_sd / pixel_before - 1.0);
+      for (size_t k = 0; k < kKinds.size(); ++k)
+        change = std::max(change, std::abs(sds_[k] - before[k]) / std::max(before[k], kKinds[k].negligible));
+      if (change < kEnd) break;
     }
     return solution();
   }
@@ -113,13 +119,14 @@ class Fit {
     Eigen::Map<Vector3d> translation(object.data() + 3);
     translation = problem_.object.translation_mm;
     ceres::Problem ceres;
+    std::vector<ceres::ResidualBlockId> seen;
     for (const AxisProblem::Point& point : problem_.points) {
-      ceres.AddResidualBlock(
+      seen.push_back(ceres.AddResidualBlock(
           new ceres::AutoDiffCostFunction<Seen, 2, kLensNumbers, kAxisNumbers, kObjectNumbers, kDeviations>(
               new Seen{point.pixel, problem_.object.rotation * point.at_mm,
                        problem_.positions_rad[point.position], solution_.pixel_sd, frame_}),
           problem_.huber_sd > 0.0 ? new ceres::HuberLoss(problem_.huber_sd) : nullptr, problem_.lens.data(),
-          axis.data(), object.data(), deviations_[point.position].data());
+          axis.data(), object.data(), deviations_[point.position].data()));
     }
     for (auto& deviation : deviations_) {
       ceres.AddResidualBlock(
@@ -136,89 +143,126 @@ class Fit {
     ceres::Solver::Summary summary;
     ceres::Solve(options, &ceres, &summary);
     solution_.converged = summary.termination_type == ceres::CONVERGENCE;
-    read(ceres, axis.data(), object.data());
-    problem_.direction = (frame_.direction + axis[0] * frame_.across_x + axis[1] * frame_.across_y).normalized();
+    read(ceres, seen, axis.data(), object.data());
+    problem_.direction =
+        (frame_.direction + axis[0] * frame_.across_x + axis[1] * frame_.across_y).normalized();
     problem_.point_mm += axis[2] * frame_.across_x + axis[3] * frame_.across_y;
     const Vector3d turn = Eigen::Map<const Vector3d>(object.data());
     if (turn.norm() > 0.0)
-      problem_.object.rotation =
-          Eigen::AngleAxisd(turn.norm(), turn.normalized()) * problem_.object.rotation;
+      problem_.object.rotation = Eigen::AngleAxisd(turn.norm(), turn.normalized()) * problem_.object.rotation;
     problem_.object.translation_mm = translation;
   }
 
   // The lens varies within its covariance.
   void add_lens(ceres::Problem& ceres) {
-    if (held_.size() == kLensNumbers) {
+    if (free_.empty()) {
       ceres.SetParameterBlockConstant(problem_.lens.data());
       return;
     }
-    MatrixXd covariance = problem_.lens_covariance;
-    for (const int i : held_) covariance(i, i) = 1.0;
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> parts(covariance);
-    MatrixXd root = parts.eigenvalues().cwiseMax(1e-30).cwiseSqrt().cwiseInverse().asDiagonal() *
-                    parts.eigenvectors().transpose();
+    MatrixXd root = MatrixXd::Zero(static_cast<Eigen::Index>(free_.size()), kLensNumbers);
+    const MatrixXd factor = lens_information_.llt().matrixU();
+    for (size_t i = 0; i < free_.size(); ++i) root.col(free_[i]) = factor.col(static_cast<Eigen::Index>(i));
     ceres.AddResidualBlock(
         new ceres::NormalPrior(root, Eigen::Map<const Eigen::VectorXd>(start_.data(), kLensNumbers)), nullptr,
         problem_.lens.data());
     if (!held_.empty())
-      ceres.SetManifold(problem_.lens.data(), new ceres::SubsetManifold(static_cast<int>(kLensNumbers), held_));
+      ceres.SetManifold(problem_.lens.data(),
+                        new ceres::SubsetManifold(static_cast<int>(kLensNumbers), held_));
   }
 
-  // The residuals and the covariance at the solution.
-  void read(ceres::Problem& ceres, double* axis, double* object) {
+  // The residuals at the solution, and the points' normal equations there: those of the numbers x = (axis,
+  // object, deviations, lens), with the lens relative to its start.
+  void read(ceres::Problem& ceres, const std::vector<ceres::ResidualBlockId>& seen, double* axis,
+            double* object) {
     ceres::Problem::EvaluateOptions options;
-    options.apply_loss_function = false;
+    options.apply_loss_function = problem_.huber_sd > 0.0;
+    options.residual_blocks = seen;
     options.parameter_blocks = {axis, object};
     for (auto& deviation : deviations_) options.parameter_blocks.push_back(deviation.data());
-    if (held_.size() < kLensNumbers) options.parameter_blocks.push_back(problem_.lens.data());
+    if (!free_.empty()) options.parameter_blocks.push_back(problem_.lens.data());
     std::vector<double> residuals;
     ceres::CRSMatrix sparse;
     ceres.Evaluate(options, nullptr, &residuals, nullptr, &sparse);
-    MatrixXd information = MatrixXd::Zero(sparse.num_cols, sparse.num_cols);
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(sparse.num_cols);
+    for (size_t i = 0; i < deviations_.size(); ++i)
+      x.segment<kDeviations>(deviation_at(i)) =
+          Eigen::Map<Eigen::Matrix<double, kDeviations, 1>>(deviations_[i].data());
+    for (size_t i = 0; i < free_.size(); ++i)
+      x[deviation_at(deviations_.size()) + static_cast<int>(i)] = problem_.lens[free_[i]] - start_[free_[i]];
+    information_ = MatrixXd::Zero(sparse.num_cols, sparse.num_cols);
+    pull_ = Eigen::VectorXd::Zero(sparse.num_cols);
+    squares_ = 0.0;
+    const double sd_px = solution_.pixel_sd;
     for (int row = 0; row < sparse.num_rows; ++row) {
+      double at_zero = residuals[row] * sd_px;
       for (int i = sparse.rows[row]; i < sparse.rows[row + 1]; ++i) {
+        at_zero -= sd_px * sparse.values[i] * x[sparse.cols[i]];
         for (int j = sparse.rows[row]; j < sparse.rows[row + 1]; ++j)
-          information(sparse.cols[i], sparse.cols[j]) += sparse.values[i] * sparse.values[j];
+          information_(sparse.cols[i], sparse.cols[j]) += sd_px * sd_px * sparse.values[i] * sparse.values[j];
       }
+      squares_ += at_zero * at_zero;
+      for (int i = sparse.rows[row]; i < sparse.rows[row + 1]; ++i)
+        pull_[sparse.cols[i]] -= sd_px * sparse.values[i] * at_zero;
     }
-    // Scaled, since radians and millimetres differ by orders of magnitude.
-    const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    const MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-    covariance_ = scale.asDiagonal() *
-                  scaled.ldlt().solve(MatrixXd::Identity(scaled.rows(), scaled.cols())) * scale.asDiagonal();
     solution_.residuals_px.resize(problem_.points.size());
     for (size_t i = 0; i < problem_.points.size(); ++i)
-      solution_.residuals_px[i] = solution_.pixel_sd * Eigen::Vector2d(residuals[2 * i], residuals[2 * i + 1]);
+      solution_.residuals_px[i] = sd_px * Eigen::Vector2d(residuals[2 * i], residuals[2 * i + 1]);
   }
 
-  // The standard deviations from the solution, by MacKay's fixed point: the sum of squares divided by the number of
-  // values that the data determine. Returns the largest relative change.
-  double estimate() {
-    double change = 0.0, determined = 0.0;
-    const auto update = [&](double& sd, double squares, double count, double min_sd) {
-      const double next = std::max(std::sqrt(squares / std::max(count, 0.5)), min_sd);
-      change = std::max(change, std::abs(next - sd) / std::max(sd, 1e3 * min_sd));
-      sd = next;
-    };
-    for (size_t k = 0; k < kKinds.size(); ++k) {
-      const Kind& kind = kKinds[k];
-      double squares = 0.0, count = 0.0;
-      for (size_t i = 0; i < deviations_.size(); ++i) {
-        for (int d = kind.first; d < kind.first + kind.count; ++d) {
-          const int at = kAxisNumbers + kObjectNumbers + kDeviations * static_cast<int>(i) + d;
-          squares += deviations_[i][d] * deviations_[i][d];
-          count += 1.0 - covariance_(at, at) / (sds_[k] * sds_[k]);
-        }
-      }
-      determined += std::max(count, 0.0);
-      update(sds_[k], squares, count, kind.min_sd);
+  // x at the least sum of squares of the linear problem, and its covariance, with the standard deviations as
+  // they are.
+  Eigen::VectorXd solve_linear() {
+    MatrixXd total = information_ / (solution_.pixel_sd * solution_.pixel_sd);
+    const std::array<double, kDeviations> sds = sd();
+    for (size_t i = 0; i < deviations_.size(); ++i) {
+      for (int d = 0; d < kDeviations; ++d)
+        total(deviation_at(i) + d, deviation_at(i) + d) += 1.0 / (sds[d] * sds[d]);
     }
-    double squares = 0.0;
-    for (const Eigen::Vector2d& residual : solution_.residuals_px) squares += residual.squaredNorm();
-    update(solution_.pixel_sd, squares,
-           2.0 * static_cast<double>(problem_.points.size()) - kAxisNumbers - kObjectNumbers - determined,
-           1e-6);
-    return change;
+    const auto lens = static_cast<Eigen::Index>(free_.size());
+    if (lens > 0) total.bottomRightCorner(lens, lens) += lens_information_;
+    // Scaled, since radians and millimetres differ by orders of magnitude.
+    const Eigen::VectorXd scale = total.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const MatrixXd scaled = scale.asDiagonal() * total * scale.asDiagonal();
+    covariance_ = scale.asDiagonal() * scaled.ldlt().solve(MatrixXd::Identity(scaled.rows(), scaled.cols())) *
+                  scale.asDiagonal();
+    return covariance_ * pull_ / (solution_.pixel_sd * solution_.pixel_sd);
+  }
+
+  // The standard deviations, by MacKay's fixed point: the sum of squares divided by the number of values that
+  // the data determine.
+  void estimate() {
+    constexpr int kRounds = 200;
+    constexpr double kEnd = 1e-4, kMinPixel_sd = 1e-6;
+    for (int round = 0; round < kRounds; ++round) {
+      const Eigen::VectorXd x = solve_linear();
+      double change = 0.0, determined = 0.0;
+      for (size_t k = 0; k < kKinds.size(); ++k) {
+        const Kind& kind = kKinds[k];
+        double squares = 0.0, count = 0.0;
+        for (size_t i = 0; i < deviations_.size(); ++i) {
+          for (int at = deviation_at(i) + kind.first; at < deviation_at(i) + kind.first + kind.count; ++at) {
+            squares += x[at] * x[at];
+            count += 1.0 - covariance_(at, at) / (sds_[k] * sds_[k]);
+          }
+        }
+        determined += std::max(count, 0.0);
+        const double next = std::max(std::sqrt(squares / std::max(count, 1e-9)), 1e-2 * kind.negligible);
+        change = std::max(change, std::abs(next - sds_[k]) / std::max(sds_[k], kind.negligible));
+        sds_[k] = next;
+      }
+      const double squares = squares_ - 2.0 * pull_.dot(x) + x.dot(information_ * x);
+      const double count =
+          2.0 * static_cast<double>(problem_.points.size()) - kAxisNumbers - kObjectNumbers - determined;
+      const double next = std::max(std::sqrt(std::max(squares, 0.0) / std::max(count, 1.0)), kMinPixel_sd);
+      change = std::max(change, std::abs(next / solution_.pixel_sd - 1.0));
+      solution_.pixel_sd = next;
+      if (change < kEnd) break;
+    }
+    solve_linear();
+  }
+
+  int deviation_at(size_t position) const {
+    return kAxisNumbers + kObjectNumbers + kDeviations * static_cast<int>(position);
   }
 
   std::array<double, kDeviations> sd() const {
@@ -240,14 +284,19 @@ class Fit {
   AxisProblem& problem_;
   std::vector<std::array<double, kDeviations>> deviations_;
   const std::array<double, kLensNumbers> start_;
-  std::vector<int> held_;  // of the lens
+  std::vector<int> free_, held_;  // of the lens
+  MatrixXd lens_information_;     // of free_
   Frame frame_;
-  MatrixXd covariance_;
+  MatrixXd information_, covariance_;
+  Eigen::VectorXd pull_;
+  double squares_ = 0.0;  // of the residuals at x = 0, px^2
   std::array<double, kKinds.size()> sds_{1e-3, 1e-3, 0.1};
   AxisSolution solution_{.covariance = {}, .pixel_sd = 0.1, .residuals_px = {}};
 };
 
-AxisSolution fit(AxisProblem& problem) { return Fit(problem).run(); }
+AxisSolution fit(AxisProblem& problem) {
+  return Fit(problem).run();
+}
 
 }  // namespace
 }  // namespace glasswing

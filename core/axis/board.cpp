@@ -61,10 +61,11 @@ absl::StatusOr<Board> parse_board(std::string_view option, std::string_view text
   const auto squares = [](int count) { return count >= kMinSquares && count <= kMaxSquares; };
   if (!read || !squares(board.columns) || !squares(board.rows) || !(board.square_mm <= kMaxSquare_mm) ||
       !(board.marker_mm > 0.0 && board.marker_mm < board.square_mm)) {
-    return absl::InvalidArgumentError(fmt::format(
-        "{} is \"{}\"; it must be COLUMNSxROWS:SQUARE_MM:MARKER_MM, {} to {} squares across and down, markers "
-        "smaller than squares, such as 7x5:8:6",
-        option, text, kMinSquares, kMaxSquares));
+    return absl::InvalidArgumentError(
+        fmt::format("{} is \"{}\"; it must be COLUMNSxROWS:SQUARE_MM:MARKER_MM, {} to {} squares across and "
+                    "down, markers "
+                    "smaller than squares, such as 7x5:8:6",
+                    option, text, kMinSquares, kMaxSquares));
   }
   const auto found = std::ranges::find(kDictionaries, dictionary, &Dictionary::name);
   if (found == kDictionaries.end()) {

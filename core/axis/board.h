@@ -26,8 +26,8 @@ struct BoardCorner {
   Eigen::Vector3d at_mm;  // on the board
 };
 
-// "7x5:8:6": squares across and down, their size and the markers', mm. INVALID_ARGUMENT names `option`, or lists
-// the dictionaries.
+// "7x5:8:6": squares across and down, their size and the markers', mm. INVALID_ARGUMENT names `option`, or
+// lists the dictionaries.
 absl::StatusOr<Board> parse_board(std::string_view option, std::string_view text,
                                   std::string_view dictionary);
 // "4x4_50, 4x4_100, ..."

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <opencv2/aruco/charuco.hpp>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
 
 namespace glasswing::axis_module_parts {
 namespace {
@@ -11,6 +12,18 @@ cv::Ptr<cv::aruco::CharucoBoard> board_of(const Board& board) {
   return cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square_mm),
                                          static_cast<float>(board.marker_mm),
                                          cv::aruco::getPredefinedDictionary(board.dictionary));
+}
+
+// How far from a corner there are no edges of markers, px.
+int reach(const Board& board, const std::vector<std::vector<cv::Point2f>>& markers) {
+  constexpr int kMin_px = 2, kMax_px = 10;
+  double shortest_px = 1e9;
+  for (const std::vector<cv::Point2f>& marker : markers) {
+    for (size_t i = 0; i < marker.size(); ++i)
+      shortest_px = std::min(shortest_px, cv::norm(marker[i] - marker[(i + 1) % marker.size()]));
+  }
+  const double free_px = shortest_px * (board.square_mm - board.marker_mm) / (2.0 * board.marker_mm);
+  return std::clamp(static_cast<int>(free_px), kMin_px, kMax_px);
 }
 
 }  // namespace
@@ -32,11 +45,15 @@ std::vector<BoardCorner> find_corners(const Board& board, int width_px, int heig
     std::vector<cv::Point2f> corners;
     std::vector<int> numbers;
     cv::aruco::interpolateCornersCharuco(markers, ids, picture, chart, corners, numbers);
+    if (corners.empty()) return found;
+    // interpolateCornersCharuco() leaves them off by up to 0.05 px.
+    const int reach_px = reach(board, markers);
+    cv::cornerSubPix(picture, corners, {reach_px, reach_px}, {-1, -1},
+                     {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-4});
     for (size_t i = 0; i < corners.size(); ++i) {
       const cv::Point3f& at = chart->chessboardCorners[numbers[i]];
       // OpenCV's first pixel has its centre at 0.
-      found.push_back(
-          {.pixel = {corners[i].x + 0.5, corners[i].y + 0.5}, .at_mm = {at.x, at.y, at.z}});
+      found.push_back({.pixel = {corners[i].x + 0.5, corners[i].y + 0.5}, .at_mm = {at.x, at.y, at.z}});
     }
   } catch (const cv::Exception&) {
     found.clear();

@@ -9,8 +9,8 @@
 // As JSON, of a series ("glasswing poses"):
 //
 //   {"frame": "camera: x right, y down, z forward", "unit": "mm", "axis": "turn",
-//    "object_to_rig": {"vase-000": [[r, r, r, x], [r, r, r, y], [r, r, r, z], [0, 0, 0, 1]], "vase-010": ...},
-//    "positions": {"vase-000": 0, "vase-010": 10}}
+//    "object_to_rig": {"vase-000": [[r, r, r, x], [r, r, r, y], [r, r, r, z], [0, 0, 0, 1]], "vase-010":
+//    ...}, "positions": {"vase-000": 0, "vase-010": 10}}
 //
 // A camera that stands still is seen from the object at the inverse of object_to_rig.
 #pragma once

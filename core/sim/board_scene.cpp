@@ -73,6 +73,8 @@ class BoardScene final : public Scene {
 
 }  // namespace
 
-std::unique_ptr<Scene> make_board(MonitorSize back) { return std::make_unique<BoardScene>(back); }
+std::unique_ptr<Scene> make_board(MonitorSize back) {
+  return std::make_unique<BoardScene>(back);
+}
 
 }  // namespace glasswing

@@ -29,7 +29,8 @@ TEST(AxisFit, FindsTheAxisOfPerfectPoints) {
   }
 }
 
-// Standard errors are those of repeats, with a table that wobbles and a lens that is known within a covariance.
+// Standard errors are those of repeats, with a table that wobbles and a lens that is known within a
+// covariance.
 TEST(AxisFit, StatesItsErrors) {
   MadeTable table;
   table.noise_px = 0.05;
@@ -87,7 +88,8 @@ TEST(AxisFit, SaysWhatIsMissing) {
   };
   EXPECT_THAT(error(positions(0, 90, 2), sightings(table, positions(0, 90, 2), 1)),
               HasSubstr("are seen at 2 of 2 positions"));
-  EXPECT_THAT(error(positions(0, 5, 3), sightings(table, positions(0, 5, 3), 1)), HasSubstr("span 5 degrees"));
+  EXPECT_THAT(error(positions(0, 5, 3), sightings(table, positions(0, 5, 3), 1)),
+              HasSubstr("span 5 degrees"));
   EXPECT_THAT(error({0, 30, 60}, {}), HasSubstr("are seen at 0 of 3 positions"));
   const std::vector<double> few = positions(0, 30, 4);
   const absl::StatusOr<AxisFit> fit = fit_axis(geometry_of(table.camera), few, sightings(table, few, 1));

@@ -21,7 +21,9 @@ constexpr int kWidth_px = 640, kHeight_px = 480;
 const Eigen::Vector3d kDirection(0.0, 1.0, 0.0), kPoint_mm(0.0, 0.0, 200.0);
 
 v1::CameraGeometry true_camera() {
-  MadeCamera camera{.fx = kFocalWidths * kWidth_px, .fy = kFocalWidths * kWidth_px, .cx = kWidth_px / 2.0,
+  MadeCamera camera{.fx = kFocalWidths * kWidth_px,
+                    .fy = kFocalWidths * kWidth_px,
+                    .cx = kWidth_px / 2.0,
                     .cy = kHeight_px / 2.0};
   camera.k1 = camera.k2 = camera.p1 = camera.p2 = 0.0;
   return geometry_of(camera);
@@ -30,8 +32,8 @@ v1::CameraGeometry true_camera() {
 // What the camera sees of the board, in the sensor's own noise.
 RadianceImage picture(double turn_deg, int seed, int frame) {
   const std::vector<SceneMonitor> monitors{{.name = "back", .size = kBack, .pitch_mm = kPitch_mm}};
-  const Transport transport = *build_transport("board", true, monitors, kWidth_px, kHeight_px, kRaysAcross, kFocalWidths,
-                                               {.turn_deg = turn_deg, .wobble_deg = 0.02});
+  const Transport transport = *build_transport("board", true, monitors, kWidth_px, kHeight_px, kRaysAcross,
+                                               kFocalWidths, {.turn_deg = turn_deg, .wobble_deg = 0.02});
   std::vector<RadianceImage> black(1);
   SensorModel sensor;
   sensor.seed = static_cast<std::uint64_t>(seed);
@@ -59,12 +61,15 @@ TEST(BoardAxis, IsFoundOnASimulatedTableWithinItsStatedErrors) {
     }
     const absl::StatusOr<AxisFit> fit = fit_axis(true_camera(), at, seen);
     ASSERT_OK(fit);
-    const Eigen::Vector3d direction = vector_of(fit->axis.direction()), point = vector_of(fit->axis.point_mm());
+    const Eigen::Vector3d direction = vector_of(fit->axis.direction()),
+                          point = vector_of(fit->axis.point_mm());
     const double off_deg = direction.cross(kDirection).norm() * 180.0 / std::numbers::pi;
     const double off_mm = (point - kPoint_mm).cross(kDirection).norm();
-    std::printf("seed %d: %.4f +- %.4f deg, %.4f +- %.4f mm, residuals %.3f px, tip %.3f deg, shift %.4f mm, turn %.3f deg:",
-                seed, off_deg, fit->direction_sd_deg, off_mm, fit->point_sd_mm,
-                fit->axis.residual_px(), fit->axis.tip_deg(), fit->axis.shift_mm(), fit->axis.turn_deg());
+    std::printf(
+        "seed %d: %.4f +- %.4f deg, %.4f +- %.4f mm, residuals %.3f px, tip %.3f deg, shift %.4f mm, turn "
+        "%.3f deg:",
+        seed, off_deg, fit->direction_sd_deg, off_mm, fit->point_sd_mm, fit->axis.residual_px(),
+        fit->axis.tip_deg(), fit->axis.shift_mm(), fit->axis.turn_deg());
     EXPECT_LE(off_deg, 0.05);
     EXPECT_LE(off_mm, 0.05);
     for (const double error : in_standard_errors(fit->axis, kDirection, kPoint_mm)) {

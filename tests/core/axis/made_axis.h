@@ -34,7 +34,8 @@ inline std::vector<AxisSighting> sightings(const MadeTable& table, const std::ve
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   std::vector<AxisSighting> seen;
-  const Eigen::Vector3d across_x = table.direction.unitOrthogonal(), across_y = table.direction.cross(across_x);
+  const Eigen::Vector3d across_x = table.direction.unitOrthogonal(),
+                        across_y = table.direction.cross(across_x);
   for (int i = 0; i < static_cast<int>(positions_deg.size()); ++i) {
     const Eigen::Vector3d tip =
         kDegree * table.tip_deg * (normal(random) * across_x + normal(random) * across_y);
@@ -77,8 +78,8 @@ inline Eigen::Vector3d vector_of(const google::protobuf::RepeatedField<double>& 
   return {numbers[0], numbers[1], numbers[2]};
 }
 
-// The errors of a fit in its own standard errors: two of the direction, two of the place, along the principal axes
-// of either covariance.
+// The errors of a fit in its own standard errors: two of the direction, two of the place, along the principal
+// axes of either covariance.
 inline std::vector<double> in_standard_errors(const v1::AxisGeometry& axis, const Eigen::Vector3d& direction,
                                               const Eigen::Vector3d& point_mm) {
   const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> covariance(axis.covariance().data());

@@ -30,16 +30,17 @@ TEST(ObjectPose, IsThatOfTheSimulatedTable) {
 
 constexpr const char* kGeometry =
     "camera { width_px: 16 height_px: 12 fx_px: 25 fy_px: 25 cx_px: 8 cy_px: 6 }\n"
-    "monitors { name: \"near\" width_px: 128 height_px: 96 pitch_mm: 1 rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n"
+    "monitors { name: \"near\" width_px: 128 height_px: 96 pitch_mm: 1 rotation: [1, 0, 0, 0, 1, 0, 0, 0, "
+    "1]\n"
     "  translation_mm: [-64, -48, 200] }\n";
 
 TEST(ObjectPose, NamesTheAxesOfAGeometry) {
   const v1::RigGeometry none = *parse_geometry(kGeometry, "rig.txtpb");
   EXPECT_THAT(std::string(find_axis_geometry(none, "turn").status().message()),
               HasSubstr("no axis \"turn\"; glasswing calibrate axis measures it"));
-  const absl::StatusOr<v1::RigGeometry> one =
-      parse_geometry(std::string(kGeometry) + "axes { name: \"turn\" direction: [0, 1, 0] point_mm: [0, 0, 200] }",
-                     "rig.txtpb");
+  const absl::StatusOr<v1::RigGeometry> one = parse_geometry(
+      std::string(kGeometry) + "axes { name: \"turn\" direction: [0, 1, 0] point_mm: [0, 0, 200] }",
+      "rig.txtpb");
   ASSERT_OK(one);
   ASSERT_OK(find_axis_geometry(*one, "turn"));
   EXPECT_THAT(std::string(find_axis_geometry(*one, "lift").status().message()), HasSubstr("only turn"));
