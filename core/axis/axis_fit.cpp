@@ -6,8 +6,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <optional>
+#include <set>
+#include <utility>
 
 #include "core/axis/axis_module.h"
 #include "core/base/status.h"
@@ -26,57 +29,60 @@ constexpr double kMinSpan_deg = 10.0;
 constexpr double kHuber_sd = 2.0, kMax_sd = 5.0;  // of residuals
 constexpr double kMinPixel_sd = 0.01;
 // What is warned about.
-constexpr double kShortSpan_deg = 60.0, kWeakDirection_deg = 0.05, kWeakPoint_mm = 0.05;
-constexpr int kFewPositions = 6;
+constexpr double kShortSpan_deg = 270.0, kWeakDirection_deg = 0.05, kWeakPoint_mm = 0.05;
+constexpr int kFewPositions = 9;
 
 Matrix3d turned(const Vector3d& axis, double angle_rad) {
   return Eigen::AngleAxisd(angle_rad, axis).toRotationMatrix();
 }
 
-// The object's pose at a position, by itself.
+// A board's pose at a position, by itself.
 struct Stand {
-  double position_rad;
+  int board = 0;
+  double position_rad = 0.0;
   Reprojection::Pose pose;
 };
 
-// The axis and the object's pose at position 0, in closed form.
-AxisProblem start_of(const std::vector<Stand>& stands) {
-  AxisProblem start;
-  // R_i R_j' is a turn about the axis, whose antisymmetric part is sin(angle) times it.
+// The axis and the boards' poses at position 0, in closed form.
+void start(const std::vector<Stand>& stands, AxisProblem& problem) {
+  // R_i R_j' of a board is a turn about the axis, whose antisymmetric part is sin(angle) times it.
   Vector3d sum = Vector3d::Zero();
   for (const Stand& to : stands) {
     for (const Stand& from : stands) {
+      if (from.board != to.board) continue;
       const Matrix3d turn = to.pose.rotation * from.pose.rotation.transpose();
       const Vector3d part(turn(2, 1) - turn(1, 2), turn(0, 2) - turn(2, 0), turn(1, 0) - turn(0, 1));
       sum += std::sin(to.position_rad - from.position_rad) * part;
     }
   }
-  start.direction = sum.normalized();
+  problem.direction = sum.normalized();
   // t_i = (I - A_i) c + A_i t
-  Matrix3d rotations = Matrix3d::Zero();
-  MatrixXd rows(3 * stands.size(), 6);
+  std::vector<Matrix3d> rotations(problem.boards.size(), Matrix3d::Zero());
+  MatrixXd rows = MatrixXd::Zero(3 * stands.size(), 3 + 3 * problem.boards.size());
   Eigen::VectorXd translations(3 * stands.size());
   for (size_t i = 0; i < stands.size(); ++i) {
-    const Matrix3d turn = turned(start.direction, stands[i].position_rad);
-    rotations += turn.transpose() * stands[i].pose.rotation;
+    const Matrix3d turn = turned(problem.direction, stands[i].position_rad);
+    rotations[stands[i].board] += turn.transpose() * stands[i].pose.rotation;
     rows.block<3, 3>(3 * i, 0) = Matrix3d::Identity() - turn;
-    rows.block<3, 3>(3 * i, 3) = turn;
+    rows.block<3, 3>(3 * i, 3 + 3 * stands[i].board) = turn;
     translations.segment<3>(3 * i) = stands[i].pose.translation_mm;
   }
-  const Eigen::JacobiSVD<Matrix3d> svd(rotations, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Vector3d proper(1.0, 1.0, svd.matrixU().determinant() * svd.matrixV().determinant());
-  start.object.rotation = svd.matrixU() * proper.asDiagonal() * svd.matrixV().transpose();
   const Eigen::VectorXd found = rows.completeOrthogonalDecomposition().solve(translations);
-  start.point_mm = found.head<3>();
-  start.object.translation_mm = found.tail<3>();
-  return start;
+  problem.point_mm = found.head<3>();
+  for (size_t b = 0; b < problem.boards.size(); ++b) {
+    const Eigen::JacobiSVD<Matrix3d> svd(rotations[b], Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Vector3d proper(1.0, 1.0, svd.matrixU().determinant() * svd.matrixV().determinant());
+    problem.boards[b].rotation = svd.matrixU() * proper.asDiagonal() * svd.matrixV().transpose();
+    problem.boards[b].translation_mm = found.segment<3>(3 + 3 * b);
+  }
 }
 
 // Where the middle of what was seen is in the rig.
 Vector3d middle_of(const AxisProblem& problem) {
   Vector3d sum = Vector3d::Zero();
   for (const AxisProblem::Point& point : problem.points) {
-    const Vector3d at = problem.object.rotation * point.at_mm + problem.object.translation_mm;
+    const Reprojection::Pose& board = problem.boards[point.board];
+    const Vector3d at = board.rotation * point.at_mm + board.translation_mm;
     sum += problem.point_mm +
            turned(problem.direction, problem.positions_rad[point.position]) * (at - problem.point_mm);
   }
@@ -98,38 +104,53 @@ void take_lens(const v1::CameraGeometry& camera, AxisProblem& problem) {
   }
 }
 
-// The poses of the positions with points enough; the others lose theirs.
+// The poses of boards with points enough at a position; the others lose theirs, and boards without any pose
+// vanish.
 std::vector<Stand> stands_of(const AxisModule& module, const v1::CameraGeometry& camera,
                              std::span<const double> positions_deg, AxisProblem& problem) {
   const CameraLens lens(camera);
+  std::map<std::pair<int, int>, std::vector<const AxisProblem::Point*>> groups;  // by board and position
+  for (const AxisProblem::Point& point : problem.points)
+    groups[{point.board, point.position}].push_back(&point);
   std::vector<Stand> stands;
-  for (int position = 0; position < static_cast<int>(positions_deg.size()); ++position) {
+  std::vector<AxisProblem::Point> kept;
+  std::map<int, int> boards;  // numbers without gaps
+  for (const auto& [key, points] : groups) {
     std::vector<Eigen::Vector2d> slopes;
     std::vector<Vector3d> at_mm;
-    for (const AxisProblem::Point& point : problem.points) {
-      if (point.position != position) continue;
-      slopes.push_back(lens.slope_of(point.pixel));
-      at_mm.push_back(point.at_mm);
+    for (const AxisProblem::Point* point : points) {
+      slopes.push_back(lens.slope_of(point->pixel));
+      at_mm.push_back(point->at_mm);
     }
-    std::optional<Reprojection::Pose> pose;
-    if (slopes.size() >= kMinAxisPoints) pose = module.pose(slopes, at_mm);
-    if (pose) {
-      stands.push_back({positions_deg[position] * kDegree, *pose});
-    } else {
-      std::erase_if(problem.points, [&](const auto& point) { return point.position == position; });
-    }
+    if (slopes.size() < kMinAxisPoints) continue;
+    const std::optional<Reprojection::Pose> pose = module.pose(slopes, at_mm);
+    if (!pose) continue;
+    const int board = boards.emplace(key.first, static_cast<int>(boards.size())).first->second;
+    stands.push_back({board, positions_deg[key.second] * kDegree, *pose});
+    for (const AxisProblem::Point* point : points)
+      kept.push_back({key.second, board, point->pixel, point->at_mm});
   }
+  problem.points = std::move(kept);
+  problem.boards.resize(boards.size());
   return stands;
 }
 
-// The widest angle between two of the positions, at most 180.
+// What positions span of a turn: all of it but the widest gap, degrees.
 double span_of(const std::vector<Stand>& stands) {
-  double span = 0.0;
-  for (const Stand& a : stands) {
-    for (const Stand& b : stands)
-      span = std::max(span, std::acos(std::cos(a.position_rad - b.position_rad)) / kDegree);
-  }
-  return span;
+  std::vector<double> at;
+  for (const Stand& stand : stands)
+    at.push_back(std::fmod(std::fmod(stand.position_rad / kDegree, 360.0) + 360.0, 360.0));
+  if (at.empty()) return 0.0;
+  std::ranges::sort(at);
+  double gap = at.front() + 360.0 - at.back();
+  for (size_t i = 1; i < at.size(); ++i) gap = std::max(gap, at[i] - at[i - 1]);
+  return 360.0 - gap;
+}
+
+int positions_of(const std::vector<Stand>& stands) {
+  std::set<double> at;
+  for (const Stand& stand : stands) at.insert(stand.position_rad);
+  return static_cast<int>(at.size());
 }
 
 // Leaves out points beyond kMax_sd, which the median tells.
@@ -144,10 +165,6 @@ void leave_out(const AxisSolution& solution, AxisProblem& problem) {
   std::erase_if(problem.points, [&](const auto&) { return sizes[i++] > kMax_sd * sd_px; });
 }
 
-double largest_sd(const Eigen::Matrix3d& covariance) {
-  return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Matrix3d>(covariance).eigenvalues().z()));
-}
-
 AxisFit result_of(std::span<const double> positions_deg, std::span<const AxisSighting> sightings,
                   const AxisProblem& problem, const AxisSolution& solution) {
   AxisFit fit;
@@ -155,12 +172,13 @@ AxisFit result_of(std::span<const double> positions_deg, std::span<const AxisSig
   for (int i = 0; i < 3; ++i) axis.add_direction(problem.direction[i]);
   for (int i = 0; i < 3; ++i) axis.add_point_mm(problem.point_mm[i]);
   for (int i = 0; i < 36; ++i) axis.add_covariance(solution.covariance(i / 6, i % 6));
+  axis.set_wobble_deg(solution.wobble_sd_rad / kDegree);
+  axis.set_runout_mm(solution.runout_sd_mm);
   axis.set_tip_deg(solution.tip_sd_rad / kDegree);
   axis.set_turn_deg(solution.turn_sd_rad / kDegree);
   axis.set_shift_mm(solution.shift_sd_mm);
   axis.set_residual_px(solution.pixel_sd);
-  fit.direction_sd_deg = largest_sd(solution.covariance.topLeftCorner<3, 3>()) / kDegree;
-  fit.point_sd_mm = largest_sd(solution.covariance.bottomRightCorner<3, 3>());
+  fit.errors = errors_of(axis);
   fit.positions.resize(positions_deg.size());
   for (const AxisSighting& sighting : sightings) ++fit.positions[sighting.position].left_out;
   for (size_t i = 0; i < problem.points.size(); ++i) {
@@ -185,15 +203,18 @@ void add_warnings(double span_deg, AxisFit& fit) {
                                   axis.positions_deg_size(), kFewPositions));
   }
   if (span_deg < kShortSpan_deg) {
-    axis.add_warnings(fmt::format("the positions span {:.0f} degrees; {:.0f} or more locate the axis well",
-                                  span_deg, kShortSpan_deg));
+    axis.add_warnings(
+        fmt::format("the positions span {:.0f} degrees; unless they span {:.0f}, a wobble that repeats with "
+                    "the turn looks "
+                    "like a tilt of the axis, and the stated error lacks it",
+                    span_deg, kShortSpan_deg));
   }
-  if (fit.direction_sd_deg > kWeakDirection_deg || fit.point_sd_mm > kWeakPoint_mm) {
+  if (fit.errors.direction_sd_deg > kWeakDirection_deg || fit.errors.point_sd_mm > kWeakPoint_mm) {
     axis.add_warnings(
         fmt::format("the standard error is {:.3f} degrees and {:.3f} mm; more positions, or a board that is "
                     "larger in the "
                     "picture, make it smaller",
-                    fit.direction_sd_deg, fit.point_sd_mm));
+                    fit.errors.direction_sd_deg, fit.errors.point_sd_mm));
   }
 }
 
@@ -211,20 +232,17 @@ absl::StatusOr<AxisFit> fit_axis(const v1::CameraGeometry& camera, std::span<con
   GW_ASSIGN_OR_RETURN(const AxisModule* const module, axis_module());
   AxisProblem problem;
   for (const AxisSighting& sighting : sightings)
-    problem.points.push_back({sighting.position, sighting.pixel, sighting.at_mm});
+    problem.points.push_back({sighting.position, sighting.board, sighting.pixel, sighting.at_mm});
   const std::vector<Stand> stands = stands_of(*module, camera, positions_deg, problem);
   const double span_deg = span_of(stands);
-  if (stands.size() < kMinAxisPositions || span_deg < kMinSpan_deg) {
+  if (positions_of(stands) < kMinAxisPositions || span_deg < kMinSpan_deg) {
     return absl::FailedPreconditionError(fmt::format(
         "{} points or more are seen at {} of {} positions, which span {:.0f} degrees; the axis needs {} "
         "positions "
         "that span {:.0f}",
         kMinAxisPoints, stands.size(), positions_deg.size(), span_deg, kMinAxisPositions, kMinSpan_deg));
   }
-  const AxisProblem start = start_of(stands);
-  problem.direction = start.direction;
-  problem.point_mm = start.point_mm;
-  problem.object = start.object;
+  start(stands, problem);
   for (const double position_deg : positions_deg) problem.positions_rad.push_back(position_deg * kDegree);
   take_lens(camera, problem);
   move_point(problem, middle_of(problem));

@@ -22,10 +22,10 @@ struct AxisProblem {
   Eigen::Matrix<double, kLensNumbers, kLensNumbers> lens_covariance =
       Eigen::Matrix<double, kLensNumbers, kLensNumbers>::Zero();  // a row of zeros: held
   Eigen::Vector3d direction, point_mm;
-  Reprojection::Pose object;  // at position 0
+  std::vector<Reprojection::Pose> boards;  // at position 0
   std::vector<double> positions_rad;
   struct Point {
-    int position = 0;
+    int position = 0, board = 0;
     Eigen::Vector2d pixel;
     Eigen::Vector3d at_mm;
   };
@@ -36,8 +36,10 @@ struct AxisProblem {
 struct AxisSolution {
   bool converged = false;
   Eigen::Matrix<double, 6, 6> covariance;  // of direction and point_mm
-  double pixel_sd = 0.0, tip_sd_rad = 0.0, turn_sd_rad = 0.0, shift_sd_mm = 0.0;
-  std::vector<Eigen::Vector2d> residuals_px;  // as problem.points
+  double pixel_sd = 0.0;
+  double wobble_sd_rad = 0.0, runout_sd_mm = 0.0;                 // that repeats with the turn, rms
+  double tip_sd_rad = 0.0, turn_sd_rad = 0.0, shift_sd_mm = 0.0;  // of each position
+  std::vector<Eigen::Vector2d> residuals_px;                      // as problem.points
 };
 
 struct AxisModule {
@@ -48,7 +50,6 @@ struct AxisModule {
                                             std::span<const Eigen::Vector3d> at_mm);
   std::vector<BoardCorner> (*find_corners)(const Board& board, int width_px, int height_px,
                                            std::span<const std::uint8_t> grey);
-  std::vector<std::uint8_t> (*draw)(const Board& board, int width_px, int height_px);
 };
 
 // Loads it at the first call. UNIMPLEMENTED: it is not installed.

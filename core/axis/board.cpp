@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <utility>
 
+#include "core/axis/axis_fit.h"
 #include "core/axis/axis_module.h"
 #include "core/base/scanner.h"
 #include "core/base/status.h"
@@ -49,30 +51,26 @@ std::string dictionary_names() {
 absl::StatusOr<Board> parse_board(std::string_view option, std::string_view text,
                                   std::string_view dictionary) {
   Board board;
-  const bool read = Scanner(text)
-                        .number(board.columns)
-                        .then("x")
-                        .number(board.rows)
-                        .then(":")
-                        .number(board.square_mm)
-                        .then(":")
-                        .number(board.marker_mm)
-                        .done();
+  Scanner scan(text);
+  scan.number(board.columns).then("x").number(board.rows).then(":").number(board.square_mm);
+  scan.then(":").number(board.marker_mm);
+  if (scan.more()) scan.then(":").number(board.count);
   const auto squares = [](int count) { return count >= kMinSquares && count <= kMaxSquares; };
-  if (!read || !squares(board.columns) || !squares(board.rows) || !(board.square_mm <= kMaxSquare_mm) ||
-      !(board.marker_mm > 0.0 && board.marker_mm < board.square_mm)) {
-    return absl::InvalidArgumentError(
-        fmt::format("{} is \"{}\"; it must be COLUMNSxROWS:SQUARE_MM:MARKER_MM, {} to {} squares across and "
-                    "down, markers "
-                    "smaller than squares, such as 7x5:8:6",
-                    option, text, kMinSquares, kMaxSquares));
+  if (!scan.done() || !squares(board.columns) || !squares(board.rows) ||
+      !(board.square_mm <= kMaxSquare_mm) || !(board.marker_mm > 0.0 && board.marker_mm < board.square_mm) ||
+      board.count < 1 || board.count > kMaxAxisBoards) {
+    return absl::InvalidArgumentError(fmt::format(
+        "{} is \"{}\"; it must be COLUMNSxROWS:SQUARE_MM:MARKER_MM, {} to {} squares across and down, "
+        "markers "
+        "smaller than squares, such as 7x5:8:6, or with :COUNT, 1 to {} boards, such as 7x5:8:6:4",
+        option, text, kMinSquares, kMaxSquares, kMaxAxisBoards));
   }
   const auto found = std::ranges::find(kDictionaries, dictionary, &Dictionary::name);
   if (found == kDictionaries.end()) {
     return absl::InvalidArgumentError(
         fmt::format("the dictionary is \"{}\"; there are: {}", dictionary, dictionary_names()));
   }
-  if (const int needed = board.columns * board.rows / 2; needed > found->markers) {
+  if (const int needed = board.count * board.markers(); needed > found->markers) {
     return absl::InvalidArgumentError(fmt::format("{} is {}, which needs {} markers; dictionary {} has {}",
                                                   option, text, needed, dictionary, found->markers));
   }
@@ -95,13 +93,6 @@ absl::StatusOr<std::vector<BoardCorner>> find_corners(const Board& board, const 
     return static_cast<std::uint8_t>(std::clamp(value * scale + 0.5f, 0.0f, 255.0f));
   });
   return module->find_corners(board, picture.width_px, picture.height_px, grey);
-}
-
-absl::StatusOr<Image<std::uint8_t>> draw_board(const Board& board, int px_a_square) {
-  GW_ASSIGN_OR_RETURN(const AxisModule* const module, axis_module());
-  Image<std::uint8_t> picture(board.columns * px_a_square, board.rows * px_a_square, 1);
-  picture.samples = module->draw(board, picture.width_px, picture.height_px);
-  return picture;
 }
 
 }  // namespace glasswing

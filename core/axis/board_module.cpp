@@ -8,10 +8,12 @@
 namespace glasswing::axis_module_parts {
 namespace {
 
-cv::Ptr<cv::aruco::CharucoBoard> board_of(const Board& board) {
-  return cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square_mm),
-                                         static_cast<float>(board.marker_mm),
-                                         cv::aruco::getPredefinedDictionary(board.dictionary));
+cv::Ptr<cv::aruco::CharucoBoard> board_of(const Board& board, int number) {
+  const cv::Ptr<cv::aruco::CharucoBoard> chart = cv::aruco::CharucoBoard::create(
+      board.columns, board.rows, static_cast<float>(board.square_mm), static_cast<float>(board.marker_mm),
+      cv::aruco::getPredefinedDictionary(board.dictionary));
+  for (int& id : chart->ids) id += number * board.markers();
+  return chart;
 }
 
 // How far from a corner there are no edges of markers, px.
@@ -32,39 +34,43 @@ std::vector<BoardCorner> find_corners(const Board& board, int width_px, int heig
                                       std::span<const std::uint8_t> grey) {
   std::vector<BoardCorner> found;
   try {
-    const cv::Ptr<cv::aruco::CharucoBoard> chart = board_of(board);
     cv::Mat picture(height_px, width_px, CV_8UC1);
     std::ranges::copy(grey, picture.data);
     const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
     parameters->minMarkerPerimeterRate = 0.01;  // of the picture's width; a board may be small in it
-    std::vector<std::vector<cv::Point2f>> markers, rejected;
-    std::vector<int> ids;
-    cv::aruco::detectMarkers(picture, chart->dictionary, markers, ids, parameters, rejected);
-    if (ids.empty()) return found;
-    cv::aruco::refineDetectedMarkers(picture, chart, markers, ids, rejected);
-    std::vector<cv::Point2f> corners;
-    std::vector<int> numbers;
-    cv::aruco::interpolateCornersCharuco(markers, ids, picture, chart, corners, numbers);
-    if (corners.empty()) return found;
-    // interpolateCornersCharuco() leaves them off by up to 0.05 px.
-    const int reach_px = reach(board, markers);
-    cv::cornerSubPix(picture, corners, {reach_px, reach_px}, {-1, -1},
-                     {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-4});
-    for (size_t i = 0; i < corners.size(); ++i) {
-      const cv::Point3f& at = chart->chessboardCorners[numbers[i]];
-      // OpenCV's first pixel has its centre at 0.
-      found.push_back({.pixel = {corners[i].x + 0.5, corners[i].y + 0.5}, .at_mm = {at.x, at.y, at.z}});
+    std::vector<std::vector<cv::Point2f>> all;
+    std::vector<int> all_ids;
+    cv::aruco::detectMarkers(picture, board_of(board, 0)->dictionary, all, all_ids, parameters);
+    for (int number = 0; number < board.count; ++number) {
+      const cv::Ptr<cv::aruco::CharucoBoard> chart = board_of(board, number);
+      std::vector<std::vector<cv::Point2f>> markers;
+      std::vector<int> ids;
+      for (size_t i = 0; i < all.size(); ++i) {
+        if (all_ids[i] / board.markers() != number) continue;
+        markers.push_back(all[i]);
+        ids.push_back(all_ids[i]);
+      }
+      if (ids.empty()) continue;
+      std::vector<cv::Point2f> corners;
+      std::vector<int> numbers;
+      cv::aruco::interpolateCornersCharuco(markers, ids, picture, chart, corners, numbers);
+      if (corners.empty()) continue;
+      // interpolateCornersCharuco() leaves them off by up to 0.05 px.
+      const int reach_px = reach(board, markers);
+      cv::cornerSubPix(picture, corners, {reach_px, reach_px}, {-1, -1},
+                       {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-4});
+      for (size_t i = 0; i < corners.size(); ++i) {
+        const cv::Point3f& at = chart->chessboardCorners[numbers[i]];
+        // OpenCV's first pixel has its centre at 0.
+        found.push_back({.pixel = {corners[i].x + 0.5, corners[i].y + 0.5},
+                         .at_mm = {at.x, at.y, at.z},
+                         .board = number});
+      }
     }
   } catch (const cv::Exception&) {
     found.clear();
   }
   return found;
-}
-
-std::vector<std::uint8_t> draw(const Board& board, int width_px, int height_px) {
-  cv::Mat picture;
-  board_of(board)->draw({width_px, height_px}, picture);
-  return {picture.data, picture.data + picture.total()};
 }
 
 std::optional<Reprojection::Pose> pose(std::span<const Eigen::Vector2d> slopes,

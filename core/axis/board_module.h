@@ -9,6 +9,5 @@ std::optional<Reprojection::Pose> pose(std::span<const Eigen::Vector2d> slopes,
                                        std::span<const Eigen::Vector3d> at_mm);
 std::vector<BoardCorner> find_corners(const Board& board, int width_px, int height_px,
                                       std::span<const std::uint8_t> grey);
-std::vector<std::uint8_t> draw(const Board& board, int width_px, int height_px);
 
 }  // namespace glasswing::axis_module_parts

@@ -28,6 +28,12 @@ namespace glasswing {
 absl::StatusOr<const v1::AxisGeometry*> find_axis_geometry(const v1::RigGeometry& geometry,
                                                            const std::string& name);
 
+// Standard errors, the larger of two across the axis; 0: unknown.
+struct AxisErrors {
+  double direction_sd_deg = 0.0, point_sd_mm = 0.0;
+};
+AxisErrors errors_of(const v1::AxisGeometry& axis);
+
 Eigen::Matrix4d object_to_rig(const v1::AxisGeometry& axis, double position_deg);
 
 }  // namespace glasswing

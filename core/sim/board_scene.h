@@ -1,7 +1,6 @@
-// A ChArUco board on the simulated table, as a calibration of the axis needs: a stiff plate that stands
-// upright, leans back a little and faces the camera while the table is at 0, lit evenly by the room. It is
-// printed with OpenCV's board of 7x5 squares and dictionary 4x4_50, of cells (core/sim/board_scene.cpp) that
-// are eighths of a square, with a white margin of one cell.
+// A square column with ChArUco boards on its four sides on the simulated table, as a calibration of the axis
+// needs: upright, lit evenly by the room, opaque. The prints are OpenCV's boards of 7x5 squares with the
+// markers of dictionary 4x4_100, 17 for each side, with a white margin of an eighth of a square.
 #pragma once
 
 #include <memory>

@@ -46,18 +46,18 @@ RadianceImage picture(double turn_deg, int seed, int frame) {
 }
 
 TEST(BoardAxis, IsFoundOnASimulatedTableWithinItsStatedErrors) {
-  const Board board = *parse_board("--board", "7x5:8:6", "4x4_50");
+  const Board board = *parse_board("--board", "7x5:8:6:4", "4x4_100");
   int within = 0, count = 0;
   for (int seed = 1; seed <= 6; ++seed) {
     // Each from other positions.
-    const std::vector<double> at = positions(-62.0 + seed, 55.0 + 1.5 * seed, 9 + seed % 3);
+    const std::vector<double> at = positions(5.0 * seed, 5.0 * seed + 345.0, 24);
     std::vector<AxisSighting> seen;
     for (int i = 0; i < static_cast<int>(at.size()); ++i) {
       const absl::StatusOr<std::vector<BoardCorner>> corners = find_corners(board, picture(at[i], seed, i));
       ASSERT_OK(corners);
       EXPECT_GE(corners->size(), 18u) << at[i];
       for (const BoardCorner& corner : *corners)
-        seen.push_back({.position = i, .pixel = corner.pixel, .at_mm = corner.at_mm});
+        seen.push_back({.position = i, .board = corner.board, .pixel = corner.pixel, .at_mm = corner.at_mm});
     }
     const absl::StatusOr<AxisFit> fit = fit_axis(true_camera(), at, seen);
     ASSERT_OK(fit);
@@ -66,10 +66,12 @@ TEST(BoardAxis, IsFoundOnASimulatedTableWithinItsStatedErrors) {
     const double off_deg = direction.cross(kDirection).norm() * 180.0 / std::numbers::pi;
     const double off_mm = (point - kPoint_mm).cross(kDirection).norm();
     std::printf(
-        "seed %d: %.4f +- %.4f deg, %.4f +- %.4f mm, residuals %.3f px, tip %.3f deg, shift %.4f mm, turn "
+        "seed %d: %.4f +- %.4f deg, %.4f +- %.4f mm, residuals %.3f px, wobble %.4f deg, runout %.4f, tip "
+        "%.3f deg, shift %.4f mm, turn "
         "%.3f deg:",
-        seed, off_deg, fit->direction_sd_deg, off_mm, fit->point_sd_mm, fit->axis.residual_px(),
-        fit->axis.tip_deg(), fit->axis.shift_mm(), fit->axis.turn_deg());
+        seed, off_deg, fit->errors.direction_sd_deg, off_mm, fit->errors.point_sd_mm, fit->axis.residual_px(),
+        fit->axis.wobble_deg(), fit->axis.runout_mm(), fit->axis.tip_deg(), fit->axis.shift_mm(),
+        fit->axis.turn_deg());
     EXPECT_LE(off_deg, 0.05);
     EXPECT_LE(off_mm, 0.05);
     for (const double error : in_standard_errors(fit->axis, kDirection, kPoint_mm)) {
