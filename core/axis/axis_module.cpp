@@ -116,8 +116,8 @@ class Fit {
   }
 
   AxisSolution run() {
-    constexpr int kRounds = 10;
-    constexpr double kEnd = 1e-3;  // of the standard deviations
+    constexpr int kRounds = 6;
+    constexpr double kEnd = 1e-2;  // of the standard deviations
     for (int round = 0; round < kRounds; ++round) {
       solve();
       const auto before = sds_;
@@ -257,7 +257,7 @@ class Fit {
     // Scaled, since radians and millimetres differ by orders of magnitude.
     const Eigen::VectorXd scale = total.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const MatrixXd scaled = scale.asDiagonal() * total * scale.asDiagonal();
-    covariance_ = scale.asDiagonal() * scaled.ldlt().solve(MatrixXd::Identity(scaled.rows(), scaled.cols())) *
+    covariance_ = scale.asDiagonal() * scaled.llt().solve(MatrixXd::Identity(scaled.rows(), scaled.cols())) *
                   scale.asDiagonal();
     return covariance_ * pull_ / (solution_.pixel_sd * solution_.pixel_sd);
   }
@@ -265,8 +265,8 @@ class Fit {
   // The standard deviations, by MacKay's fixed point: the sum of squares divided by the number of values that
   // the data determine.
   void estimate() {
-    constexpr int kRounds = 200;
-    constexpr double kEnd = 1e-4, kMinPixel_sd = 1e-6;
+    constexpr int kRounds = 30;
+    constexpr double kEnd = 1e-3, kMinPixel_sd = 1e-6;
     for (int round = 0; round < kRounds; ++round) {
       const Eigen::VectorXd x = solve_linear();
       std::array<double, kKinds> sums{}, counts{};

@@ -8,7 +8,11 @@
 namespace glasswing {
 namespace {
 
-constexpr int kFaces = 4, kColumns = 56, kRows = 40, kCellsASquare = 8, kMargin = 1;
+constexpr int kFaces = 4, kColumns = 56, kRows = 40, kCellsASquare = 8;
+constexpr double kHalfWidth = 31.0, kHalfHeight = 24.0;  // of a face, in cells
+// Of the column about its own axis, and of the prints on its faces, where they were not stuck on quite
+// straight.
+constexpr double kTurn_rad = 7.0 * std::numbers::pi / 180.0, kAskew_rad = 5.0 * std::numbers::pi / 180.0;
 
 // The prints of the faces, rows from the top: bit 55 is the leftmost cell; 1 is white.
 constexpr std::array<std::array<std::uint64_t, kRows>, kFaces> kPrints{{
@@ -53,9 +57,8 @@ class BoardScene final : public Scene {
  public:
   explicit BoardScene(MonitorSize back)
       : cell_(kBoardSquare * back.width_px / kCellsASquare),
-        // Not quite about the axis, as it was set down.
-        middle_(table_centre("board", back) + cell_ * Vec3{1.5, -0.7, 1.1}),
-        half_(0.5 * kColumns + kMargin) {
+        // Not quite about the axis.
+        middle_(table_centre("board", back) + cell_ * Vec3{1.5, -0.7, 1.1}) {
     for (int face = 0; face < kFaces; ++face) {
       const double turn_rad = kTurn_rad + face * 0.5 * std::numbers::pi;
       faces_[face] = {std::cos(turn_rad), 0.0, -std::sin(turn_rad)};
@@ -78,7 +81,6 @@ class BoardScene final : public Scene {
   bool is_colourless() const override { return true; }
 
  private:
-  static constexpr double kTurn_rad = 7.0 * std::numbers::pi / 180.0;
   static constexpr Vec3 kDown{0.0, 1.0, 0.0};
   // Cells from a print's upper left corner.
   struct Place {
@@ -91,21 +93,19 @@ class BoardScene final : public Scene {
       const Vec3 inward = cross(faces_[face], kDown);
       const double speed = dot(ray.direction, inward);
       if (speed <= 0.0) continue;
-      const Vec3 corner = middle_ - half_ * cell_ * inward;
-      const double away = dot(corner - ray.origin, inward) / speed;
-      const Vec3 p = ray.origin + away * ray.direction - corner;
-      const Place place{face, 0.5 * kColumns + dot(p, faces_[face]) / cell_,
-                        0.5 * kRows + dot(p, kDown) / cell_};
-      if (away > 0.0 && place.x >= -kMargin && place.x < kColumns + kMargin && place.y >= -kMargin &&
-          place.y < kRows + kMargin)
-        return place;
+      const Vec3 centre = middle_ - kHalfWidth * cell_ * inward;
+      const double away = dot(centre - ray.origin, inward) / speed;
+      const Vec3 p = ray.origin + away * ray.direction - centre;
+      const double u = dot(p, faces_[face]) / cell_, v = dot(p, kDown) / cell_;
+      if (away <= 0.0 || std::abs(u) > kHalfWidth || std::abs(v) > kHalfHeight) continue;
+      const double c = std::cos(kAskew_rad), s = std::sin(kAskew_rad);
+      return Place{face, 0.5 * kColumns + c * u + s * v, 0.5 * kRows + c * v - s * u};
     }
     return std::nullopt;
   }
 
   double cell_;
   Vec3 middle_;
-  double half_;                       // of a side, in cells
   std::array<Vec3, kFaces> faces_{};  // along their rows
 };
 

@@ -1,6 +1,6 @@
 // A square column with ChArUco boards on its four sides on the simulated table, as a calibration of the axis
 // needs: upright, lit evenly by the room, opaque. The prints are OpenCV's boards of 7x5 squares with the
-// markers of dictionary 4x4_100, 17 for each side, with a white margin of an eighth of a square.
+// markers of dictionary 4x4_100, 17 for each side.
 #pragma once
 
 #include <memory>

@@ -38,7 +38,7 @@ TEST(AxisFit, StatesItsErrors) {
   table.shift_mm = 0.004;
   const std::vector<double> at = positions(-60, 60, 13);
   const std::array<double, 9> lens_sd{0.3, 0.3, 0.4, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0};
-  constexpr int kRepeats = 100;
+  constexpr int kRepeats = 60;
   int within = 0, count = 0;
   double tip_deg = 0.0;
   for (int seed = 0; seed < kRepeats; ++seed) {

@@ -17,7 +17,7 @@ namespace {
 // The axis stands 200 mm in front of the camera, upright: y points down.
 constexpr MonitorSize kBack{.width_px = 160, .height_px = 120};
 constexpr double kPitch_mm = 1.0, kFocalWidths = 1.75;
-constexpr int kWidth_px = 640, kHeight_px = 480;
+constexpr int kWidth_px = 320, kHeight_px = 240;
 const Eigen::Vector3d kDirection(0.0, 1.0, 0.0), kPoint_mm(0.0, 0.0, 200.0);
 
 v1::CameraGeometry true_camera() {
@@ -48,14 +48,14 @@ RadianceImage picture(double turn_deg, int seed, int frame) {
 TEST(BoardAxis, IsFoundOnASimulatedTableWithinItsStatedErrors) {
   const Board board = *parse_board("--board", "7x5:8:6:4", "4x4_100");
   int within = 0, count = 0;
-  for (int seed = 1; seed <= 6; ++seed) {
+  for (int seed = 1; seed <= 10; ++seed) {
     // Each from other positions.
-    const std::vector<double> at = positions(5.0 * seed, 5.0 * seed + 345.0, 24);
+    const std::vector<double> at = positions(7.3 * seed, 7.3 * seed + 337.5, 16);
     std::vector<AxisSighting> seen;
     for (int i = 0; i < static_cast<int>(at.size()); ++i) {
       const absl::StatusOr<std::vector<BoardCorner>> corners = find_corners(board, picture(at[i], seed, i));
       ASSERT_OK(corners);
-      EXPECT_GE(corners->size(), 18u) << at[i];
+      EXPECT_GE(corners->size(), 12u) << at[i];
       for (const BoardCorner& corner : *corners)
         seen.push_back({.position = i, .board = corner.board, .pixel = corner.pixel, .at_mm = corner.at_mm});
     }

@@ -11,6 +11,7 @@ import { plainName, timeText } from "../parts/words";
 import { Annotations } from "./annotations";
 import { Controls } from "./controls";
 import { framesBySteps, newestOf, placeOfStep, showpieceOf } from "./frames";
+import { PoseRing } from "./pose_ring";
 import { Progress } from "./progress";
 import { stepLimit } from "./rates";
 import { Retakes } from "./retakes";
@@ -86,6 +87,7 @@ function Session({ session }: { session: SessionJson }) {
         <Progress session={session} timeline={timeline} archive={archive} />
         <Controls session={session} />
       </section>
+      <PoseRing session={session} />
       {timeline && (
         <section class="card">
           <h2>Steps</h2>
