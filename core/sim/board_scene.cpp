@@ -12,7 +12,7 @@ constexpr int kFaces = 4, kColumns = 56, kRows = 40, kCellsASquare = 8;
 constexpr double kHalfWidth = 31.0, kHalfHeight = 24.0;  // of a face, in cells
 // Of the column about its own axis, and of the prints on its faces, where they were not stuck on quite
 // straight.
-constexpr double kTurn_rad = 7.0 * std::numbers::pi / 180.0, kAskew_rad = 5.0 * std::numbers::pi / 180.0;
+constexpr double kTurned_rad = 7.0 * std::numbers::pi / 180.0, kAskew_rad = 5.0 * std::numbers::pi / 180.0;
 
 // The prints of the faces, rows from the top: bit 55 is the leftmost cell; 1 is white.
 constexpr std::array<std::array<std::uint64_t, kRows>, kFaces> kPrints{{
@@ -60,7 +60,7 @@ class BoardScene final : public Scene {
         // Not quite about the axis.
         middle_(table_centre("board", back) + cell_ * Vec3{1.5, -0.7, 1.1}) {
     for (int face = 0; face < kFaces; ++face) {
-      const double turn_rad = kTurn_rad + face * 0.5 * std::numbers::pi;
+      const double turn_rad = kTurned_rad + face * 0.5 * std::numbers::pi;
       faces_[face] = {std::cos(turn_rad), 0.0, -std::sin(turn_rad)};
     }
   }
