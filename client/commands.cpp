@@ -27,6 +27,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_preview_command(app, client);
   add_rail_command(app, client);
   add_stage_command(app, client);
+  add_poses_command(app, client);
   add_live_command(app, client);
   add_calibrate_commands(app, client);
   add_pattern_command(app, client);

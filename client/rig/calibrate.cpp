@@ -4,6 +4,7 @@
 #include <iostream>
 
 #include "client/cli/rpc.h"
+#include "client/rig/calibrate_axis.h"
 #include "client/rig/calibrate_geometry.h"
 #include "client/rig/calibrate_light.h"
 #include "client/rig/commands.h"
@@ -199,6 +200,7 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
   add_forget_command(calibrate, client);
   add_sync_command(calibrate, client);
   add_geometry_command(calibrate, client);
+  add_axis_command(calibrate, client);
 }
 
 }  // namespace glasswing

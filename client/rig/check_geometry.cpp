@@ -6,8 +6,10 @@
 #include <filesystem>
 #include <optional>
 
+#include "client/capture/stage_axes.h"
 #include "client/cli/rpc.h"
 #include "client/sessions/matte_input.h"
+#include "core/axis/object_pose.h"
 #include "core/base/status.h"
 #include "core/geometry/monitor_sightings.h"
 #include "core/geometry/pose_check.h"
@@ -84,6 +86,37 @@ v1::Finding finding_of(const std::string& file, const MonitorView& view,
   return finding;
 }
 
+// Whether the stage still has the axes of the geometry, and how well they are known.
+std::vector<v1::Finding> check_axes(const Client& client, const std::string& file,
+                                    const v1::RigGeometry& geometry) {
+  std::vector<v1::Finding> findings;
+  if (geometry.axes().empty()) return findings;
+  const absl::StatusOr<std::vector<v1::Axis>> stage = read_axes(client, "");
+  for (const v1::AxisGeometry& axis : geometry.axes()) {
+    v1::Finding& finding = findings.emplace_back();
+    finding.set_subject("axis");
+    finding.set_level(v1::FINDING_LEVEL_PROBLEM);
+    if (!stage.ok()) {
+      finding.set_text(std::string(stage.status().message()));
+      continue;
+    }
+    const auto found = std::ranges::find(*stage, axis.name(), &v1::Axis::name);
+    if (found == stage->end() || found->unit() != "deg") {
+      finding.set_text(
+          fmt::format("the stage has no turning axis \"{}\", which {} describes", axis.name(), file));
+      finding.set_advice("glasswing stage lists the axes; measure this one again: glasswing calibrate axis");
+      continue;
+    }
+    const AxisErrors errors = errors_of(axis);
+    finding.set_level(axis.warnings().empty() ? v1::FINDING_LEVEL_OK : v1::FINDING_LEVEL_WARNING);
+    finding.set_text(fmt::format("axis {} of {} is known to {:.3f} degrees and {:.3f} mm", axis.name(), file,
+                                 errors.direction_sd_deg, errors.point_sd_mm));
+    for (const std::string& warning : axis.warnings()) finding.set_text(finding.text() + "; " + warning);
+    if (!axis.warnings().empty()) finding.set_advice("measure it again: glasswing calibrate axis");
+  }
+  return findings;
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<v1::Finding>> check_rig_geometry(const Client& client, const std::string& file,
@@ -107,6 +140,7 @@ absl::StatusOr<std::vector<v1::Finding>> check_rig_geometry(const Client& client
   std::vector<v1::Finding> findings;
   for (const MonitorView& view : stage->monitors)
     findings.push_back(finding_of(file, view, checked(geometry, view)));
+  for (v1::Finding& finding : check_axes(client, file, geometry)) findings.push_back(std::move(finding));
   return findings;
 }
 

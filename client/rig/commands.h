@@ -17,7 +17,8 @@ void add_doctor_command(CLI::App& app, Client& client);
 void add_preview_command(CLI::App& app, Client& client);
 void add_rail_command(CLI::App& app, Client& client);
 void add_stage_command(CLI::App& app, Client& client);
+void add_poses_command(CLI::App& app, Client& client);
 void add_calibrate_commands(CLI::App& app,
-                            Client& client);  // all, camera, display, sync, geometry, list, forget
+                            Client& client);  // all, camera, display, sync, geometry, axis, list, forget
 
 }  // namespace glasswing

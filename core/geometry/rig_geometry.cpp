@@ -48,6 +48,25 @@ absl::Status check_numbers(const google::protobuf::Message& message, const std::
   return absl::OkStatus();
 }
 
+absl::Status check_axis(const v1::AxisGeometry& axis) {
+  constexpr double kMaxDeviation = 1e-6;
+  GW_RETURN_IF_ERROR(check_numbers(axis, fmt::format("axis \"{}\"", axis.name())));
+  const auto wrong = [&](const std::string& what) {
+    return absl::InvalidArgumentError(fmt::format("axis \"{}\" has {}", axis.name(), what));
+  };
+  if (axis.name().empty()) return absl::InvalidArgumentError("an axis has no name");
+  if (axis.direction_size() != 3 || axis.point_mm_size() != 3) {
+    return wrong(fmt::format("{} numbers of direction and {} of point_mm; they must be 3 and 3",
+                             axis.direction_size(), axis.point_mm_size()));
+  }
+  const double length = Eigen::Map<const Eigen::Vector3d>(axis.direction().data()).norm();
+  if (!(std::abs(length - 1.0) < kMaxDeviation))
+    return wrong(fmt::format("a direction of length {}; it must be 1", length));
+  if (!axis.covariance().empty() && axis.covariance_size() != 36)
+    return wrong(fmt::format("{} numbers of covariance; they must be 36, or none", axis.covariance_size()));
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status check_geometry(const v1::RigGeometry& geometry) {
@@ -92,6 +111,7 @@ absl::Status check_geometry(const v1::RigGeometry& geometry) {
                       pose.name(), MonitorPlane(pose).depth_mm()));
     }
   }
+  for (const v1::AxisGeometry& axis : geometry.axes()) GW_RETURN_IF_ERROR(check_axis(axis));
   return absl::OkStatus();
 }
 

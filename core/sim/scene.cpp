@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "core/base/status.h"
+#include "core/sim/board_scene.h"
 
 namespace glasswing {
 namespace {
@@ -288,7 +289,7 @@ class Brushed final : public Scene {
     }
     return paths;
   }
-  Colour foreground() const override { return {0.045f, 0.038f, 0.018f}; }
+  Colour foreground(const Ray&) const override { return {0.045f, 0.038f, 0.018f}; }
 
  private:
   static constexpr int kFacets = 24;            // per ray
@@ -336,18 +337,21 @@ class Turned final : public Scene {
   Turned(std::unique_ptr<Scene> scene, Vec3 centre, const Turntable& table)
       : scene_(std::move(scene)), centre_(centre), rotation_(rotation_of(table)) {}
   std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int sample) const override {
-    const Ray own{centre_ + rotation_.back(ray.origin - centre_), rotation_.back(ray.direction)};
-    std::optional<std::vector<Path>> paths = scene_->trace(own, channel, sample);
+    std::optional<std::vector<Path>> paths = scene_->trace(own(ray), channel, sample);
     if (!paths) return paths;
     for (Path& path : *paths)
       path.ray = {centre_ + rotation_(path.ray.origin - centre_), rotation_(path.ray.direction)};
     return paths;
   }
-  Colour foreground() const override { return scene_->foreground(); }
+  Colour foreground(const Ray& ray) const override { return scene_->foreground(own(ray)); }
   std::optional<Lamp> lamp() const override { return scene_->lamp(); }
   bool is_colourless() const override { return scene_->is_colourless(); }
 
  private:
+  // A ray in the object's own frame.
+  Ray own(const Ray& ray) const {
+    return {centre_ + rotation_.back(ray.origin - centre_), rotation_.back(ray.direction)};
+  }
   std::unique_ptr<Scene> scene_;
   Vec3 centre_;
   Rotation rotation_;
@@ -359,9 +363,10 @@ absl::StatusOr<std::unique_ptr<Scene>> make_still(const std::string& name, Monit
   if (name == "brushed") return std::make_unique<Brushed>(back);
   if (name == "wobble") return std::make_unique<Drop>(back, phase, false);
   if (name == "wobble-lit") return std::make_unique<Drop>(back, phase, true);
+  if (name == "board") return make_board(back);
   if (name == "none") return nullptr;
-  return absl::InvalidArgumentError(
-      fmt::format("scene is \"{}\"; there are: crystal, glass, brushed, wobble, wobble-lit, none", name));
+  return absl::InvalidArgumentError(fmt::format(
+      "scene is \"{}\"; there are: crystal, glass, brushed, wobble, wobble-lit, board, none", name));
 }
 
 }  // namespace
@@ -379,7 +384,7 @@ Motion motion_of(const std::string& scene) {
 Vec3 table_centre(const std::string& scene, MonitorSize back) {
   const double width = back.width_px;
   double depth = 0.32 * width;  // of the crystal
-  if (scene == "glass") depth = 0.5 * width;
+  if (scene == "glass" || scene == "board") depth = 0.5 * width;
   if (scene == "brushed") depth = 0.46 * width;
   if (scene.starts_with("wobble")) depth = 0.35 * std::min(back.width_px, back.height_px);
   return {0.5 * width, 0.5 * back.height_px, -depth};

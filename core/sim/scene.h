@@ -37,8 +37,8 @@ class Scene {
   // The paths of a camera ray in one colour channel; `sample` numbers the ray, for objects that scatter. None
   // if the ray misses the object.
   virtual std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int sample) const = 0;
-  // Light that the object itself emits where a ray hits it.
-  virtual Colour foreground() const { return {0.0f, 0.0f, 0.0f}; }
+  // Light of the room or of its own that the object sends back along a ray that hits it.
+  virtual Colour foreground(const Ray&) const { return {0.0f, 0.0f, 0.0f}; }
   virtual std::optional<Lamp> lamp() const { return std::nullopt; }
   // True if the paths are the same in all channels.
   virtual bool is_colourless() const { return false; }

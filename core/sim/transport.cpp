@@ -361,8 +361,7 @@ class Tracer {
   std::vector<Tap> taps(const Scene& scene, int x, int y, int channel, float& foreground) const {
     const double scale = 1.0 / rays();
     std::vector<Tap> taps;
-    int hits = 0;
-    double lamp_light = 0.0;
+    double own_light = 0.0, lamp_light = 0.0;
     for (int s = 0; s < rays(); ++s) {
       const Ray seen = ray(x, y, s);
       // Numbers repeat every kRaysAcross x kRaysAcross rays, for any number of rays per pixel.
@@ -373,7 +372,7 @@ class Tracer {
         add_path({.ray = seen, .weight = 1.0}, panels_, back_, scale, taps);
         continue;
       }
-      ++hits;
+      own_light += scene.foreground(seen)[channel];
       for (const Path& path : *paths) {
         add_path(path, panels_, back_, scale, taps);
         if (const std::optional<Lamp> lamp = scene.lamp(); lamp && lamp->lights(path.ray))
@@ -381,8 +380,7 @@ class Tracer {
       }
     }
     merge(taps);
-    foreground = scene.foreground()[channel] * static_cast<float>(hits * scale) +
-                 static_cast<float>(lamp_light * scale);
+    foreground = static_cast<float>(own_light * scale) + static_cast<float>(lamp_light * scale);
     return taps;
   }
 

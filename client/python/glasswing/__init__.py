@@ -67,6 +67,7 @@ from glasswing.plan import (
 from glasswing.rays import Correspondences, Rays, RayState, read_geometry
 from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Preparation, Rig, connect
 from glasswing.session import Action, Draft, RigChange, Session, SessionInfo, State, Stopped, UnprovenStep, Waiting
+from glasswing.stage import Axis, Stage, object_to_rig
 
 __version__ = "@glasswing_VERSION@"
 
@@ -76,6 +77,7 @@ __all__ = [
     "Action",
     "Adapt",
     "AlreadyExists",
+    "Axis",
     "Calibration",
     "CalibrationFrames",
     "CaptureQueue",
@@ -128,6 +130,7 @@ __all__ = [
     "Solve",
     "Solver",
     "SquareWaves",
+    "Stage",
     "State",
     "Stopped",
     "Sweep",
@@ -137,6 +140,7 @@ __all__ = [
     "Waiting",
     "connect",
     "linear_to_srgb",
+    "object_to_rig",
     "read_geometry",
     "read_picture",
     "resized",

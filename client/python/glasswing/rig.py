@@ -21,13 +21,14 @@ import numpy.typing as npt
 from glasswing import live, notebook, pictures
 from glasswing.capture_queue import CaptureQueue
 from glasswing.connection import CHUNK_BYTES, LONG_CALL_SECONDS, Connection, Hold
-from glasswing.errors import Error, Refused, TimedOut, Unavailable
+from glasswing.errors import Error, NotFound, Refused, TimedOut, Unavailable
 from glasswing.fleet import Fleet
 from glasswing.instruments import Calibration, Finding, LivePicture, MonitorLatency
 from glasswing.live import LiveComposite
 from glasswing.plan import Plan
 from glasswing.session import Session, SessionInfo, State
 from glasswing.settings import load_settings
+from glasswing.stage import Stage, pose_names
 from glasswing.v1 import archive_pb2, camera_service_pb2, fleet_service_pb2, node_service_pb2, plan_pb2, rig_service_pb2, session_pb2
 from glasswing.v1 import session_service_pb2 as pb
 from glasswing.v1.camera_service_pb2_grpc import CameraServiceStub
@@ -260,20 +261,69 @@ class Rig:
         """A dry run: makes the same checks as ``capture``, with the same errors, and returns the cost."""
         return self._estimate(plan.to_message(), name)
 
-    def capture(self, plan: Plan, name: str = "", *, solve: bool = False) -> Session:
+    def stage(self, camera: str = "") -> Stage:
+        """The axes of a camera's stage. ``camera``: a camera node's name; default: the only one that is up. Unavailable: no such
+        camera is up."""
+        return Stage(self._connection, self._camera_address(camera), camera)
+
+    def capture(
+        self,
+        plan: Plan,
+        name: str = "",
+        *,
+        solve: bool = False,
+        axes: Mapping[str, float] | None = None,
+        empty_stage_of: str = "",
+    ) -> Session:
         """Starts a capture and returns at once; the server chooses a ``name`` if none is given.
 
-        With ``solve`` it is solved with the plan's method as soon as it is captured.
+        With ``solve`` it is solved with the plan's method as soon as it is captured. ``axes``: where the stage's axes shall put
+        the object, by name, degrees or mm. ``empty_stage_of``: a captured session of the same plan, whose frames of the empty
+        stage are taken.
 
         The plan's photos are scaled to the first monitor and uploaded. InvalidInput: the plan or the name is wrong; the
         message names the field. AlreadyExists: the name is taken. Refused: another client holds the rig, or it lacks
         something that the plan needs. Unavailable: a node is unreachable.
         """
-        return self._create(plan.to_message(), name, solve)
+        return self._create(plan.to_message(), name, solve, axes or {}, empty_stage_of)
 
-    def _create(self, message: plan_pb2.Plan, name: str, solve: bool) -> Session:
+    def capture_turn(
+        self, plan: Plan, series: str, positions: Iterable[float], *, axis: str = "turn", solve: bool = False
+    ) -> Iterator[Session]:
+        """Captures a plan in many poses of the object, which the stage turns, and yields each session when it is captured, and with ``solve`` solved.
+
+        The sessions are "vase-000", "vase-010", ..., with the series' name as a tag, like those of ``glasswing capture --turn``.
+        The first has the empty stage, which the others take from it. Sessions that are captured already are yielded as they are,
+        so that the same call takes a series up again. Stopped: a session was paused, failed or was cancelled.
+        """
+        values = [float(position) for position in positions]
+        names = pose_names(series, values)
+        for number, (name, position) in enumerate(zip(names, values), start=1):
+            try:
+                session = self.session(name)
+                if session.info.state in (State.PAUSED, State.FAILED):
+                    session.resume()
+            except NotFound:
+                shared = "" if number == 1 or plan.skip_empty_stage else names[0]
+                session = self.capture(plan, name, solve=solve, axes={axis: position}, empty_stage_of=shared)
+                session.annotate(note=f"{axis} at {position:g} deg, pose {number} of {len(names)}", add_tags=[series])
+            if dict(session.info.axes) != {axis: position}:
+                raise Refused(f'there is a session "{name}" already, which is not at {position:g} of axis "{axis}"')
+            session.wait()
+            yield session
+
+    def _create(
+        self,
+        message: plan_pb2.Plan,
+        name: str,
+        solve: bool,
+        axes: Mapping[str, float] = {},
+        empty_stage_of: str = "",
+    ) -> Session:
         self._upload_photos(message)
-        request = pb.CreateSessionRequest(request_id=uuid.uuid4().hex, name=name, plan=message, solve=solve)
+        request = pb.CreateSessionRequest(
+            request_id=uuid.uuid4().hex, name=name, plan=message, solve=solve, axes=dict(axes), empty_stage_of=empty_stage_of
+        )
         create = self._sessions.CreateSession
         try:
             answer: pb.CreateSessionResponse = self._connection.call(create, request, LONG_CALL_SECONDS)

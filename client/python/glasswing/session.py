@@ -13,13 +13,17 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from glasswing import notebook
 from glasswing.connection import LONG_CALL_SECONDS, Connection
 from glasswing.errors import Error, InvalidInput, Refused, TimedOut
 from glasswing.frames import Frames
 from glasswing.matte import Matte
 from glasswing.plan import Plan
-from glasswing.v1 import plan_pb2, session_pb2
+from glasswing.stage import object_to_rig
+from glasswing.v1 import plan_pb2, rays_pb2, session_pb2
 from glasswing.v1 import session_service_pb2 as pb
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
@@ -151,6 +155,8 @@ class SessionInfo:
     started_by: str
     note: str
     tags: tuple[str, ...]
+    axes: Mapping[str, float]
+    """Where the stage's axes put the object, by name, degrees or mm; empty: unknown."""
     plan: Plan | None
     steps: int
     steps_proven: int
@@ -213,6 +219,7 @@ class SessionInfo:
             started_by=message.started_by,
             note=message.note,
             tags=tuple(message.tags),
+            axes=dict(message.axes),
             plan=Plan.from_message(message.plan) if message.HasField("plan") else None,
             steps=message.step_count,
             steps_proven=message.proven_count,
@@ -338,6 +345,10 @@ class Session:
         if self.info.state not in (State.CAPTURED, State.DONE):
             raise Stopped(self.info)
         return self.info
+
+    def pose(self, geometry: rays_pb2.RigGeometry) -> npt.NDArray[np.float64]:
+        """The object's pose in this session: ``object_to_rig(geometry, self.info.axes)``."""
+        return object_to_rig(geometry, self.info.axes)
 
     def pause(self) -> SessionInfo:
         """Stops the capture or solve; proven steps and solved tiles are kept."""

@@ -12,6 +12,7 @@ import { Annotations } from "./annotations";
 import { Controls } from "./controls";
 import { framesBySteps, newestOf, placeOfStep, showpieceOf } from "./frames";
 import { type Order, ordered } from "./order";
+import { PoseRing } from "./pose_ring";
 import { Progress } from "./progress";
 import { stepLimit } from "./rates";
 import { Retakes } from "./retakes";
@@ -123,6 +124,7 @@ function Session({ session }: { session: SessionJson }) {
         <Progress session={session} timeline={timeline} archive={archive} />
         <Controls session={session} />
       </section>
+      <PoseRing session={session} />
       {timeline && (
         <section class="card">
           <h2>Steps</h2>
