@@ -151,9 +151,9 @@ class DatasetExport {
       return absl::InvalidArgumentError(
           fmt::format("--geometry is required for {}: where camera and monitors stand", format_.name));
     }
-    if (format_.needs_geometry && mattes > 1 && arguments_.object_poses.empty()) {
+    if (format_.needs_geometry && arguments_.object_poses.empty()) {
       return absl::InvalidArgumentError(fmt::format(
-          "--object-poses is required for {} mattes: how the object was turned (glasswing poses)", mattes));
+          "--object-poses is required for {}: where the object stood (glasswing poses)", format_.name));
     }
     for (const std::string& file : arguments_.geometries) {
       GW_ASSIGN_OR_RETURN(v1::RigGeometry geometry, read_geometry(file));
@@ -238,7 +238,7 @@ void add_dataset_options(CLI::App& command, DatasetArguments& arguments) {
           "the geometry's pose of each matte, or of all; default: named after its session, or the only one")
       ->delimiter(',');
   command.add_option("--object-poses", arguments.object_poses,
-                     "how the object was turned in each session: the file of glasswing poses");
+                     "where the object stood in each session: the file of glasswing poses");
   command
       .add_option("--channel", arguments.channel, "the channel whose footprints give points on the monitor")
       ->check(CLI::IsMember(kChannelNames))
@@ -260,17 +260,16 @@ const std::vector<DatasetFormat>& dataset_formats() {
       {"neto", "screen points, masks and cameras as NeTO reads them", true, &neto_writer},
       {"idr", "pictures, masks and cameras as IDR reads them", true, &idr_writer},
       {"transforms", "pictures and transforms.json of NeRF", true, &transforms_writer},
-      {"colmap", "a text model of COLMAP", true, &colmap_writer}};
+      {"colmap", "a text model of COLMAP", true, &colmap_writer},
+      {"sofast", "fringes for OpenCSP's SOFAST", true, &sofast_writer}};
   return formats;
 }
 
 void add_dataset_command(CLI::App& app, CommandLine& command_line, ReadMatte read) {
   CLI::App& command = *app.add_subcommand("dataset", "Write mattes in the files that others' solvers read.");
   command.footer(
-      "transport needs mattes only. The other formats need the geometry of the rig, and of several views "
-      "how\n"
-      "the object was turned; their frame is the object's. docs/dataset.md lists the files of each "
-      "format.\n\n"
+      "transport needs mattes only. The other formats need the geometry of the rig and the object's poses;\n"
+      "their frame is the object's. docs/dataset.md lists the files of each format.\n\n"
       "Examples:\n"
       "  glasswing dataset vase.exr --format transport -o vase-transport\n"
       "  glasswing dataset vase-0*.exr --geometry rig.txtpb --object-poses poses.json --format neto -o "

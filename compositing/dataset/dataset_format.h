@@ -32,7 +32,7 @@ class DatasetWriter {
 struct DatasetFormat {
   const char* name;
   const char* help;
-  bool needs_geometry;  // monitors and, of several views, the object have poses
+  bool needs_geometry;  // and the poses of the object
   std::unique_ptr<DatasetWriter> (*create)(const DatasetOptions& options);
 };
 const std::vector<DatasetFormat>& dataset_formats();
