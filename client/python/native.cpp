@@ -215,13 +215,13 @@ py::array_t<Value> array_of(std::vector<Value> values) {
 
 // The values, errors, columns and row starts of the matrix of a channel; no errors: None.
 py::tuple transport_of(const NativeMatte& self, int channel, bool errors, int thread_count) {
-  bool has_errors = false;
   TransportMatrix matrix = without_gil([&] {
     const MatteTransport transport = value_of(MatteTransport::create(self.whole()));
-    has_errors = errors && transport.has_errors();
     return value_of(transport.matrix(channel, errors, thread_count));
   });
-  const py::object sd = has_errors ? py::object(array_of(std::move(matrix.errors))) : py::object(py::none());
+  const py::object sd = matrix.errors.size() == matrix.values.size()
+                            ? py::object(array_of(std::move(matrix.errors)))
+                            : py::object(py::none());
   return py::make_tuple(array_of(std::move(matrix.values)), sd, array_of(std::move(matrix.columns)),
                         array_of(std::move(matrix.starts)));
 }

@@ -125,9 +125,10 @@ ScreenPoints screen_points(const DatasetView& view, int channel, bool object) {
         if (mode.weight > strongest.weight) strongest = mode;
       }
       const float coverage = matte.coverage(x, y);
-      bool known = matte.flags(x, y) == kFlagNone && (object ? coverage >= 1.0f : coverage <= 0.0f) &&
-                   strongest.weight > 0.0f && strongest.weight >= 0.5f * all &&
-                   strongest.texture < std::ssize(view.monitors);
+      // Beside the object a poor fit only says that the stage is not smooth.
+      const int flags = matte.flags(x, y) & (object ? ~kFlagNone : ~kFlagPoorFit);
+      bool known = flags == 0 && (object ? coverage >= 1.0f : coverage <= 0.0f) && strongest.weight > 0.0f &&
+                   strongest.weight >= 0.5f * all && strongest.texture < std::ssize(view.monitors);
       if (known) {
         const v1::Monitor& monitor = matte.metadata.monitors(strongest.texture);
         known = strongest.x_px >= 0.0f && strongest.x_px <= static_cast<float>(monitor.width_px()) &&

@@ -75,7 +75,7 @@ nlohmann::ordered_json description_of(const Matte& matte, const MatteTransport& 
              return mix.is_unit() ? light : mix.primaries(light);
            })},
           {"left_out", MatteTransport::kLeftOut},
-          {"errors", transport.has_errors()},
+          {"errors", transport.has_covariance() ? "covariance of all modes" : "weights and centres"},
           {"warnings",
            std::vector<std::string>(matte.metadata.warnings().begin(), matte.metadata.warnings().end())}};
 }
@@ -112,7 +112,7 @@ class TransportWriter final : public DatasetWriter {
       GW_ASSIGN_OR_RETURN(const TransportMatrix matrix,
                           transport.matrix(c, true, 0, [&](double done) { progress.update(done); }));
       GW_RETURN_IF_ERROR(write_sparse(own / fmt::format("{}.npz", kChannelNames[c]), matrix, matrix.values));
-      if (!matrix.errors.empty() || (transport.has_errors() && matrix.values.empty()))
+      if (matrix.errors.size() == matrix.values.size())
         GW_RETURN_IF_ERROR(
             write_sparse(own / fmt::format("{}_sd.npz", kChannelNames[c]), matrix, matrix.errors));
     }

@@ -172,9 +172,22 @@ class MatteTransport::Row {
     return lit;
   }
 
+  // A with A A' the covariance of F and the modes' numbers; empty: not known.
+  Eigen::MatrixXd error_root(std::span<const Mode> modes) const {
+    if (transport_.covariance_) return transport_.covariance_->root(modes);
+    Eigen::MatrixXd root = Eigen::MatrixXd::Zero(1 + 6 * std::ssize(modes), 3 * std::ssize(modes));
+    for (int k = 0; k < std::ssize(modes); ++k) {
+      const Mode& mode = modes[k];
+      if (mode.weight_sd <= 0.0f || mode.centre_sd_px <= 0.0f) return {};
+      root(1 + 6 * k, 3 * k) = mode.weight_sd;
+      root(2 + 6 * k, 3 * k + 1) = root(3 + 6 * k, 3 * k + 2) = mode.centre_sd_px;
+    }
+    return root;
+  }
+
   // sd^2 = |A' dE/dp|^2, as in composite_error.h, for each entry E.
   void set_errors(std::span<const Mode> modes) {
-    const Eigen::MatrixXd root = transport_.covariance_->root(modes);
+    const Eigen::MatrixXd root = error_root(modes);
     if (root.size() == 0) return;
     Eigen::MatrixXd parts = Eigen::MatrixXd::Zero(root.cols(), std::ssize(entries_));
     Eigen::Index p = 1;
@@ -224,7 +237,7 @@ class MatteTransport::Row {
 
 absl::StatusOr<TransportMatrix> MatteTransport::matrix(int channel, bool errors, int thread_count,
                                                        const std::function<void(double)>& progress) const {
-  errors = errors && has_errors();
+  errors = errors && !has_boxes(matte_);
   const int width = matte_.width_px(), height = matte_.height_px();
   // By row of the camera's picture.
   std::vector<std::vector<Row::Entry>> rows(height);

@@ -42,8 +42,10 @@ class MatteTransport {
   // The column of a monitor's first pixel; the others follow row by row, then those of the next monitor.
   std::int64_t first_column(int texture) const { return first_columns_[texture]; }
   std::int64_t column_count() const { return first_columns_.back(); }
-  // Whether entries have standard errors: the matte records how it was sampled.
-  bool has_errors() const { return covariance_.has_value(); }
+  // Standard errors come from the covariance of all modes of a pixel's channel, if the matte records how it
+  // was sampled (matte_covariance.h); otherwise from the modes' own of weight and centre, without those of
+  // widths and without correlations. Boxes and pyramids have none.
+  bool has_covariance() const { return covariance_.has_value(); }
 
   // Rows are the camera's pixels, row by row. `thread_count` and `progress` as in composite().
   // RESOURCE_EXHAUSTED: more than kMaxEntries.

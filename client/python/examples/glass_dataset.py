@@ -25,6 +25,7 @@ import itertools
 import json
 import os
 import pathlib
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -46,7 +47,7 @@ class Crystal:
     """The simulated scene "crystal" before a monitor of width x height mm, as planes normal . p = distance about its middle:
     the directions of an icosahedron's faces and corners (core/sim/scene.cpp)."""
 
-    def __init__(self, width: int, height: int) -> None:
+    def __init__(self, width: float, height: float) -> None:
         golden, radius = (1 + 5**0.5) / 2, 0.325 * min(width, height)
         normals, distances = [], []
         for a, b in itertools.product((-1, 1), repeat=2):
@@ -116,12 +117,12 @@ def refracted(direction: Doubles, normal: Doubles, ratio: float) -> tuple[Double
 
 
 class Camera:
-    """Of a simulated rig (docs/simulation.md): monitor and picture have the same shape, a pixel of the monitor is 1 mm."""
+    """Of a simulated rig (docs/simulation.md), whose monitor fills the picture."""
 
-    def __init__(self, name: str, focal_px: float, monitor: Sequence[int], picture: Sequence[int]) -> None:
-        self.name, self.focal_px = name, focal_px
+    def __init__(self, focal_px: float, monitor: Sequence[int], pitch: float, picture: Sequence[int]) -> None:
+        self.focal_px, self.monitor_px, self.pitch = focal_px, monitor, pitch
         self.width, self.height = picture
-        self.monitor_width, self.monitor_height = monitor
+        self.monitor_width, self.monitor_height = (pitch * side for side in monitor)  # mm
         self.focal_y_px = focal_px * self.height * self.monitor_width / (self.width * self.monitor_height)
         self.distance = focal_px * self.monitor_width / self.width
         self.middle: Doubles = np.array([0.0, 0.0, self.distance - 0.32 * self.monitor_width])  # of the crystal
@@ -130,7 +131,8 @@ class Camera:
         """The file of "glasswing calibrate geometry"."""
         return (f"camera {{ width_px: {self.width} height_px: {self.height} fx_px: {self.focal_px!r} fy_px: {self.focal_y_px!r}"
                 f" cx_px: {self.width / 2} cy_px: {self.height / 2} }}\n"
-                f'monitors {{ name: "back" width_px: {self.monitor_width} height_px: {self.monitor_height} pitch_mm: 1\n'
+                f'monitors {{ name: "back" width_px: {self.monitor_px[0]} height_px: {self.monitor_px[1]}'
+                f" pitch_mm: {self.pitch!r}\n"
                 f"  rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n  translation_mm: [{-self.monitor_width / 2},"
                 f" {-self.monitor_height / 2}, {self.distance!r}] }}\n")
 
@@ -189,12 +191,19 @@ def capture(camera: Camera, arguments: argparse.Namespace, degrees: list[float],
     """Captures and solves all poses on a rig of this camera, and fetches the mattes."""
     port = str(arguments.port)
     rig = [ROOT / "deploy/local-rig", "up", "--data", directory / "rig", "--port", port, "--noise", arguments.noise,
-           "--size", f"{camera.monitor_width}x{camera.monitor_height}", "--camera-size", f"{camera.width}x{camera.height}",
-           "--focal-length", camera.focal_px, "--camera-options", "--axis=turn=0:360", *arguments.rig]
+           "--size", "{}x{}".format(*camera.monitor_px), "--camera-size", f"{camera.width}x{camera.height}",
+           "--focal-length", camera.focal_px, "--camera-options", f"--axis=turn=0:360,--blur={arguments.blur}", *arguments.rig]
     run(rig)
     server = {"GLASSWING_SERVER": f"127.0.0.1:{port}"}
+    plan = arguments.plan or directory / "plan.txtpb"
+    if not arguments.plan:
+        run(["glasswing", "plan", "design", "--images", "50", "--noise", arguments.noise, "--monitor",
+             "back:{}x{}".format(*camera.monitor_px), "-o", plan])
+        # Bars of one pixel locate the stage beside the crystal.
+        levels = min(camera.monitor_px).bit_length()
+        plan.write_text(re.sub("square_waves .*", f"square_waves {{ levels: {levels} }}", plan.read_text()))
     try:
-        run(["glasswing", "capture", arguments.plan, "--turn", ",".join(f"{degree:g}" for degree in degrees), "--session",
+        run(["glasswing", "capture", plan, "--turn", ",".join(f"{degree:g}" for degree in degrees), "--session",
              SERIES, "--solve"], **server)
         with glasswing.connect(server["GLASSWING_SERVER"]) as connected:
             names = sorted(session.name for session in connected.sessions(tags=[SERIES]))
@@ -222,9 +231,9 @@ def export(camera: Camera, directory: pathlib.Path, crystal: Crystal, degrees: l
 def make(arguments: argparse.Namespace) -> None:
     degrees = [360.0 * number / arguments.views for number in range(arguments.views)]
     directory = pathlib.Path(arguments.directory)
-    crystal = Crystal(*arguments.size)
+    crystal = Crystal(*(arguments.pitch * side for side in arguments.size))
     for letter, focal_px in zip("abcdefgh", arguments.focal_lengths):
-        camera = Camera(letter, focal_px, arguments.size, arguments.camera_size)
+        camera = Camera(focal_px, arguments.size, arguments.pitch, arguments.camera_size)
         own = directory / letter
         own.mkdir(parents=True, exist_ok=True)
         capture(camera, arguments, degrees, own)
@@ -244,11 +253,13 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--views", type=int, default=36, metavar="N", help="poses, evenly round (default: 36)")
     parser.add_argument("--focal-lengths", type=lambda text: list(map(float, text.split(","))), default=[480.0, 640.0],
                         metavar="PX,...", help="of each camera, px of its picture (default: 480,640)")
-    parser.add_argument("--size", type=size, default=(128, 96), metavar="WxH", help="of the monitor, px (default: 128x96)")
+    parser.add_argument("--size", type=size, default=(256, 192), metavar="WxH", help="of the monitor, px (default: 256x192)")
+    parser.add_argument("--pitch", type=float, default=0.25, metavar="MM", help="of its pixels (default: %(default)s)")
     parser.add_argument("--camera-size", type=size, default=(160, 120), metavar="WxH",
                         help="of the cameras' pictures (default: 160x120)")
-    parser.add_argument("--plan", default=ROOT / "deploy/plans/design-50.txtpb", help="for each pose (default: %(default)s)")
+    parser.add_argument("--plan", help="for each pose (default: 50 images, designed for the monitor and the noise)")
     parser.add_argument("--noise", default="0.001", help="of the camera, as a part of full scale (default: %(default)s)")
+    parser.add_argument("--blur", type=float, default=0.5, metavar="PX", help="of the lens, sigma (default: %(default)s)")
     parser.add_argument("--port", type=int, default=7540, help="of the simulated rig's server (default: %(default)s)")
     parser.add_argument("--rig", action="append", default=[], metavar="OPTION", help="a further option of deploy/local-rig up")
     arguments = parser.parse_args()

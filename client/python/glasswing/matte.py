@@ -67,8 +67,8 @@ class Transport:
     matrix: csr_matrix
     """(H W) x (pixels of all monitors), float32."""
     sd: csr_matrix | None
-    """Standard errors of the same entries; 0: not known. None: the matte does not record how it was sampled, or they were
-    not asked for."""
+    """Standard errors of the same entries due to noise; 0: not known. None: they were not asked for, or the footprints are
+    boxes. If the matte does not record how it was sampled, they lack those of widths, and correlations of modes."""
     first_columns: dict[str, int]
     """The column of each monitor's first pixel."""
 

@@ -33,7 +33,8 @@ def pose(angle: float, shift: tuple[float, float, float]) -> np.ndarray:
 
 
 # Of the two views; the sphere's middle is at (3, -2, 120) of the camera.
-POSES = {"near": pose(0.3, (3.0, -2.0, 119.0)), "far": pose(-0.9, (2.0, -2.0, 121.0))}
+POSES = {"near": pose(0.3, (3.0, -2.0, 119.0)), "far": pose(-0.9, (2.0, -2.0, 121.0)),
+         "bare": pose(1.2, (5.0, 1.0, 118.0))}
 
 
 def moved(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -76,7 +77,7 @@ class DatasetTest(unittest.TestCase):
         rig = (cls.directory / "rig.txtpb").read_text()
         (cls.directory / "pinhole.txtpb").write_text(re.sub(r"\bk1: \S+", "", rig))
         (cls.directory / "poses.json").write_text(
-            json.dumps({"unit": "mm", "object_to_rig": {name: POSES[name].tolist() for name in NAMES}}))
+            json.dumps({"unit": "mm", "object_to_rig": {name: POSES[name].tolist() for name in POSES}}))
 
     def command(self, *words: str) -> subprocess.CompletedProcess:
         command = [BIN / "glasswing-compositing", "dataset", *words]
@@ -166,20 +167,25 @@ class DatasetTest(unittest.TestCase):
         output = self.made("idr", rig="pinhole.txtpb")
         cameras = np.load(output / "cameras.npz")
         self.assertEqual(sorted(cameras.files), ["scale_mat_0", "scale_mat_1", "world_mat_0", "world_mat_1"])
-        point = np.array([0.4, 0.3, 1.1])
+        point, farthest = np.array([0.4, 0.3, 1.1]), []
         for view, name in enumerate(NAMES):
             world, scale = cameras[f"world_mat_{view}"], cameras[f"scale_mat_{view}"]
             seen = MATRIX @ moved(POSES[name], point)
             projected = world @ np.append(point, 1.0)
             # Centres of pixels are at whole numbers here.
             np.testing.assert_allclose(projected[:2] / projected[2], seen[:2] / seen[2] - 0.5, atol=1e-9)
-            # The sphere of glass lies in the unit sphere, and fills most of it.
-            middle = np.linalg.inv(POSES[name]) @ [3.0, -2.0, 120.0, 1.0]
-            inside = np.linalg.inv(scale) @ middle
-            reach = np.linalg.norm(inside[:3]) + 20.0 / scale[0, 0]
-            self.assertTrue(0.75 < reach < 1.1, reach)
+            # All rays of the mask pass the sphere, and a tenth of it more would be too large.
+            mask = glasswing.read_picture(output / f"mask/{view:03}.png")[:, :, 0] > 0.5
+            y, x = np.nonzero(mask)
+            rays = (np.column_stack([x, y]) + 0.5 - MATRIX[:2, 2]) / np.diag(MATRIX)[:2]
+            rays = np.column_stack([rays, np.ones(len(rays))])
+            middle = moved(POSES[name], scale[:3, 3])
+            off = np.linalg.norm(np.cross(rays / np.linalg.norm(rays, axis=1, keepdims=True), middle), axis=1)
+            farthest.append(off.max() / scale[0, 0])
+            self.assertLess(farthest[-1], 1.0)
             image = glasswing.read_picture(output / f"image/{view:03}.png")
             self.assertEqual(image.shape, (HEIGHT, WIDTH, 3))
+        self.assertGreater(max(farthest), 0.9)
 
     def test_transforms_have_the_axes_of_opengl(self):
         output = self.made("transforms")
@@ -196,7 +202,10 @@ class DatasetTest(unittest.TestCase):
             self.assertTrue((output / frame["file_path"]).is_file())
 
     def test_colmap_opens_the_model(self):
-        output = self.made("colmap")
+        output = self.directory / "colmap"
+        done = self.command("near.exr", "bare.exr", "--geometry", "rig.txtpb", "--poses", "near", "--object-poses", "poses.json",
+                            "--format", "colmap", "-o", "colmap")
+        self.assertEqual(done.returncode, 0, done.stderr)
         model = output / "sparse/0"
         cameras = [line.split() for line in (model / "cameras.txt").read_text().splitlines() if not line.startswith("#")]
         self.assertEqual(len(cameras), 1)

@@ -24,7 +24,7 @@ sys.path.insert(0, str(EXAMPLES))
 import glass_score  # noqa: E402
 from daemon import free_port  # noqa: E402
 
-MONITOR, CAMERA, FOCAL_PX = (128, 96), (120, 90), 360.0
+MONITOR, CAMERA, FOCAL_PX = (192, 144), (120, 90), 360.0
 
 
 def psnr(one: np.ndarray, other: np.ndarray) -> float:
@@ -39,6 +39,7 @@ class SeriesTest(unittest.TestCase):
         cls.directory = pathlib.Path(directory.name)
         environment = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
         command = [sys.executable, EXAMPLES / "glass_dataset.py", cls.directory, "--views", "2", "--focal-lengths", f"{FOCAL_PX}",
+                   "--size", "{}x{}".format(*MONITOR),
                    "--camera-size", "{}x{}".format(*CAMERA), "--port", str(free_port(3)), "--rig=--solvers", "--rig=1"]
         subprocess.run(command, env=environment, check=True, capture_output=True, timeout=500)
         cls.camera = cls.directory / "a"
@@ -49,7 +50,6 @@ class SeriesTest(unittest.TestCase):
         off = re.search(r"off Snell's law: median ([\d.]+) mm, .*\((\d+)\)", said.getvalue())
         self.assertIsNotNone(off, said.getvalue())
         self.assertGreater(int(off[2]), 500)
-        # A monitor's pixel is 1 mm.
         self.assertLess(float(off[1]), 0.02, said.getvalue())
 
     def test_the_true_surface_scores_nothing(self):

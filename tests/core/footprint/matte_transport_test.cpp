@@ -175,7 +175,7 @@ TEST(MatteTransport, ErrorsAreThoseOfTheModesByFiniteDifferences) {
   modes[0].centre_sd_px = 0.01f;
   std::ranges::copy(modes, matte.modes(0, 0, 1).begin());
   const absl::StatusOr<MatteTransport> transport = MatteTransport::create(matte);
-  ASSERT_TRUE(transport.ok() && transport->has_errors()) << transport.status();
+  ASSERT_TRUE(transport.ok() && transport->has_covariance()) << transport.status();
   const absl::StatusOr<TransportMatrix> matrix = transport->matrix(1, true, 1);
   ASSERT_TRUE(matrix.ok() && matrix->errors.size() == matrix->values.size()) << matrix.status();
 
@@ -205,11 +205,41 @@ TEST(MatteTransport, ErrorsAreThoseOfTheModesByFiniteDifferences) {
   EXPECT_GT(compared, 20);
 }
 
-TEST(MatteTransport, HasNoErrorsWhereTheMatteDoesNotSayHowItWasSampled) {
-  const Matte matte = some_matte();
+TEST(MatteTransport, ErrorsAreThoseOfWeightAndCentreIfNothingElseIsKnown) {
+  Matte matte = some_matte();
+  Mode& mode = matte.modes(2, 3, 0)[0];
+  mode = {.weight = 0.5f, .x_px = 15.2f, .y_px = 11.4f, .xx_px2 = 3.0f, .xy_px2 = 0.0f, .yy_px2 = 5.0f};
+  mode.weight_sd = 0.01f;
+  mode.centre_sd_px = 0.02f;
+  matte.modes(2, 3, 0)[1].weight = 0.0f;
   const absl::StatusOr<MatteTransport> transport = MatteTransport::create(matte);
   ASSERT_TRUE(transport.ok()) << transport.status();
-  EXPECT_FALSE(transport->has_errors());
+  EXPECT_FALSE(transport->has_covariance());
+  const absl::StatusOr<TransportMatrix> matrix = transport->matrix(0, true, 1);
+  // A pixel's share of a Gaussian with independent axes, in closed form.
+  const auto along = [](double at, double centre, double variance) {
+    const double scale = std::sqrt(2.0 * variance);
+    return std::array{0.5 * (std::erf((at + 1.0 - centre) / scale) - std::erf((at - centre) / scale)),
+                      (std::exp(-std::pow((at - centre) / scale, 2)) -
+                       std::exp(-std::pow((at + 1.0 - centre) / scale, 2))) /
+                          std::sqrt(2.0 * M_PI * variance)};
+  };
+  const std::int64_t row = 3 * kWidth + 2;
+  ASSERT_GT(matrix->starts[row + 1] - matrix->starts[row], 50);
+  for (std::int64_t k = matrix->starts[row]; k < matrix->starts[row + 1]; ++k) {
+    const auto x = along(matrix->columns[k] % 31, 15.2, 3.0), y = along(matrix->columns[k] / 31, 11.4, 5.0);
+    const double expected =
+        std::hypot(0.01 * x[0] * y[0], 0.5 * 0.02 * x[1] * y[0], 0.5 * 0.02 * x[0] * y[1]);
+    EXPECT_NEAR(matrix->errors[k], expected, 1e-5 * expected + 1e-8);
+  }
+  // Others have no errors.
+  EXPECT_EQ(matrix->errors[matrix->starts[row + 1]], 0.0f);
+}
+
+TEST(MatteTransport, BoxesHaveNoErrors) {
+  const Matte matte = some_matte(kBoxFootprint);
+  const absl::StatusOr<MatteTransport> transport = MatteTransport::create(matte);
+  ASSERT_TRUE(transport.ok()) << transport.status();
   EXPECT_TRUE(transport->matrix(0, true, 1)->errors.empty());
 }
 
