@@ -14,7 +14,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRays = 12;  // across a camera pixel
+constexpr int kRays = 24;  // across a camera pixel
 
 absl::Status write(char** words) {
   const auto number = [words](int i) { return std::atoi(words[i]); };
