@@ -113,6 +113,9 @@ absl::Status check_from_options(const CompositeArguments& arguments) {
        {std::pair{!arguments.error.empty(), "--error"}, std::pair{arguments.object, "--object"},
         std::pair{arguments.fill, "--fill"}, std::pair{is_video(arguments), "several frames"},
         std::pair{!behind.matches.empty(), "--match"}, std::pair{!behind.shifts.empty(), "--shift"},
+        std::pair{!behind.pans.empty(), "--pan"}, std::pair{!arguments.planes.empty(), "--plane"},
+        std::pair{!arguments.environment.empty(), "--environment"},
+        std::pair{arguments.lossless, "--lossless"},
         std::pair{behind.pictures.size() > 1, "a second --background"}}) {
     if (given) {
       return absl::InvalidArgumentError(fmt::format(

@@ -18,8 +18,8 @@
 #include "core/cli/progress.h"
 #include "core/composite/fast_compositor.h"
 #include "core/file/file.h"
-#include "core/frame/archive.h"
 #include "core/image/image_file.h"
+#include "core/import/foreign_manifest.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {
@@ -97,9 +97,8 @@ absl::StatusOr<RadianceImage> picture_of(const DatasetArguments& arguments, cons
 // many.
 absl::StatusOr<int> write_photographs(const fs::path& archive, const fs::path& directory,
                                       const std::string& name) {
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Archive> opened, Archive::open(archive));
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_any_manifest(archive));
   int count = 0;
-  const v1::CaptureManifest manifest = opened->manifest();
   for (const v1::Frame& frame : manifest.frames()) {
     if (!frame.object() || frame.stimulus().kind() != "photo") continue;
     GW_RETURN_IF_ERROR(make_directory_durably(directory));
@@ -227,10 +226,12 @@ void add_dataset_options(CLI::App& command, DatasetArguments& arguments) {
       ->check(CLI::IsMember(names));
   command.add_option("-o,--output", arguments.output, "the directory to write into")
       ->required()
+      ->type_name("DIR")
       ->check(output_directory());
   command
       .add_option("--geometry", arguments.geometries,
                   "a text file of the camera and its poses (docs/rays.md); or one for each matte")
+      ->type_name("FILE")
       ->delimiter(',');
   command
       .add_option(

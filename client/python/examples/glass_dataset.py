@@ -10,7 +10,7 @@ Each camera is one focal length, which sets how far it stands from the crystal: 
 The same command continues an interrupted series. DIRECTORY gets, for each camera a, b, ...:
 
     a/NAME.exr, a/rig.txtpb, a/poses.json    mattes, geometry, and where the object stood
-    a/transport, a/neto, a/idr, ...          what solvers read
+    a/transport, a/neto, a/idr, ...          what solvers read; in idr/photographs frames before a natural background
     a/truth/NNN.npz                          of each pixel: where the ray of its middle enters and leaves the crystal, the
                                              surface's normals there (object's frame, mm), and the point on the monitor;
                                              valid: it leaves at the second surface, as do those of the pixel's corners, and
@@ -39,6 +39,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[3]
 FORMATS = ("transport", "neto", "idr", "transforms", "colmap", "sofast")
 INDEX = 1.518  # of the crystal, green
 SERIES = "crystal"
+PHOTOGRAPH = ROOT / "deploy/pictures/harbour.png"  # a natural background
 
 Doubles = npt.NDArray[np.float64]
 
@@ -201,7 +202,8 @@ def capture(camera: Camera, arguments: argparse.Namespace, degrees: list[float],
              "back:{}x{}".format(*camera.monitor_px), "-o", plan])
         # Bars of one pixel locate the stage beside the crystal.
         levels = min(camera.monitor_px).bit_length()
-        plan.write_text(re.sub("square_waves .*", f"square_waves {{ levels: {levels} }}", plan.read_text()))
+        text = re.sub("square_waves .*", f"square_waves {{ levels: {levels} }}", plan.read_text())
+        plan.write_text(f'{text}photos {{ file: "{PHOTOGRAPH}" }}\n')
     try:
         run(["glasswing", "capture", plan, "--turn", ",".join(f"{degree:g}" for degree in degrees), "--session",
              SERIES, "--solve"], **server)
@@ -221,8 +223,9 @@ def export(camera: Camera, directory: pathlib.Path, crystal: Crystal, degrees: l
     poses = {matte.stem: camera.pose(degree).tolist() for matte, degree in zip(mattes, degrees)}
     (directory / "poses.json").write_text(json.dumps({"unit": "mm", "object_to_rig": poses}))
     for name in FORMATS:
+        photographs = ["--archives", directory / "rig/camera/archives"] if name == "idr" else []
         run(["glasswing", "dataset", *mattes, "--geometry", directory / "rig.txtpb", "--object-poses", directory / "poses.json",
-             "--format", name, "-o", directory / name])
+             "--background", PHOTOGRAPH, "--format", name, "-o", directory / name, *photographs])
     (directory / "truth").mkdir(exist_ok=True)
     for number, degree in enumerate(degrees):
         np.savez_compressed(directory / f"truth/{number:03}.npz", **camera.truth(crystal, degree))

@@ -82,7 +82,7 @@ def sampled(corners: Doubles, triangles: npt.NDArray[np.int64], count: int) -> D
     return points
 
 
-def said(name: str, values: npt.NDArray[np.floating], unit: str) -> None:
+def said(name: str, values: npt.NDArray[np.float64], unit: str) -> None:
     if len(values) == 0:
         print(f"{name}: none")
         return

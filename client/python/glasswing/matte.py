@@ -154,14 +154,13 @@ class Matte(Pixels):
         from scipy.sparse import csr_matrix
 
         values, sd, columns, starts = self._native.transport(CHANNELS.index(channel), errors, threads)
-        # Indices of one type, the smaller if it suffices; SciPy would convert both to the larger.
-        indices = starts.astype(np.int32) if len(columns) <= np.iinfo(np.int32).max else starts
-        columns = columns.astype(indices.dtype, copy=False)
+        # Of one type, the smaller if it suffices; SciPy would convert both to the larger.
+        index_type = np.int32 if len(columns) <= np.iinfo(np.int32).max else np.int64
         sizes = [monitor.width_px * monitor.height_px for monitor in self.metadata.monitors]
         shape = (self.coverage.size, sum(sizes))
 
         def matrix(data: _Floats) -> csr_matrix:
-            return csr_matrix((data, columns, indices), shape=shape, copy=False)
+            return csr_matrix((data, columns.astype(index_type), starts.astype(index_type)), shape=shape, copy=False)
 
         return Transport(
             matrix=matrix(values),
