@@ -68,9 +68,11 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_solve_command(app, client);
   add_priority_command(app, client);
   add_fetch_command(app, client);
-  add_matte_commands(app, client, [&client](const std::string& name, const std::filesystem::path& output) {
-    return read_matte_input(client, name, output);
-  });
+  add_matte_commands(
+      app, client,
+      [&client](const std::string& name, const std::filesystem::path& output, Pyramids pyramids) {
+        return read_matte_input(client, name, output, pyramids);
+      });
   app.group("Pictures");
   add_picture_commands(app, client);
 

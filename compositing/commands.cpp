@@ -1,14 +1,18 @@
 #include "compositing/commands.h"
 
 #include "compositing/composite/commands.h"
+#include "compositing/dataset/commands.h"
 #include "compositing/edit/commands.h"
 #include "compositing/hosts/nuke/commands.h"
 #include "compositing/picture/commands.h"
+#include "compositing/picture/picture.h"
 #include "compositing/stmap/commands.h"
 #include "compositing/view/commands.h"
 #include "compositing/web/commands.h"
+#include "core/base/status.h"
 #include "core/cli/completion.h"
 #include "core/cli/man_page.h"
+#include "core/file/mapped_file.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {
@@ -40,12 +44,21 @@ The configuration file to read instead.
 Disables colours, unless \-\-color is always.
 )";
 
+absl::StatusOr<Matte> read_matte_file(const std::string& name, const std::filesystem::path&,
+                                      Pyramids pyramids) {
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(name));
+  absl::StatusOr<Matte> matte = decode_matte(file->bytes(), pyramids);
+  if (!matte.ok()) return in_file(name, matte.status());
+  return matte;
+}
+
 }  // namespace
 
 void add_matte_commands(CLI::App& app, CommandLine& command_line, ReadMatte read) {
   add_composite_command(app, command_line);
   add_matte_command(app, command_line);
-  add_rays_command(app, command_line, std::move(read));
+  add_rays_command(app, command_line, read);
+  add_dataset_command(app, command_line, std::move(read));
   add_stmap_command(app, command_line);
   add_nuke_command(app, command_line);
   add_view_command(app, command_line);
@@ -63,9 +76,7 @@ int run_compositing(int argc, const char* const* argv) {
   CommandLine command_line;
   const auto add = [&](CLI::App& app, const Config&) {
     app.group("Mattes");
-    add_matte_commands(app, command_line, [](const std::string& name, const std::filesystem::path&) {
-      return read_matte(name);
-    });
+    add_matte_commands(app, command_line, &read_matte_file);
     app.group("Pictures");
     add_picture_commands(app, command_line);
     app.group("This program");

@@ -19,7 +19,9 @@
 #include "core/composite/compositor.h"
 #include "core/composite/fast_compositor.h"
 #include "core/file/file.h"
+#include "core/file/mapped_file.h"
 #include "core/footprint/composite_error.h"
+#include "core/footprint/matte_transport.h"
 #include "core/geometry/rig_geometry.h"
 #include "core/image/image.h"
 #include "core/image/image_file.h"
@@ -85,7 +87,24 @@ Floats mapped(const Floats& values, float (*function)(float)) {
 // An immutable matte, so that arrays can view it and threads can composite it concurrently.
 class NativeMatte {
  public:
-  explicit NativeMatte(Matte matte) : matte_(std::move(matte)) {}
+  explicit NativeMatte(Matte matte) {
+    if (matte.metadata.footprint() == kPyramidFootprint) {
+      whole_ = matte;
+      matte.drop_pyramids();
+    }
+    matte_ = std::move(matte);
+  }
+  static std::unique_ptr<NativeMatte> decode(std::string_view bytes) {
+    return std::make_unique<NativeMatte>(value_of(decode_matte(bytes, Pyramids::kKept)));
+  }
+  static std::unique_ptr<NativeMatte> read(const std::string& path) {
+    const auto file = value_of(MappedFile::open(path));
+    absl::StatusOr<Matte> matte = decode_matte(file->bytes(), Pyramids::kKept);
+    if (!matte.ok())
+      throw StatusError{
+          absl::Status(matte.status().code(), path + ": " + std::string(matte.status().message()))};
+    return std::make_unique<NativeMatte>(*std::move(matte));
+  }
 
   // Not const, since a const Matte returns pixels by value.
   Matte& matte() { return matte_; }
@@ -96,6 +115,9 @@ class NativeMatte {
     if (exact) return value_of(glasswing::composite(matte_, backgrounds, thread_count));
     return value_of(prepared(thread_count).composite(backgrounds, thread_count));
   }
+
+  // With the footprints of any shape, which are left out of `matte_`.
+  const Matte& whole() const { return whole_ ? *whole_ : matte_; }
 
   RadianceImage error(std::vector<RadianceImage> backgrounds, int thread_count) const {
     fit(backgrounds);
@@ -118,6 +140,7 @@ class NativeMatte {
   }
 
   Matte matte_;
+  std::optional<Matte> whole_;
   mutable std::mutex mutex_;
   mutable std::optional<FastCompositor> prepared_;
 };
@@ -180,6 +203,44 @@ Floats error_of(const NativeMatte& matte, const Pictures& pictures, int thread_c
   return array_of(without_gil([&] { return matte.error(std::move(behind), thread_count); }));
 }
 
+template <typename Value>
+py::array_t<Value> array_of(std::vector<Value> values) {
+  const auto size = static_cast<py::ssize_t>(values.size());
+  auto owned = std::make_unique<std::vector<Value>>(std::move(values));
+  const Value* const first = owned->data();
+  return py::array_t<Value>(size, first, py::capsule(owned.release(), [](void* kept) {
+                              delete static_cast<std::vector<Value>*>(kept);
+                            }));
+}
+
+// The values, errors, columns and row starts of the matrix of a channel; no errors: None.
+py::tuple transport_of(const NativeMatte& self, int channel, bool errors, int thread_count) {
+  TransportMatrix matrix = without_gil([&] {
+    const MatteTransport transport = value_of(MatteTransport::create(self.whole()));
+    return value_of(transport.matrix(channel, errors, thread_count));
+  });
+  const py::object sd = matrix.errors.size() == matrix.values.size()
+                            ? py::object(array_of(std::move(matrix.errors)))
+                            : py::object(py::none());
+  return py::make_tuple(array_of(std::move(matrix.values)), sd, array_of(std::move(matrix.columns)),
+                        array_of(std::move(matrix.starts)));
+}
+
+Floats from_monitor(const NativeMatte& self, int texture, const std::optional<Floats>& picture,
+                    int thread_count) {
+  const Matte& matte = self.whole();
+  RadianceImage shone(matte.width_px(), matte.height_px());
+  if (picture) {
+    shone = image_of(*picture);
+  } else {
+    std::fill(shone.samples.begin(), shone.samples.end(), 1.0f);
+  }
+  return array_of(without_gil([&] {
+    return value_of(composite_from_monitor(
+        matte, texture, resized(shone, matte.width_px(), matte.height_px()), thread_count));
+  }));
+}
+
 // Arrays that mattes and rays share; `pixels_of` finds the pixels of a Python object.
 template <typename Class, typename PixelsOf>
 void def_pixels(Class& bound, PixelsOf pixels_of) {
@@ -195,11 +256,10 @@ void def_pixels(Class& bound, PixelsOf pixels_of) {
 
 void bind_matte(py::module_& module) {
   py::class_<NativeMatte> matte(module, "NativeMatte");
-  matte.def_static("read", [](const std::string& path) {
-    return std::make_unique<NativeMatte>(without_gil([&] { return value_of(read_matte(path)); }));
-  });
+  matte.def_static(
+      "read", [](const std::string& path) { return without_gil([&] { return NativeMatte::read(path); }); });
   matte.def_static("decode", [](std::string_view bytes) {
-    return std::make_unique<NativeMatte>(without_gil([&] { return value_of(decode_matte(bytes)); }));
+    return without_gil([&] { return NativeMatte::decode(bytes); });
   });
   matte.def_property_readonly(
       "metadata", [](NativeMatte& self) { return py::bytes(self.matte().metadata.SerializeAsString()); });
@@ -218,6 +278,8 @@ void bind_matte(py::module_& module) {
   def_modes("centre_sd_px", &Mode::centre_sd_px);
   matte.def("composite", &composite);
   matte.def("error", &error_of);
+  matte.def("transport", &transport_of);
+  matte.def("from_monitor", &from_monitor);
 }
 
 // Immutable, as NativeMatte.

@@ -51,11 +51,11 @@ absl::Status MatteInput::error(const absl::Status& status) const {
                                                  std::string(status.message())));
 }
 
-absl::StatusOr<Matte> read_matte_input(const Client& client, const std::string& name,
-                                       const fs::path& output) {
+absl::StatusOr<Matte> read_matte_input(const Client& client, const std::string& name, const fs::path& output,
+                                       Pyramids pyramids) {
   const MatteInput input{name};
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, input.open(client, output));
-  absl::StatusOr<Matte> matte = decode_matte(file->bytes());
+  absl::StatusOr<Matte> matte = decode_matte(file->bytes(), pyramids);
   if (!matte.ok()) return input.error(matte.status());
   return matte;
 }

@@ -12,7 +12,7 @@
 #include "core/cli/progress.h"
 #include "core/file/file.h"
 #include "core/file/mapped_file.h"
-#include "core/matte/matte.h"
+#include "core/matte/matte_file.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -36,6 +36,7 @@ struct MatteInput {
 
 // MatteInput::open(), decoded.
 absl::StatusOr<Matte> read_matte_input(const Client& client, const std::string& name,
-                                       const std::filesystem::path& output);
+                                       const std::filesystem::path& output,
+                                       Pyramids pyramids = Pyramids::kDropped);
 
 }  // namespace glasswing

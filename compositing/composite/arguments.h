@@ -32,6 +32,7 @@ struct CompositeArguments {
   bool linear = false, exact = false;
   bool fill = false;    // pixels that are not solved, from their neighbours
   bool object = false;  // the object alone, with its coverage as alpha
+  std::string from;     // the monitor as whose picture it is made; empty: the camera's
   // For files of rays (composite_rays.h).
   std::vector<std::string> planes;
   std::string environment;

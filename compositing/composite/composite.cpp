@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <iostream>
@@ -17,7 +18,10 @@
 #include "core/cli/output_file.h"
 #include "core/cli/progress.h"
 #include "core/file/file.h"
+#include "core/file/mapped_file.h"
 #include "core/footprint/composite_error.h"
+#include "core/footprint/matte_transport.h"
+#include "core/matte/matte_file.h"
 #include "core/matte/matte_notes.h"
 
 namespace glasswing {
@@ -87,6 +91,62 @@ absl::Status composite_rays_still(const CommandLine& command_line, const Composi
   GW_RETURN_IF_ERROR(picture.status());
   GW_RETURN_IF_ERROR(write_composite(arguments, colours, *picture, PictureColour()));
   print_composite(command_line, arguments, picture->light);
+  return absl::OkStatus();
+}
+
+// The monitor that --from names: "monitor" is the first one.
+absl::StatusOr<int> viewing_texture(const std::string& from, const v1::MatteMetadata& metadata) {
+  std::vector<std::string> names;
+  for (const v1::Monitor& monitor : metadata.monitors()) names.push_back(monitor.name());
+  const auto found = std::ranges::find(names, from);
+  if (found != names.end()) return static_cast<int>(found - names.begin());
+  if (from == "monitor" && !names.empty()) return 0;
+  return absl::InvalidArgumentError(
+      fmt::format("--from is {}; it must be monitor, which is the first one, or one of: {}", from,
+                  fmt::join(names, ", ")));
+}
+
+// Options of pictures that the camera would see, or of several.
+absl::Status check_from_options(const CompositeArguments& arguments) {
+  const BackgroundArguments& behind = arguments.backgrounds;
+  for (const auto& [given, option] :
+       {std::pair{!arguments.error.empty(), "--error"}, std::pair{arguments.object, "--object"},
+        std::pair{arguments.fill, "--fill"}, std::pair{is_video(arguments), "several frames"},
+        std::pair{!behind.matches.empty(), "--match"}, std::pair{!behind.shifts.empty(), "--shift"},
+        std::pair{!behind.pans.empty(), "--pan"}, std::pair{!arguments.planes.empty(), "--plane"},
+        std::pair{!arguments.environment.empty(), "--environment"},
+        std::pair{arguments.lossless, "--lossless"},
+        std::pair{behind.pictures.size() > 1, "a second --background"}}) {
+    if (given) {
+      return absl::InvalidArgumentError(fmt::format(
+          "{} does not go with --from, which makes one picture as the monitor would see it", option));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Dual photography (core/footprint/matte_transport.h).
+absl::Status composite_dual(const CommandLine& command_line, const CompositeArguments& arguments) {
+  GW_RETURN_IF_ERROR(check_from_options(arguments));
+  GW_RETURN_IF_ERROR(check_outputs(arguments));
+  GW_ASSIGN_OR_RETURN(const PictureColours colours, PictureColours::open(arguments.colours));
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(arguments.matte));
+  const absl::StatusOr<Matte> matte = decode_matte(file->bytes(), Pyramids::kKept);
+  if (!matte.ok()) return in_file(arguments.matte, matte.status());
+  print_warnings(warnings_of(matte->metadata));
+  GW_ASSIGN_OR_RETURN(const int texture, viewing_texture(arguments.from, matte->metadata));
+  RadianceImage shone(matte->width_px(), matte->height_px());
+  std::ranges::fill(shone.samples, 1.0f);
+  if (!arguments.backgrounds.pictures.empty()) {
+    GW_ASSIGN_OR_RETURN(const RadianceImage picture,
+                        colours.read(arguments.backgrounds.pictures[0], arguments.encoding()));
+    shone = resized(picture, shone.width_px, shone.height_px);
+  }
+  GW_ASSIGN_OR_RETURN(const RadianceImage seen, composite_from_monitor(*matte, texture, shone));
+  ObjectPicture picture;
+  GW_ASSIGN_OR_RETURN(picture.light, cropped(seen, arguments.crop));
+  GW_RETURN_IF_ERROR(write_composite(arguments, colours, picture, PictureColour()));
+  print_composite(command_line, arguments, picture.light, &matte->metadata, count_pixels(*matte));
   return absl::OkStatus();
 }
 
@@ -160,11 +220,14 @@ absl::Status composite_frames(const CommandLine& command_line, const CompositeAr
 
 absl::Status composited(const CommandLine& command_line, const CompositeArguments& arguments) {
   if (holds_rays(arguments.matte)) {
+    if (!arguments.from.empty())
+      return absl::InvalidArgumentError(fmt::format("--from is for mattes; {} holds rays", arguments.matte));
     if (is_video(arguments) && arguments.frame_count > 0)
       return absl::InvalidArgumentError(
           fmt::format("{} holds rays, which give one picture", arguments.matte));
     return composite_rays_still(command_line, arguments);
   }
+  if (!arguments.from.empty()) return composite_dual(command_line, arguments);
   GW_RETURN_IF_ERROR(check_matte_options(arguments));
   return is_video(arguments) ? composite_frames(command_line, arguments)
                              : composite_still(command_line, arguments);
@@ -250,6 +313,9 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
   command.add_flag("--fill", arguments.fill,
                    "fill unsolved pixels, such as those that see the id patch, from their neighbours");
   add_rays_options(command, arguments);
+  command.add_option("--from", arguments.from,
+                     "monitor, or its name: the picture as the monitor would see it while the camera's place "
+                     "shines the --background (default: white) at the object");
   command.add_flag("--exact", arguments.exact,
                    "integrate every footprint, slowly; the default is within 0.002 rms of this");
   add_colour_options(command, arguments.colours);
@@ -285,6 +351,7 @@ void add_composite_command(CLI::App& app, CommandLine& command_line) {
       "  glasswing composite vase.exr --background harbour.png -o vase.png --error vase_error.exr\n"
       "  glasswing composite vase.exr --background plate.exr --object -o vase_object.exr\n"
       "  glasswing composite vase.exr --background plate.exr --ocio ACEScg -o vase_acescg.exr\n"
+      "  glasswing composite vase.exr --from monitor -o vase_from_monitor.png\n"
       "  glasswing composite rays.exr --environment street.exr --environment-turn 30 -o vase.png\n"
       "  glasswing composite rays.exr --plane 850:harbour.png --environment street.exr -o vase.png");
   auto arguments = std::make_shared<CompositeArguments>();

@@ -9,14 +9,14 @@
 #include <string>
 
 #include "core/cli/command_line.h"
-#include "core/matte/matte.h"
+#include "core/matte/matte_file.h"
 
 namespace glasswing {
 
 // Reads the matte named on the command line: a file, or something else that the program knows by name.
 // `output`: the file that the command writes; fetched files are kept beside it temporarily.
-using ReadMatte =
-    std::function<absl::StatusOr<Matte>(const std::string& name, const std::filesystem::path& output)>;
+using ReadMatte = std::function<absl::StatusOr<Matte>(
+    const std::string& name, const std::filesystem::path& output, Pyramids pyramids)>;
 
 // Declares the verb's options and sets CommandLine::run.
 void add_rays_command(CLI::App& app, CommandLine& command_line, ReadMatte read);

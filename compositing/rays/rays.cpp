@@ -44,7 +44,8 @@ absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
         fmt::format("there are {} mattes; rays take two, at two depths, or one", arguments.mattes.size()));
   }
   std::vector<std::string> poses = arguments.poses;
-  GW_ASSIGN_OR_RETURN(const Matte one, arguments.read(arguments.mattes[0], arguments.output));
+  GW_ASSIGN_OR_RETURN(const Matte one,
+                      arguments.read(arguments.mattes[0], arguments.output, Pyramids::kDropped));
   if (!poses.empty() && poses.size() != arguments.mattes.size()) {
     return absl::InvalidArgumentError(
         fmt::format("--poses has {} names; there are {} mattes, and it must have one "
@@ -63,7 +64,8 @@ absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
   }
   if (arguments.object_depth_mm > 0.0)
     return absl::InvalidArgumentError("--object-depth is for one matte; two determine directions");
-  GW_ASSIGN_OR_RETURN(const Matte other, arguments.read(arguments.mattes[1], arguments.output));
+  GW_ASSIGN_OR_RETURN(const Matte other,
+                      arguments.read(arguments.mattes[1], arguments.output, Pyramids::kDropped));
   if (poses.empty()) poses = {one.metadata.session(), other.metadata.session()};
   GW_RETURN_IF_ERROR(check_positions(one, geometry, poses[0]));
   GW_RETURN_IF_ERROR(check_positions(other, geometry, poses[1]));

@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
-#include <numbers>
 #include <thread>
 
 #include "core/base/status.h"
@@ -15,8 +13,6 @@
 
 namespace glasswing {
 namespace {
-
-constexpr double kReach = 6.0;  // sigmas; 2e-9 of a Gaussian lies beyond
 
 // A picture, optionally with x and y exchanged, so that either axis can be the one integrated in closed form.
 struct View {
@@ -29,25 +25,6 @@ struct View {
     return static_cast<double>(exchanged ? image.at(v, u, channel) : image.at(u, v, channel));
   }
 };
-
-// \int g(u; mean, sigma) T(u, v) du over row v of constant pixels.
-double integrate_row(const View& view, int v, double mean, double sigma) {
-  if (sigma < kPointSigma_px) {
-    const int u = static_cast<int>(std::floor(mean));
-    return mean >= 0.0 && u < view.width() ? view.at(u, v) : 0.0;
-  }
-  const int first = std::clamp(static_cast<int>(std::floor(mean - kReach * sigma)), 0, view.width());
-  const int last = std::clamp(static_cast<int>(std::ceil(mean + kReach * sigma)), 0, view.width());
-  const double scale = 1.0 / (sigma * std::numbers::sqrt2);
-  double sum = 0.0;
-  double before = std::erf((first - mean) * scale);
-  for (int u = first; u < last; ++u) {
-    const double after = std::erf((u + 1 - mean) * scale);
-    sum += (after - before) * view.at(u, v);
-    before = after;
-  }
-  return 0.5 * sum;
-}
 
 std::vector<RadianceImage> as_seen(const PrimaryMix& mix, const std::vector<RadianceImage>& pictures,
                                    int count) {
@@ -66,42 +43,14 @@ std::vector<RadianceImage> as_seen(const PrimaryMix& mix, const std::vector<Radi
 
 double integrate_footprint(const Mode& mode, const RadianceImage& texture, int channel) {
   if (texture.empty()) return 0.0;
-  // Quadrature runs along the wider axis v; along u the conditional Gaussian has mean u0 + slope (v - v0).
-  const bool exchanged = mode.xx_px2 > mode.yy_px2;
-  const View view{texture, channel, exchanged};
-  const double uu = std::max<double>(exchanged ? mode.yy_px2 : mode.xx_px2, 0.0);
-  const double vv = std::max<double>(exchanged ? mode.xx_px2 : mode.yy_px2, 0.0);
-  const double uv = mode.xy_px2;
-  const double u0 = exchanged ? mode.y_px : mode.x_px;
-  const double v0 = exchanged ? mode.x_px : mode.y_px;
-  const double sigma_v = std::sqrt(vv);
-  if (sigma_v < kPointSigma_px) {
-    const int v = static_cast<int>(std::floor(v0));
-    return v0 >= 0.0 && v < view.height() ? integrate_row(view, v, u0, std::sqrt(uu)) : 0.0;
-  }
-  const double slope = uv / vv;
-  const double sigma_u = std::sqrt(std::max(uu - slope * uv, 0.0));
-  const int first = std::clamp(static_cast<int>(std::floor(v0 - kReach * sigma_v)), 0, view.height());
-  const int last = std::clamp(static_cast<int>(std::ceil(v0 + kReach * sigma_v)), 0, view.height());
-  // Panels no wider than half of sigma_v, and narrow enough that the mean slides along u by about sigma_u at
-  // most.
-  const double slide = std::abs(slope) / std::max(sigma_u, 0.02);
-  const double finest = std::max({1.0, 2.0 / sigma_v, std::min(slide, 50.0)});
+  const FootprintLines lines(mode);
+  const View view{texture, channel, lines.exchanged};
   double sum = 0.0;
-  for (int v = first; v < last; ++v) {
-    const double low = std::max<double>(v, v0 - kReach * sigma_v);
-    const double high = std::min<double>(v + 1, v0 + kReach * sigma_v);
-    const int panels = std::max(1, static_cast<int>(std::ceil((high - low) * finest)));
-    const double half = 0.5 * (high - low) / panels;
-    for (int p = 0; p < panels; ++p) {
-      const double middle = low + (2 * p + 1) * half;
-      for (size_t n = 0; n < kNodes.size(); ++n) {
-        const double z = (middle + half * kNodes[n] - v0) / sigma_v;
-        const double density = std::exp(-0.5 * z * z) / (sigma_v * std::sqrt(2.0 * std::numbers::pi));
-        sum += kNodeWeights[n] * half * density * integrate_row(view, v, u0 + slope * z * sigma_v, sigma_u);
-      }
-    }
-  }
+  lines.for_each(view.height(), [&](int v, double mean, double sigma, double share) {
+    double row = 0.0;
+    for_pixels_of_line(mean, sigma, view.width(), [&](int u, double twice) { row += twice * view.at(u, v); });
+    sum += share * (0.5 * row);
+  });
   return sum;
 }
 

@@ -4,11 +4,11 @@
 #include <cmath>
 
 #include "core/base/for_rows.h"
+#include "core/composite/box_side.h"
 
 namespace glasswing {
 namespace {
 
-constexpr double kPoint_px = 1e-4;
 // Differences of sums lose digits for small boxes, so these are added up pixel by pixel.
 constexpr int kFewPixels = 64;
 
@@ -33,31 +33,6 @@ struct FloatSide {
 
 }  // namespace
 
-// One side of a box, and the pixels it touches.
-struct SummedAreaTable::Side {
-  double low_px, high_px;  // clipped to the picture
-  double length_px;        // unclipped; 0: the side is a point
-  int first, last;         // pixels [first, last)
-
-  Side(double centre_px, double variance_px2, int extent_px) {
-    length_px = std::sqrt(12.0 * std::max(variance_px2, 0.0));
-    if (length_px < kPoint_px) length_px = 0.0;
-    const double extent = extent_px;
-    low_px = std::clamp(centre_px - 0.5 * length_px, 0.0, extent);
-    high_px = std::clamp(centre_px + 0.5 * length_px, 0.0, extent);
-    first = static_cast<int>(std::floor(low_px));
-    last = static_cast<int>(std::ceil(high_px));
-    if (length_px > 0.0) return;
-    const bool on = centre_px >= 0.0 && centre_px < extent;
-    last = on ? first + 1 : first;
-  }
-  // The share of the side that lies on a pixel.
-  double share(int pixel) const {
-    if (length_px == 0.0) return 1.0;
-    return (std::min(high_px, pixel + 1.0) - std::max<double>(low_px, pixel)) / length_px;
-  }
-};
-
 SummedAreaTable::SummedAreaTable(const RadianceImage& picture) : picture_(picture) {
   const auto row = (static_cast<size_t>(picture.width_px) + 1) * kChannels;
   sums_.resize(row * (static_cast<size_t>(picture.height_px) + 1));
@@ -75,8 +50,8 @@ SummedAreaTable::SummedAreaTable(const RadianceImage& picture) : picture_(pictur
 
 double SummedAreaTable::mean(const Mode& box, int channel) const {
   if (picture_.empty()) return 0.0;
-  const Side x(static_cast<double>(box.x_px), static_cast<double>(box.xx_px2), picture_.width_px);
-  const Side y(static_cast<double>(box.y_px), static_cast<double>(box.yy_px2), picture_.height_px);
+  const BoxSide x(static_cast<double>(box.x_px), static_cast<double>(box.xx_px2), picture_.width_px);
+  const BoxSide y(static_cast<double>(box.y_px), static_cast<double>(box.yy_px2), picture_.height_px);
   if (x.last <= x.first || y.last <= y.first) return 0.0;
   if (x.length_px == 0.0 || y.length_px == 0.0 || (x.last - x.first) * (y.last - y.first) <= kFewPixels)
     return mean_of_pixels(x, y, channel);
@@ -85,7 +60,7 @@ double SummedAreaTable::mean(const Mode& box, int channel) const {
   return inside / (x.length_px * y.length_px);
 }
 
-double SummedAreaTable::mean_of_pixels(const Side& x, const Side& y, int channel) const {
+double SummedAreaTable::mean_of_pixels(const BoxSide& x, const BoxSide& y, int channel) const {
   double all = 0.0;
   for (int v = y.first; v < y.last; ++v) {
     double row = 0.0;

@@ -13,6 +13,7 @@
 #include <array>
 #include <vector>
 
+#include "core/composite/box_side.h"
 #include "core/image/image.h"
 #include "core/matte/matte.h"
 
@@ -28,9 +29,8 @@ class SummedAreaTable {
   double mean(const Mode& box, int channel) const;
 
  private:
-  struct Side;
   // Adds up the box pixel by pixel.
-  double mean_of_pixels(const Side& x, const Side& y, int channel) const;
+  double mean_of_pixels(const BoxSide& x, const BoxSide& y, int channel) const;
   double sum(double x_px, double y_px, int channel) const;  // over [0, x) x [0, y)
 
   const RadianceImage& picture_;

@@ -45,7 +45,7 @@ from glasswing.fleet import Fleet, Lease, Solve, Solver
 from glasswing.frames import Frame, Frames
 from glasswing.instruments import Calibration, Finding, Level, LivePicture, MonitorLatency
 from glasswing.live import LiveComposite
-from glasswing.matte import Matte, Modes
+from glasswing.matte import Matte, Modes, Transport
 from glasswing.pictures import ErrorMap, Picture, linear_to_srgb, read_picture, resized, srgb_to_linear, write_picture
 from glasswing.pixels import PixelFlag
 from glasswing.plan import (
@@ -135,6 +135,7 @@ __all__ = [
     "Stopped",
     "Sweep",
     "TimedOut",
+    "Transport",
     "Unavailable",
     "UnprovenStep",
     "Waiting",

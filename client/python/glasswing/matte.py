@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,10 @@ from glasswing.pictures import ErrorMap, Picture, as_picture, png_of
 from glasswing.pixels import Pixels
 from glasswing.v1 import matte_pb2
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+CHANNELS = ("r", "g", "b")
 _Floats = npt.NDArray[np.float32]
 
 
@@ -47,6 +52,25 @@ class Modes:
     """Standard error of the weight; 0: not known."""
     centre_sd_px: _Floats
     """Standard error of the centre, rms of x and y; 0: not known."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Transport:
+    """A matte as a matrix; ``Matte.transport()`` makes one.
+
+    Of one channel and in linear light, ``matrix @ picture + foreground`` is the composite: ``picture`` the light of all
+    monitors' pixels as the camera's channel sees it, row by row, one monitor after the other; ``foreground`` the channel of
+    ``Matte.foreground``, flattened. ``matrix.T @ light`` is the picture that a camera at the monitors would take while the
+    camera shines ``light``. Entries of a row that together are a part of 1e-5 of it are left out.
+    """
+
+    matrix: csr_matrix
+    """(H W) x (pixels of all monitors), float32."""
+    sd: csr_matrix | None
+    """Standard errors of the same entries due to noise; 0: not known. None: they were not asked for, or the footprints are
+    boxes. If the matte does not record how it was sampled, they lack those of widths, and correlations of modes."""
+    first_columns: dict[str, int]
+    """The column of each monitor's first pixel."""
 
 
 class Matte(Pixels):
@@ -116,6 +140,50 @@ class Matte(Pixels):
         matte does not record how it was sampled, which only method "gaussian" does. Releases the GIL.
         """
         return self._native.error(self._behind(backgrounds), threads).view(ErrorMap)
+
+    def transport(self, channel: str = "g", *, errors: bool = False, threads: int = 0) -> Transport:
+        """The matte as a sparse matrix: how much of the light of each monitor pixel reaches each camera pixel.
+
+        ``channel``: "r", "g" or "b", as the camera sees it. ``errors``: with the standard error of each entry, which takes
+        about twice as long. ``threads`` as for ``composite()``. Needs SciPy (python3-scipy); releases the GIL.
+
+        InvalidInput: no such channel. Refused: more than 2^32 entries.
+        """
+        if channel not in CHANNELS:
+            raise InvalidInput(f'channel is "{channel}"; it must be one of: {", ".join(CHANNELS)}')
+        from scipy.sparse import csr_matrix
+
+        values, sd, columns, starts = self._native.transport(CHANNELS.index(channel), errors, threads)
+        # Of one type, the smaller if it suffices; SciPy would convert both to the larger.
+        index_type = np.int32 if len(columns) <= np.iinfo(np.int32).max else np.int64
+        sizes = [monitor.width_px * monitor.height_px for monitor in self.metadata.monitors]
+        shape = (self.coverage.size, sum(sizes))
+
+        def matrix(data: _Floats) -> csr_matrix:
+            return csr_matrix((data, columns.astype(index_type), starts.astype(index_type)), shape=shape, copy=False)
+
+        return Transport(
+            matrix=matrix(values),
+            sd=None if sd is None else matrix(sd),
+            first_columns=dict(zip(self.monitors, (sum(sizes[:index]) for index in range(len(sizes))))),
+        )
+
+    def from_monitor(
+        self, monitor: str | None = None, *, light: npt.ArrayLike | None = None, threads: int = 0
+    ) -> Picture:
+        """The picture as the monitor would see it while the camera's place shines: h x w x 3, linear, not clamped.
+
+        ``monitor``: default: the first. ``light``: what shines, a picture of linear light, which is scaled to the camera's
+        size; default: white. It is the transpose of ``composite()`` without F, times monitor pixels per camera pixel.
+        Releases the GIL.
+
+        InvalidInput: the matte has no such monitor, or ``light`` is not a picture of linear light.
+        """
+        name = self.monitors[0] if monitor is None else monitor
+        if name not in self.monitors:
+            raise InvalidInput(f'there is no monitor "{name}"; this matte has: {", ".join(self.monitors)}')
+        shone = None if light is None else as_picture(light, "light")
+        return self._native.from_monitor(self.monitors.index(name), shone, threads).view(Picture)
 
     def _behind(self, backgrounds: Mapping[str, npt.ArrayLike]) -> list[_Floats | None]:
         unknown = [name for name in backgrounds if name not in self.monitors]

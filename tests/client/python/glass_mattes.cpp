@@ -1,6 +1,6 @@
 // Mattes of a sphere of glass before two turned monitors at two depths, in closed form, and their geometry.
 //
-//   glass-mattes DIRECTORY    writes near.exr, far.exr and rig.txtpb
+//   glass-mattes DIRECTORY    writes near.exr, far.exr, bare.exr (near, without the sphere) and rig.txtpb
 //
 // Monitors stand beside each other, turned by 20 degrees to either side, and tilted. A pixel's mode is where
 // its middle's ray goes by Snell's law; the footprint's width and the standard errors (0.02 px near, 0.05 px
@@ -98,12 +98,38 @@ void see(const v1::RigGeometry& geometry, std::array<Matte, 2>& mattes) {
   }
 }
 
+// Without the sphere: pixels see the near monitors straight.
+Matte bare(const v1::RigGeometry& geometry) {
+  const CameraLens lens(geometry.camera());
+  Matte matte(0, 0, kWidth, kHeight, 1);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const Vector2d slope = lens.slope_of({x + 0.5, y + 0.5});
+      for (int t = 0; t < 2; ++t) {
+        const auto at =
+            met({Vector3d::Zero(), Vector3d(slope.x(), slope.y(), 1.0)}, MonitorPlane(geometry.monitors(t)));
+        if (!at) continue;
+        for (int c = 0; c < kChannels; ++c) {
+          matte.modes(x, y, c)[0] = {.weight = 1.0f,
+                                     .x_px = static_cast<float>(at->x()),
+                                     .y_px = static_cast<float>(at->y()),
+                                     .xx_px2 = 1.0f,
+                                     .yy_px2 = 1.0f,
+                                     .texture = t};
+        }
+      }
+    }
+  }
+  return matte;
+}
+
 absl::Status write(const fs::path& directory) {
   const v1::RigGeometry geometry = rig();
-  const std::array<const char*, 2> names = {"near", "far"};
-  std::array<Matte, 2> mattes = {Matte(0, 0, kWidth, kHeight, 1), Matte(0, 0, kWidth, kHeight, 1)};
-  see(geometry, mattes);
-  for (size_t depth = 0; depth < 2; ++depth) {
+  const std::array<const char*, 3> names = {"near", "far", "bare"};
+  std::array<Matte, 2> seen = {Matte(0, 0, kWidth, kHeight, 1), Matte(0, 0, kWidth, kHeight, 1)};
+  see(geometry, seen);
+  std::array<Matte, 3> mattes = {std::move(seen[0]), std::move(seen[1]), bare(geometry)};
+  for (size_t depth = 0; depth < mattes.size(); ++depth) {
     v1::MatteMetadata& metadata = mattes[depth].metadata;
     metadata.set_format_version(1);
     metadata.set_session(names[depth]);
