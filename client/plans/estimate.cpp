@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <iostream>
+#include <string>
 #include <vector>
 
 #include "core/base/utf8.h"
@@ -15,6 +16,18 @@ namespace {
 
 std::string bytes_of(std::int64_t bytes) {
   return bytes_text(static_cast<double>(bytes));
+}
+
+// "191 frames of 640x480", or of each of several cameras.
+std::string frames_text(const v1::EstimateSessionResponse& estimate) {
+  const auto size = [](const v1::Camera& camera) {
+    return fmt::format("{}x{}", camera.width_px(), camera.height_px());
+  };
+  if (estimate.cameras().empty())
+    return fmt::format("{} frames of {}", estimate.step_count(), size(estimate.camera()));
+  std::vector<std::string> cameras;
+  for (const v1::Camera& camera : estimate.cameras()) cameras.push_back(camera.name() + " " + size(camera));
+  return fmt::format("{} frames of each: {}", estimate.step_count(), fmt::join(cameras, ", "));
 }
 
 }  // namespace
@@ -29,8 +42,7 @@ void print_cost(const v1::Plan& plan, const v1::EstimateSessionResponse& estimat
                            estimate.steps_without_object())
             << fmt::format("duration  {} (each held for {} refreshes, without retakes)\n",
                            seconds_text(estimate.seconds()), hold_refreshes_of(plan))
-            << fmt::format("data      {} ({} frames of {}x{})\n", bytes_of(estimate.bytes()),
-                           estimate.step_count(), estimate.camera().width_px(), estimate.camera().height_px())
+            << fmt::format("data      {} ({})\n", bytes_of(estimate.bytes()), frames_text(estimate))
             << fmt::format("monitors  {}\n", fmt::join(monitors, ", "));
   if (estimate.video_frames() == 0) return;
   std::cout << fmt::format("video     {} at {:.4g} frames per second, {} of it; each frame once\n",

@@ -55,10 +55,10 @@ absl::Status list_sessions(const Client& client, const SessionsArguments& argume
   std::vector<std::vector<std::string>> rows;
   for (const v1::Session& session : listed.sessions()) {
     const std::string cameras =
-        session.views().empty() ? "" : fmt::format(" ({} cameras)", session.views_size());
-    rows.push_back({session.name() + cameras, state_name(session.state()), session.created(),
-                    fmt::format("{}/{}{}", session.proven_count(), session.step_count(),
-                                session.time_proven_count() > 0 ? " by time" : ""),
+        session.views().empty() ? "" : fmt::format(" of {} cameras", session.views_size());
+    rows.push_back({session.name(), state_name(session.state()), session.created(),
+                    fmt::format("{}/{}{}{}", session.proven_count(), session.step_count(),
+                                session.time_proven_count() > 0 ? " by time" : "", cameras),
                     fmt::format("{}/{}", session.tiles_done(), session.tile_count()),
                     bytes_text(static_cast<double>(session.archive_bytes())),
                     fmt::format("{}", fmt::join(session.tags(), " ")), session.note(),
