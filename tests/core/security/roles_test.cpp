@@ -52,9 +52,9 @@ using Services =
 std::set<std::string> all_methods() {
   (void)v1::RunLiveRequest::descriptor();  // links its file
   std::set<std::string> methods;
-  for (const char* name :
-       {"archive", "axis", "calibration", "camera", "clock", "console", "display", "emission", "fleet", "job",
-        "live", "log", "matte", "node", "queue", "rig", "session", "stage", "work"}) {
+  for (const char* name : {"archive",  "axis",  "calibration", "camera", "clock",   "console", "display",
+                           "emission", "fleet", "job",         "live",   "log",     "matte",   "node",
+                           "queue",    "rig",   "session",     "stage",  "storage", "work"}) {
     const auto* file = google::protobuf::DescriptorPool::generated_pool()->FindFileByName(
         fmt::format("glasswing/v1/{}_service.proto", name));
     EXPECT_NE(file, nullptr) << name;
