@@ -30,6 +30,7 @@
 #include "glasswing/v1/rig_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
+#include "glasswing/v1/storage_service.grpc.pb.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "tests/core/security/made_certificates.h"
 #include "tests/support/status.h"
@@ -45,15 +46,15 @@ using Services =
                v1::FleetService::Service, v1::JobService::Service, v1::LiveService::Service,
                v1::MatteService::Service, v1::NodeService::Service, v1::QueueService::Service,
                v1::RigService::Service, v1::SessionService::Service, v1::AxisService::Service,
-               v1::StageService::Service, v1::WorkService::Service>;
+               v1::StageService::Service, v1::StorageService::Service, v1::WorkService::Service>;
 
 // "WorkService/ClaimTile" and so on, from all proto files that are linked here.
 std::set<std::string> all_methods() {
   (void)v1::RunLiveRequest::descriptor();  // links its file
   std::set<std::string> methods;
-  for (const char* name :
-       {"archive", "axis", "calibration", "camera", "clock", "console", "display", "emission", "fleet", "job",
-        "live", "log", "matte", "node", "queue", "rig", "session", "stage", "work"}) {
+  for (const char* name : {"archive",  "axis",  "calibration", "camera", "clock",   "console", "display",
+                           "emission", "fleet", "job",         "live",   "log",     "matte",   "node",
+                           "queue",    "rig",   "session",     "stage",  "storage", "work"}) {
     const auto* file = google::protobuf::DescriptorPool::generated_pool()->FindFileByName(
         fmt::format("glasswing/v1/{}_service.proto", name));
     EXPECT_NE(file, nullptr) << name;

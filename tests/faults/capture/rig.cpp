@@ -14,6 +14,7 @@
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "display-node/backends/repeating_display.h"
+#include "display-node/backends/sim_rail.h"
 #include "display-node/services/display_service.h"
 #include "display-node/services/emission_service.h"
 #include "server/services/session_service.h"
@@ -51,6 +52,17 @@ std::string camera_name(size_t index) {
   return fmt::format("camera-{}", index + 1);
 }
 
+std::vector<MonitorRail> rails_of(const RigFaults& faults, LightTap& tap) {
+  std::vector<MonitorRail> rails;
+  if (!faults.rail) return rails;
+  rails.push_back({.monitor = "back",
+                   .min_mm = 100.0,
+                   .max_mm = 300.0,
+                   .position_mm = 100.0,
+                   .rail = std::make_unique<SimRail>(tap, 0, 100.0, PanelPose())});
+  return rails;
+}
+
 }  // namespace
 
 struct FaultyRig::ServerNode {
@@ -76,7 +88,7 @@ struct FaultyRig::DisplayNode {
       : sim({monitor()}, faults.display),
         tap(sim),
         display(tap, faults.repeat, seed),
-        service("display-1", display, patch_rows),
+        service("display-1", display, patch_rows, rails_of(faults, tap)),
         emission(tap, {.lag = monitor().lag + faults.light_shift}),
         host(ServiceHost::start({.address = address}, {&service, &emission}).value()) {}
   ~DisplayNode() {

@@ -32,6 +32,7 @@ struct RigFaults {
   bool restart_camera = false, restart_display = false;  // in mid-session
   SpaceOf space = space_of;                              // of the camera node's disk
   std::chrono::milliseconds node_call = kNodeCall;       // ServerOptions
+  bool rail = false;  // of the monitor, from 100 to 300 mm, where it is at 100
   // A camera whose pictures come into a folder, in place of the simulated one; in its command {tap} becomes
   // the address of the display's light.
   std::optional<FolderCamera::Options> folder = {};

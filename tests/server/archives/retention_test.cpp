@@ -52,10 +52,10 @@ TEST(Retention, KeepsTheNewestOfEachSeries) {
   calibration.session.mutable_plan()->mutable_calibration();
   const std::vector<StoredSession> sessions = {
       calibration, failed, done("vase-3"), done("glass-9"), done("vase-2"), copied, kept};
-  const RetentionRules rules{.newest = 2};
+  const RetentionRules rules{.newest = 2, .exempt_tags = {}};
   EXPECT_THAT(names(rules, sessions), ElementsAre("vase-1"));
   EXPECT_EQ(endings(rules, sessions, kNow)[0].bytes(), 2010);  // frames, their copy, and the matte
-  EXPECT_THAT(names({.newest = 1}, sessions), ElementsAre("vase-2", "vase-1"));
+  EXPECT_THAT(names({.newest = 1, .exempt_tags = {}}, sessions), ElementsAre("vase-2", "vase-1"));
   EXPECT_THAT(names({}, sessions), ElementsAre());
 }
 
@@ -74,8 +74,8 @@ TEST(Retention, FramesEndAfterTheirMatte) {
   gone.session.clear_archive_address();
   going.session.set_frames_deleted("2027-01-01T00:00:00Z");
   const std::vector<StoredSession> sessions = {unsolved, gone, going, done("d", 29.9), done("e", 30.0)};
-  EXPECT_THAT(names({.frames_days = 30.0}, sessions), ElementsAre("e frames"));
-  EXPECT_EQ(endings({.frames_days = 30.0}, sessions, kNow)[0].bytes(), 1000);
+  EXPECT_THAT(names({.frames_days = 30.0, .exempt_tags = {}}, sessions), ElementsAre("e frames"));
+  EXPECT_EQ(endings({.frames_days = 30.0, .exempt_tags = {}}, sessions, kNow)[0].bytes(), 1000);
 }
 
 }  // namespace

@@ -20,7 +20,9 @@ class StorageKeeperTest : public ArchiveTest {
  protected:
   void SetUp() override {
     fs::create_directories(root_ / "server");
-    server_ = Server::open({.data = root_ / "server", .storage = {.rules = {.frames_days = 1.0}}}).value();
+    server_ = Server::open(
+                  {.data = root_ / "server", .storage = {.rules = {.frames_days = 1.0, .exempt_tags = {}}}})
+                  .value();
     camera_ = std::make_unique<ArchiveNode>(root_ / "camera");
     v1::RegisterRequest node;
     node.set_kind(v1::NODE_KIND_CAMERA);

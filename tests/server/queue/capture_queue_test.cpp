@@ -309,7 +309,7 @@ TEST_F(CaptureQueueTest, WarmsUpTheMonitors) {
   run();
   EXPECT_THAT(until(a, [](const v1::QueueItem& item) { return !item.reason().empty(); }).reason(),
               HasSubstr("warms up"));
-  EXPECT_EQ(rig_->server().rig_lock().holder()->what(), "warming up");
+  EXPECT_EQ(rig_->server().rig_lock().holder()->what(), "queue item 1 (warming up)");
   EXPECT_EQ(ended(a).state(), v1::QUEUE_ITEM_STATE_DONE) << queue().find(a)->reason();
   EXPECT_GE(monotonic_now() - began, std::chrono::seconds(2));
 }
@@ -336,6 +336,20 @@ TEST_F(CaptureQueueTest, TellsSessionsWhereMonitorsStand) {
   EXPECT_THAT(ended(b).reason(), HasSubstr("front"));
   EXPECT_EQ(queue().find(a)->state(), v1::QUEUE_ITEM_STATE_DONE);
   EXPECT_EQ(rig_->server().sessions().find("a")->rail_mm().at("back"), 200.0);
+}
+
+TEST_F(CaptureQueueTest, MovesMonitorsOnRails) {
+  start({.name = "rail", .rail = true});
+  v1::QueueWish placed = wish("a"), beyond = wish("b");
+  (*placed.mutable_rail_mm())["back"] = 200.0;
+  (*beyond.mutable_rail_mm())["back"] = 301.0;
+  const std::int64_t a = add(placed), b = add(beyond), c = add(wish("c"));
+  run();
+  EXPECT_EQ(ended(c).state(), v1::QUEUE_ITEM_STATE_DONE);
+  EXPECT_EQ(queue().find(a)->state(), v1::QUEUE_ITEM_STATE_DONE) << queue().find(a)->reason();
+  EXPECT_THAT(queue().find(b)->reason(), HasSubstr("301"));
+  EXPECT_EQ(rig_->server().sessions().find("a")->rail_mm().at("back"), 200.0);
+  EXPECT_EQ(rig_->server().sessions().find("c")->rail_mm().at("back"), 200.0);  // it stays there
 }
 
 }  // namespace
