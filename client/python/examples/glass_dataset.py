@@ -258,8 +258,8 @@ def parse_arguments() -> argparse.Namespace:
                         metavar="PX,...", help="of each camera, px of its picture (default: 480,640)")
     parser.add_argument("--size", type=size, default=(256, 192), metavar="WxH", help="of the monitor, px (default: 256x192)")
     parser.add_argument("--pitch", type=float, default=0.25, metavar="MM", help="of its pixels (default: %(default)s)")
-    parser.add_argument("--camera-size", type=size, default=(160, 120), metavar="WxH",
-                        help="of the cameras' pictures (default: 160x120)")
+    parser.add_argument("--camera-size", type=size, default=(148, 111), metavar="WxH",
+                        help="of the cameras' pictures (default: 148x111)")
     parser.add_argument("--plan", help="for each pose (default: 50 images, designed for the monitor and the noise)")
     parser.add_argument("--noise", default="0.001", help="of the camera, as a part of full scale (default: %(default)s)")
     parser.add_argument("--blur", type=float, default=0.5, metavar="PX", help="of the lens, sigma (default: %(default)s)")
