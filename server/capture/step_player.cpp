@@ -200,7 +200,7 @@ absl::Status StepPlayer::measure_clocks(int count, const std::stop_token& stop) 
 }
 
 absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vector<Step>& steps,
-                                     std::stop_token stop) {
+                                     double exposure_ms, std::stop_token stop) {
   // Ids of successive showings differ in many bits.
   constexpr std::uint32_t kSpread = 40503, kIds = 1u << IdPatch::kBits;
   loaded_.clear();
@@ -210,18 +210,21 @@ absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vect
   }
   int monitor_count = 0;
   for (const auto& display : setup_.links.displays) {
-    GW_RETURN_IF_ERROR(load(*display, program, steps, stop));
+    GW_RETURN_IF_ERROR(load(*display, program, steps, exposure_ms, stop));
     monitor_count += display->info.monitors_size();
   }
   return monitor_count;
 }
 
 absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
-                              const std::vector<Step>& steps, std::stop_token stop) {
+                              const std::vector<Step>& steps, double exposure_ms, std::stop_token stop) {
   v1::LoadProgramRequest load;
   load.set_program(program);
   load.set_request_id(random_token());
   load.set_hold_refreshes(hold_refreshes_of(progress_.session().plan()));
+  GW_ASSIGN_OR_RETURN(const std::optional<v1::LinePulse> pulse,
+                      line_pulse(setup_.links, display, load.hold_refreshes(), exposure_ms));
+  if (pulse) *load.mutable_line() = *pulse;
   for (const v1::DisplayCalibration& calibration : setup_.header.display_calibrations()) {
     if (display.monitor(calibration.monitor()) != nullptr) *load.add_calibrations() = calibration;
   }
@@ -289,7 +292,7 @@ absl::Status StepPlayer::play(const std::vector<Step>& steps, Recording& recordi
     return absl::OkStatus();
   }
   const std::string program = fmt::format("{}-{}", progress_.session().name(), ++program_number_);
-  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps, stop));
+  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps, recording.exposure_ms(), stop));
   while (true) {
     GW_ASSIGN_OR_RETURN(const bool in_time, play_loaded(program, monitor_count, recording, judge, stop));
     if (in_time) return absl::OkStatus();
@@ -348,7 +351,7 @@ absl::StatusOr<std::optional<StableWindow>> StepPlayer::wait_shown(ProgramFeeds&
 absl::StatusOr<bool> StepPlayer::play_held(const Step& step, Recording& recording, const Judge& judge,
                                            std::stop_token stop) {
   const std::string program = fmt::format("{}-{}", progress_.session().name(), ++program_number_);
-  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, {step}, stop));
+  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, {step}, recording.exposure_ms(), stop));
   if (monotonic_now() - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1, stop));
   ProgramFeeds feeds(setup_.links, program, pictures_, monitor_count, monotonic_now() + start_lead_,
                      hold_refreshes_of(progress_.session().plan()), recording.exposure_ms(), true);

@@ -39,9 +39,10 @@ class StepPlayer {
 
  private:
   // Returns how many monitors will report each step.
-  absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps, std::stop_token stop);
+  absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps, double exposure_ms,
+                           std::stop_token stop);
   absl::Status load(DisplayLink& display, const std::string& program, const std::vector<Step>& steps,
-                    std::stop_token stop);
+                    double exposure_ms, std::stop_token stop);
   // Plays the loaded program. False: the command arrived too late at a display.
   absl::StatusOr<bool> play_loaded(const std::string& program, int monitor_count, Recording& recording,
                                    const Judge& judge, std::stop_token stop);

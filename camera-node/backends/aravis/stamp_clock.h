@@ -10,7 +10,8 @@
 // so over several triggers the constant is at least L = max(c - s) and at most A = min(q - s). The fastest
 // trigger response took at most `trigger_delay`, so the constant is at most U = min(L + trigger_delay, A).
 // From then on the minimum delay of many frames, min(q - s), shows the drift: it stays A - U to A - L above
-// the constant, to within kJitter. ClockModel combines all these bounds.
+// the constant, to within kJitter, or what the triggered frames show if that is more. ClockModel combines all
+// these bounds.
 #pragma once
 
 #include <optional>
@@ -48,5 +49,11 @@ class StampClock {
   int block_ = 0;
   ClockModel clock_;
 };
+
+// The start of an exposure whose camera follows this machine's CLOCK_REALTIME by PTP, apart from whole
+// seconds (PTP counts leap seconds). `stamp`: as the start would have it. `realtime`: CLOCK_REALTIME -
+// CLOCK_MONOTONIC. `known`: the start, from triggers or arrivals. Empty: the two contradict each other.
+std::optional<ClockReading> ptp_start(nanoseconds stamp, nanoseconds realtime, const ClockReading& known,
+                                      nanoseconds error);
 
 }  // namespace glasswing
