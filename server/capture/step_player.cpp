@@ -225,6 +225,7 @@ absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
   GW_ASSIGN_OR_RETURN(const std::optional<v1::LinePulse> pulse,
                       line_pulse(setup_.links, display, load.hold_refreshes(), exposure_ms));
   if (pulse) *load.mutable_line() = *pulse;
+  raises_line_ = raises_line_ || pulse;
   for (const v1::DisplayCalibration& calibration : setup_.header.display_calibrations()) {
     if (display.monitor(calibration.monitor()) != nullptr) *load.add_calibrations() = calibration;
   }
@@ -323,8 +324,10 @@ absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int mon
       played_at = now;
     } else {
       const std::optional<nanoseconds> replaced = feeds.last_replaced();
+      // The line rises in the black picture that follows, too: its frame is the last.
+      const nanoseconds tail = raises_line_ ? nanoseconds(0) : milliseconds(50);
       const bool all_seen =
-          !replaced || recording.frames_seen_until().value_or(nanoseconds(0)) > *replaced + milliseconds(50);
+          !replaced || recording.frames_seen_until().value_or(nanoseconds(0)) > *replaced + tail;
       if (all_seen || now - played_at > kLastFrameWait) return true;
     }
     if (now - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1, stop));

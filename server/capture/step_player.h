@@ -58,6 +58,7 @@ class StepPlayer {
   CaptureSetup& setup_;
   CaptureProgress& progress_;
   int program_number_ = 0;
+  bool raises_line_ = false;                                 // a display, to expose each picture
   int pictures_ = 0;                                         // of the last program
   nanoseconds start_lead_ = std::chrono::milliseconds(120);  // from a program's command to its first step
   nanoseconds clocks_measured_at_{};

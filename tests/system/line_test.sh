@@ -76,15 +76,16 @@ echo "== the display raises the line"
 ended "$camera_pid" "$display_pid"
 display --line "command:$work/raise $work/port"
 camera --trigger Line1 --line-delay-ms 2
-until_true 20 eval 'glasswing nodes --json | grep "trigger Line1" >/dev/null' || fail "$(glasswing nodes)"
+until_true 20 eval 'glasswing nodes --json | grep "trigger Line1 after 2 ms, 41.5 C" >/dev/null' || fail "$(glasswing nodes)"
 session line "$work/triggered.txtpb"
 echo "$(times_as_fast free line) times as fast"
 glasswing doctor >"$work/doctor" || fail "the doctor finds problems: $(cat "$work/doctor")"
+grep "triggered by Line1 after 2 ms, which display-1 raises by command:" "$work/doctor" >/dev/null || fail "the doctor does not tell the trigger: $(cat "$work/doctor")"
 
 echo "== a delay that does not fit is refused, with numbers"
 ended "$camera_pid"
 camera --trigger Line1 --line-delay-ms 70
-until_true 20 eval 'glasswing nodes --json | grep "trigger Line1" >/dev/null' || fail "$(glasswing nodes)"
+until_true 20 eval 'glasswing nodes --json | grep "trigger Line1 after 70 ms" >/dev/null' || fail "$(glasswing nodes)"
 refused "begins 70 ms after its line rises (--line-delay-ms)" glasswing capture "$work/triggered.txtpb" --dry-run
 
 ended "$wire_pid"

@@ -36,6 +36,7 @@ StampClock StampClock::of_triggers(std::vector<Sighting> triggered, nanoseconds 
   StampClock clock;
   clock.min_delay_ = std::max(arrival - highest - jitter, nanoseconds(0));
   clock.max_delay_ = arrival - lowest + jitter;
+  clock.least_error_ = (highest - lowest) / 2;
   clock.clock_.add({.sent = last.stamp + lowest,
                     .received = last.stamp,
                     .answered = last.stamp,

@@ -14,6 +14,7 @@
 // these bounds.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <vector>
 
@@ -40,13 +41,19 @@ class StampClock {
   // Adds a frame; its trigger is ignored.
   void add(const Sighting& frame);
   // Requires a frame, or triggers.
-  ClockReading start_of(nanoseconds stamp) const { return clock_.rig_from_node(stamp); }
+  ClockReading start_of(nanoseconds stamp) const {
+    const ClockReading start = clock_.rig_from_node(stamp);
+    return {.time = start.time, .error = std::max(start.error, least_error_)};
+  }
 
  private:
   // Minimum over many: how long after the exposure's start its data shows it.
   nanoseconds min_delay_{}, max_delay_{};
   std::optional<Sighting> least_;  // of this block
   int block_ = 0;
+  // What the triggers leave open. Arrivals show the drift, and where they seem to narrow this further it is
+  // by chance.
+  nanoseconds least_error_{};
   ClockModel clock_;
 };
 

@@ -70,8 +70,10 @@ inline std::vector<std::uint8_t> packed(const Dng& dng, const DngTile& tile) {
 // bits.
 inline std::vector<std::uint8_t> lossless_jpeg(const Dng& dng, const DngTile& tile) {
   const auto byte_of = [](int value) { return static_cast<std::uint8_t>(value); };
-  std::vector<std::uint8_t> bytes{0xff, 0xd8, 0xff, 0xc4, 0, 2 + 17 + 17, 0, 0, 0, 0, 0, 17};
-  bytes.insert(bytes.end(), 11, 0);
+  std::vector<std::uint8_t> bytes;
+  for (const int value :
+       {0xff, 0xd8, 0xff, 0xc4, 0, 2 + 17 + 17, 0, 0, 0, 0, 0, 17, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0})
+    bytes.push_back(byte_of(value));
   for (int length = 0; length <= 16; ++length) bytes.push_back(byte_of(length));
   for (const int value : {0xff,
                           0xc3,

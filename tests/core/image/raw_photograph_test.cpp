@@ -99,6 +99,10 @@ TEST_F(RawPhotographs, OfTilesLosslessJpegsAndGreySensorsAreTheSame) {
           dng.mono = mono;
           const fs::path path = written(dng);
           const absl::StatusOr<RawPhotograph> raw = decoded(path);
+          if (tile_px > 0 && !jpeg) {  // LibRaw 0.20 reads them as if they were rows
+            EXPECT_TRUE(absl::IsDataLoss(raw.status())) << raw.status();
+            continue;
+          }
           ASSERT_TRUE(raw.ok()) << raw.status();
           EXPECT_EQ(raw->mosaic, mono ? "" : "RGGB");
           ASSERT_EQ(raw->codes.samples.size(), dng.codes.size());

@@ -55,11 +55,42 @@ sockaddr_in peer(std::uint32_t address, std::uint16_t port) {
 
 int udp_at(std::uint32_t address, std::uint16_t port) {
   const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0), on = 1;
+  ::setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
   const sockaddr_in at = peer(address, port);
   ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
   if (::bind(fd, reinterpret_cast<const sockaddr*>(&at), sizeof at) == 0) return fd;
   ::close(fd);
   return -1;
+}
+
+struct Packet {
+  std::vector<std::uint8_t> bytes;
+  sockaddr_in from{};
+  nanoseconds at{};  // when it arrived, however late this process runs
+};
+
+Packet received(int fd) {
+  Packet packet{.bytes = std::vector<std::uint8_t>(1024)};
+  iovec part{.iov_base = packet.bytes.data(), .iov_len = packet.bytes.size()};
+  alignas(cmsghdr) char control[256];
+  msghdr message{.msg_name = &packet.from,
+                 .msg_namelen = sizeof packet.from,
+                 .msg_iov = &part,
+                 .msg_iovlen = 1,
+                 .msg_control = control,
+                 .msg_controllen = sizeof control,
+                 .msg_flags = 0};
+  const ssize_t size = ::recvmsg(fd, &message, MSG_DONTWAIT);
+  packet.bytes.resize(static_cast<size_t>(std::max<ssize_t>(size, 0)));
+  timespec now{}, then{};
+  ::clock_gettime(CLOCK_REALTIME, &now);
+  packet.at = monotonic_now();
+  for (cmsghdr* note = CMSG_FIRSTHDR(&message); note != nullptr; note = CMSG_NXTHDR(&message, note)) {
+    if (note->cmsg_level != SOL_SOCKET || note->cmsg_type != SCM_TIMESTAMPNS) continue;
+    std::memcpy(&then, CMSG_DATA(note), sizeof then);
+    packet.at -= std::chrono::seconds(now.tv_sec - then.tv_sec) + nanoseconds(now.tv_nsec - then.tv_nsec);
+  }
+  return packet;
 }
 
 }  // namespace
@@ -116,9 +147,7 @@ void WireCamera::control() {
         answer(each.fd);
         continue;
       }
-      char edge = 0;
-      (void)::recv(line_fd_, &edge, 1, 0);
-      raise_line();
+      raise_line(received(line_fd_).at);
     }
     // An application that has fallen silent has lost the camera.
     const nanoseconds heartbeat = std::chrono::milliseconds(registers_.get(WireRegisters::kHeartbeat_ms));
@@ -130,15 +159,11 @@ void WireCamera::control() {
 }
 
 void WireCamera::answer(int fd) {
-  std::vector<std::uint8_t> packet(1024);
-  sockaddr_in from{};
-  socklen_t size = sizeof from;
-  const ssize_t got =
-      ::recvfrom(fd, packet.data(), packet.size(), 0, reinterpret_cast<sockaddr*>(&from), &size);
-  if (got < 8 || packet[0] != 0x42) return;
-  const std::uint16_t command = static_cast<std::uint16_t>(number(packet, 2, 2));
-  const std::span<const std::uint8_t> body = std::span(packet).subspan(8, static_cast<size_t>(got) - 8);
-  if (command != kDiscover) commanded_at_ = monotonic_now();
+  const Packet packet = received(fd);
+  if (packet.bytes.size() < 8 || packet.bytes[0] != 0x42) return;
+  const std::uint16_t command = static_cast<std::uint16_t>(number(packet.bytes, 2, 2));
+  const std::span<const std::uint8_t> body = std::span(packet.bytes).subspan(8);
+  if (command != kDiscover) commanded_at_ = packet.at;
   if (command == kResend) {
     resend(body);
     return;
@@ -148,9 +173,10 @@ void WireCamera::answer(int fd) {
   put(reply, said.empty() ? 0x8002 : 0, 2);  // invalid parameter
   put(reply, command + 1u, 2);
   put(reply, said.size(), 2);
-  put(reply, number(packet, 6, 2), 2);
+  put(reply, number(packet.bytes, 6, 2), 2);
   reply.insert(reply.end(), said.begin(), said.end());
-  (void)::sendto(control_fd_, reply.data(), reply.size(), 0, reinterpret_cast<sockaddr*>(&from), size);
+  (void)::sendto(control_fd_, reply.data(), reply.size(), 0, reinterpret_cast<const sockaddr*>(&packet.from),
+                 sizeof packet.from);
 }
 
 std::vector<std::uint8_t> WireCamera::answer_to(std::uint16_t command, std::span<const std::uint8_t> body) {
@@ -192,14 +218,18 @@ void WireCamera::written(std::uint32_t at) {
   }
   if (at == WireRegisters::kAcquisitionStop || at == WireRegisters::kControl) running_ = false;
   if (at == WireRegisters::kTriggerSoftware && registers_.get(WireRegisters::kTriggerSource) == 0)
-    trigger(monotonic_now() + options_.trigger_latency);
+    trigger(commanded_at_ + options_.trigger_latency);
   changed_.notify_all();
 }
 
 void WireCamera::raise_line() {
+  raise_line(monotonic_now());
+}
+
+void WireCamera::raise_line(nanoseconds at) {
   if (registers_.get(WireRegisters::kTriggerSource) != 1) return;
   const double delay_us = registers_.get_double(WireRegisters::kTriggerDelay);
-  trigger(monotonic_now() + nanoseconds(std::llround(delay_us * 1e3)));
+  trigger(at + nanoseconds(std::llround(delay_us * 1e3)));
 }
 
 void WireCamera::trigger(nanoseconds at) {

@@ -72,6 +72,7 @@ class WireCamera {
   void control();     // a thread: commands, and the line
   void expose_all();  // a thread: times of the exposures
   void send_all();    // a thread: pictures
+  void raise_line(nanoseconds at);
   void answer(int fd);
   std::vector<std::uint8_t> answer_to(std::uint16_t command, std::span<const std::uint8_t> body);
   void written(std::uint32_t at);
