@@ -60,6 +60,7 @@ absl::StatusOr<std::unique_ptr<AravisCamera>> AravisCamera::open(const Options& 
   std::unique_ptr<AravisCamera> camera(new AravisCamera(options));
   GW_RETURN_IF_ERROR(camera->connect());
   GW_RETURN_IF_ERROR(camera->learn_rate());
+  camera->read_temperature();
   return camera;
 }
 

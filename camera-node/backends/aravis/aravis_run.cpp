@@ -68,7 +68,9 @@ absl::Status AravisRun::stream() {
 AravisRun::~AravisRun() {
   arv_camera_stop_acquisition(device_->get(), nullptr);  // fails where the camera is gone
   ended_ = true;                                         // the stream still reports what it aborts
-  stream_.reset();                                       // ends its thread, which uses the other members
+  // Ends its thread, which uses the other members, and this pointer until it has ended.
+  if (stream_ != nullptr) g_object_unref(stream_.get());
+  (void)stream_.release();
 }
 
 void AravisRun::call_back(void* run, ArvStreamCallbackType type, ArvBuffer* buffer) {
