@@ -79,6 +79,7 @@ camera --trigger Line1 --line-delay-ms 2
 until_true 20 eval 'glasswing nodes --json | grep "trigger Line1 after 2 ms, 41.5 C" >/dev/null' || fail "$(glasswing nodes)"
 session line "$work/triggered.txtpb"
 echo "$(times_as_fast free line) times as fast"
+awk -v ratio="$(times_as_fast free line)" 'BEGIN { exit ratio < 1 }' || fail "a line makes it no faster"
 glasswing doctor >"$work/doctor" || fail "the doctor finds problems: $(cat "$work/doctor")"
 grep "triggered by Line1 after 2 ms, which display-1 raises by command:" "$work/doctor" >/dev/null || fail "the doctor does not tell the trigger: $(cat "$work/doctor")"
 
