@@ -25,20 +25,30 @@ std::optional<std::int64_t> reserve_bytes(const CameraOptions& options) {
   return std::llround(1e6 * *options.reserve_mb);
 }
 
-v1::RegisterRequest node_of(const CameraOptions& options, const OpenedCamera& opened) {
+// "aravis 1280x1024 at 25 fps, trigger Line1 after 2 ms, 41.5 C, 3 frames dropped, 7 packets missing"
+std::string detail_of(const CameraOptions& options, const v1::GetCameraResponse& camera) {
+  std::string detail = fmt::format("{} {}x{} at {:.4g} fps", options.backend, camera.camera().width_px(),
+                                   camera.camera().height_px(), camera.frame_rate_hz());
+  if (!camera.trigger().empty()) detail += ", trigger " + camera.trigger();
+  if (camera.line_delay_ns() > 0)
+    detail += fmt::format(" after {:.4g} ms", static_cast<double>(camera.line_delay_ns()) / 1e6);
+  if (camera.has_temperature_c()) detail += fmt::format(", {:.1f} C", camera.temperature_c());
+  if (camera.dropped_frames() > 0) detail += fmt::format(", {} frames dropped", camera.dropped_frames());
+  if (camera.missing_packets() > 0) detail += fmt::format(", {} packets missing", camera.missing_packets());
+  return detail;
+}
+
+v1::RegisterRequest node_of(const CameraOptions& options) {
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_CAMERA);
   node.set_name(options.settings.name);
-  const v1::GetCameraResponse described = opened.camera->describe();
-  node.set_detail(fmt::format("{} {}x{} at {:.4g} fps{}", options.backend, described.camera().width_px(),
-                              described.camera().height_px(), described.frame_rate_hz(),
-                              opened.detail.empty() ? "" : ", " + opened.detail));
   return node;
 }
 
-std::optional<v1::Preparation> preparation_of(const Camera& camera) {
-  const v1::GetCameraResponse described = camera.describe();
-  return described.has_preparation() ? std::optional(described.preparation()) : std::nullopt;
+void update(const CameraOptions& options, const OpenedCamera& opened, v1::RegisterRequest& node) {
+  const v1::GetCameraResponse described = opened.camera->describe();
+  node.set_detail(detail_of(options, described) + (opened.detail.empty() ? "" : ", " + opened.detail));
+  if (described.has_preparation()) *node.mutable_preparation() = described.preparation();
 }
 
 }  // namespace
@@ -64,10 +74,10 @@ absl::Status run_camera(const CLI::App& app, DaemonOptions daemon, CameraOptions
   archive_metrics();
   const AskedMetrics disk([&] { return disk_metrics(archives); });
   return serve(daemon, {.services = {&cameras, &archive_service, &calibrations, &stages, &axes},
-                        .node = node_of(options, opened),
+                        .node = node_of(options),
                         .server = options.server,
                         .data = archives,
-                        .preparation_of = [&] { return preparation_of(*opened.camera); },
+                        .update = [&](v1::RegisterRequest& node) { update(options, opened, node); },
                         .end =
                             [&] {
                               cameras.stop();

@@ -8,7 +8,9 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "display-node/backends/light_tap.h"
+#include "display-node/backends/pulsed_display.h"
 #include "display-node/backends/repeating_display.h"
+#include "display-node/backends/trigger_lines.h"
 #include "display-node/display_metrics.h"
 #include "display-node/open_rails.h"
 #include "display-node/services/display_service.h"
@@ -42,7 +44,14 @@ absl::Status run_display(const CLI::App& app, const DaemonOptions& daemon, const
   GW_ASSIGN_OR_RETURN(const PatchRows patch_rows, options.patches());
   GW_RETURN_IF_ERROR(DisplayServiceImpl::check_patch(display, patch_rows));
   GW_ASSIGN_OR_RETURN(std::vector<MonitorRail> rails, open_rails(options, tap));
-  DisplayServiceImpl service(options.name, display, patch_rows, std::move(rails));
+  std::optional<PulsedDisplay> pulsed;
+  if (!options.line.empty()) {
+    GW_ASSIGN_OR_RETURN(std::unique_ptr<TriggerLine> line, open_trigger_line(options.line));
+    pulsed.emplace(display, std::move(line));
+  }
+  DisplayServiceImpl service(options.name, pulsed ? static_cast<Display&>(*pulsed) : display, patch_rows,
+                             std::move(rails),
+                             {.display = pulsed ? &*pulsed : nullptr, .name = options.line});
   EmissionServiceImpl emission(tap, optics);
   display_metrics();
   return serve(daemon, {.services = {&service, &emission},

@@ -54,6 +54,13 @@ void add_screen_options(CLI::App& app, DisplayOptions& display) {
       "a "
       "minute, when it has arrived; no shell is involved; {mm} is the position and {monitor} the monitor's "
       "name");
+  app.add_option(
+      "--line", display.line,
+      "raises a line that triggers the camera, once in each picture of a capture: serial:DEVICE, the RTS "
+      "output of a serial port, such as serial:/dev/ttyUSB0; gpio:DEVICE:LINE, such as "
+      "gpio:/dev/gpiochip0:17; either with \",inverted\" if its levels are swapped; command:PROGRAM, which "
+      "is "
+      "started once and raises the line whenever it reads a line of text; the camera's node needs --trigger");
 }
 
 void add_true_timing_options(CLI::App& app, DisplayOptions& display) {

@@ -36,7 +36,7 @@ struct DisplayOptions {
   std::vector<std::string> tilts;
   // Of any.
   std::vector<std::string> rails;
-  std::string rail_command;
+  std::string rail_command, line;
 
   // Opens the screens that --backend and --monitor name. INVALID_ARGUMENT: `app` has an option that this
   // backend does not take, or one with a bad value; else the backend's own errors.

@@ -73,7 +73,7 @@ absl::Status serve(const DaemonOptions& options, const Served& served) {
     node.set_address(host->advertised());
     spdlog::info("listening on address={}", host->address());
   }
-  const Registration registration(served.server, node, served.data, served.preparation_of);
+  const Registration registration(served.server, node, served.data, served.update);
   const absl::Status begun = served.begin ? served.begin(host.get()) : absl::OkStatus();
   if (begun.ok()) serve_until_signal([&] { return host == nullptr || host->answers(kSelfCall); });
   if (served.end) served.end();

@@ -59,7 +59,7 @@ struct Served {
   v1::RegisterRequest node = {};
   std::string server = {};
   std::filesystem::path data = {};  // whose disk the node reports on; empty: it stores nothing
-  Registration::PreparationOf preparation_of = nullptr;
+  Registration::Update update = nullptr;
   // Called once the services answer, with null if the daemon does not listen. An error ends the daemon.
   std::function<absl::Status(ServiceHost* host)> begin = nullptr;
   // Ends what `begin` began and the running calls, so that the services can stop.

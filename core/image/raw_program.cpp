@@ -87,6 +87,14 @@ class Reader {
     RawPhotograph photograph;
     photograph.facts = facts();
     if (const absl::Status known = find_mosaic(photograph.mosaic); !known.ok()) return known;
+    libraw_decoder_info_t decoder{};
+    raw_->get_decoder_info(&decoder);
+    // LibRaw would read them as if they were rows.
+    if (decoder.decoder_name == std::string_view("packed_dng_load_raw()") &&
+        raw_->get_internal_data_pointer()->unpacker_data.tile_length < raw_->imgdata.sizes.raw_height)
+      return bad(
+          "its picture is stored in tiles without compression, which LibRaw does not support; write it "
+          "with lossless compression, or in strips");
     damaged_ = false;
     source_.begin();
     if (const absl::Status unpacked = failed(raw_->unpack()); !unpacked.ok()) return unpacked;

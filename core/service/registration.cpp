@@ -17,14 +17,13 @@ constexpr std::chrono::milliseconds kUsualPause(1000), kPreparingPause(200);
 }  // namespace
 
 Registration::Registration(const std::string& server_address, v1::RegisterRequest node,
-                           std::filesystem::path data, PreparationOf preparation_of)
+                           std::filesystem::path data, Update update)
     : server_address_(server_address),
       node_(std::move(node)),
       data_(std::move(data)),
-      preparation_of_(std::move(preparation_of)) {
+      update_(std::move(update)) {
   if (server_address.empty()) return;
   node_.set_version(kVersion);
-  node_.set_detail(fitted(node_.detail()));
   stub_ = v1::NodeService::NewStub(dial(server_address, only(Role::kServer)));
   thread_ = std::jthread([this](std::stop_token stop) { run(stop); });
 }
@@ -45,8 +44,8 @@ void Registration::run(std::stop_token stop) {
   while (!stop.stop_requested()) {
     *node_.mutable_health() = node_health(data_);
     node_.clear_preparation();
-    if (std::optional<v1::Preparation> now = preparation_of_ ? preparation_of_() : std::nullopt)
-      *node_.mutable_preparation() = *std::move(now);
+    if (update_) update_(node_);
+    node_.set_detail(fitted(node_.detail()));
     grpc::Status status = call(stop, true);  // returns as soon as the server is up
     // A call that waits reports only its deadline; one that does not reports why the server is unreachable.
     if (!status.ok() && known) status = call(stop, false);

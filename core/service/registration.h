@@ -7,7 +7,6 @@
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <thread>
 
@@ -17,14 +16,14 @@ namespace glasswing {
 
 class Registration {
  public:
-  // Returns what the node is preparing; nothing: it can be used.
-  using PreparationOf = std::function<std::optional<v1::Preparation>()>;
+  // Sets the fields that change while the node runs: detail, and preparation, which is cleared before.
+  using Update = std::function<void(v1::RegisterRequest&)>;
 
   // `server_address` empty: does nothing. Retries for ever if the server does not answer; logs the first
-  // failure and the recovery. `data`: as for node_health(). `preparation_of` is asked each time; null: the
-  // node never prepares.
+  // failure and the recovery. `data`: as for node_health(). `update` is called each time; null: nothing
+  // changes.
   Registration(const std::string& server_address, v1::RegisterRequest node, std::filesystem::path data = {},
-               PreparationOf preparation_of = nullptr);
+               Update update = nullptr);
   ~Registration();
 
  private:
@@ -35,7 +34,7 @@ class Registration {
   std::unique_ptr<v1::NodeService::Stub> stub_;
   v1::RegisterRequest node_;
   const std::filesystem::path data_;
-  const PreparationOf preparation_of_;
+  const Update update_;
   std::mutex mutex_;
   std::condition_variable_any wake_;
   std::jthread thread_;

@@ -48,9 +48,10 @@ absl::Status DisplayServiceImpl::check_patch(const Display& display, const Patch
 }
 
 DisplayServiceImpl::DisplayServiceImpl(std::string name, Display& display, const PatchRows& patch_rows,
-                                       std::vector<MonitorRail> rails)
+                                       std::vector<MonitorRail> rails, const RaisedLine& line)
     : name_(std::move(name)),
       display_(display),
+      line_(line),
       screens_(with_patch(display.screens(), patch_rows)),
       rails_(std::move(rails)) {}
 
@@ -58,6 +59,7 @@ grpc::Status DisplayServiceImpl::GetDisplay(grpc::ServerContext*, const v1::GetD
                                             v1::GetDisplayResponse* response) {
   response->set_name(name_);
   response->set_backend(display_.backend());
+  response->set_line(line_.name);
   for (const ScreenInfo& screen : screens_) {
     v1::DisplayMonitor& monitor = *response->add_monitors();
     monitor.set_name(screen.name);
@@ -121,11 +123,24 @@ grpc::Status DisplayServiceImpl::LoadProgram(grpc::ServerContext* context,
 }
 
 absl::StatusOr<v1::LoadProgramResponse> DisplayServiceImpl::load(const v1::LoadProgramRequest& request) {
+  std::optional<PulsedDisplay::Pulse> pulse;
+  if (request.has_line()) {
+    if (line_.display == nullptr)
+      return absl::FailedPreconditionError(
+          "this display has no line to trigger a camera; glasswing-display --line names one");
+    if (request.line().after_ns() < 0 || request.line().slack_ns() < 0)
+      return absl::InvalidArgumentError(
+          fmt::format("line is after_ns {}, slack_ns {}; both must be 0 or more", request.line().after_ns(),
+                      request.line().slack_ns()));
+    pulse = {.after = nanoseconds(request.line().after_ns()),
+             .slack = nanoseconds(request.line().slack_ns())};
+  }
   GW_ASSIGN_OR_RETURN(Program program, Program::create(request, screens_, images_));
   fault_point("program drawn");
   const std::lock_guard lock(mutex_);
   play_.request_stop();
   loaded_ = std::make_shared<const Program>(std::move(program));
+  pulse_ = pulse;
   return v1::LoadProgramResponse();
 }
 
@@ -137,6 +152,7 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
         absl::InvalidArgumentError(fmt::format("step_ns is {}; it must be 0 or more", request->step_ns())));
   }
   std::shared_ptr<const Program> program;
+  std::optional<PulsedDisplay::Pulse> pulse;
   std::stop_source play_stop;
   {
     const std::lock_guard lock(mutex_);
@@ -145,6 +161,7 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
           fmt::format("program \"{}\" is not loaded; load it first", request->program())));
     }
     program = loaded_;
+    pulse = pulse_;
     play_.request_stop();  // two programs never share the screens
     play_ = play_stop;
   }
@@ -156,6 +173,7 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
   absl::Status status;
   std::jthread player([&] {
     const std::lock_guard screens(playing_);
+    if (line_.display != nullptr) line_.display->arm(pulse);
     absl::Status result = play(
         *program, display_, nanoseconds(request->start_at_ns()), nanoseconds(request->step_ns()),
         play_stop.get_token(),

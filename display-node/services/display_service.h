@@ -3,17 +3,25 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
 
 #include "core/service/joined_calls.h"
+#include "display-node/backends/pulsed_display.h"
 #include "display-node/display.h"
 #include "display-node/playback/program.h"
 #include "display-node/rail.h"
 #include "glasswing/v1/display_service.grpc.pb.h"
 
 namespace glasswing {
+
+// A trigger line, and the display that raises it.
+struct RaisedLine {
+  PulsedDisplay* display = nullptr;  // null: there is no line
+  std::string name;
+};
 
 class DisplayServiceImpl final : public v1::DisplayService::Service {
  public:
@@ -22,7 +30,7 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
   static absl::Status check_patch(const Display& display, const PatchRows& patch_rows);
   // `rails`: of monitors of the display, at most one each.
   DisplayServiceImpl(std::string name, Display& display, const PatchRows& patch_rows = 0,
-                     std::vector<MonitorRail> rails = {});
+                     std::vector<MonitorRail> rails = {}, const RaisedLine& line = {});
   // Ends a playing program and a move, so that the daemon can stop.
   void stop() { stop_.request_stop(); }
 
@@ -46,11 +54,13 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
 
   const std::string name_;
   Display& display_;
+  const RaisedLine line_;
   const std::vector<ScreenInfo> screens_;
   ImageStore images_;
   std::stop_source stop_;
   std::mutex mutex_;
   std::shared_ptr<const Program> loaded_;      // guarded by mutex_
+  std::optional<PulsedDisplay::Pulse> pulse_;  // of it; guarded by mutex_
   std::stop_source play_;                      // guarded by mutex_, stops the playing program
   std::string moving_;                         // request id of the move; guarded by mutex_
   std::stop_source move_;                      // guarded by mutex_, stops the move

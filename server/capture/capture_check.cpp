@@ -11,6 +11,7 @@
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "server/rig/embed_calibrations.h"
+#include "server/rig/exposure_triggers.h"
 #include "server/sessions/views.h"
 
 namespace glasswing {
@@ -29,16 +30,28 @@ absl::Status check_exposures(const std::vector<Step>& steps, const v1::GetCamera
   return absl::OkStatus();
 }
 
+absl::Status check_line(const RigLinks& links, const v1::Plan& plan, const std::vector<Step>& steps) {
+  std::set<double> exposures_ms;
+  for (const Step& step : steps) exposures_ms.insert(step.exposure_ms);
+  for (const double exposure_ms : exposures_ms) {
+    for (const auto& display : links.displays)
+      GW_RETURN_IF_ERROR(line_pulse(links, *display, hold_refreshes_of(plan), exposure_ms).status());
+  }
+  return absl::OkStatus();
+}
+
 // A camera that takes pictures on demand provides no times that could prove a step.
 absl::Status check_patches(const v1::GetCameraResponse& camera, const v1::Plan& plan,
                            const std::vector<v1::Monitor>& monitors, const std::vector<Step>& steps) {
   if (!camera.on_demand()) return absl::OkStatus();
   const std::string& name = camera.camera().name();
   if (plan.has_calibration() || is_video(plan)) {
-    return absl::FailedPreconditionError(
-        fmt::format("pictures of camera \"{}\" are proven only by the id patch, which {} show; use a camera "
-                    "that timestamps its frames",
-                    name, plan.has_calibration() ? "calibrations do not" : "videos cannot wait to"));
+    return absl::FailedPreconditionError(fmt::format(
+        "pictures of camera \"{}\" are proven only by the id patch, which {}", name,
+        plan.has_calibration()
+            ? "calibrations do not show; raw files are linear, so that mattes need no calibration of the "
+              "camera: calibrate the monitors, if they need it, with a camera that timestamps its frames"
+            : "videos cannot wait to show; capture stills, or use a camera that timestamps its frames"));
   }
   for (const Step& step : steps) {
     const auto lit = std::ranges::find(monitors, step.stimulus.panel(), &v1::Monitor::name);
@@ -92,6 +105,12 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
                   v1::EstimateSessionResponse& estimate) {
   if (const std::string warning = uncalibrated_warning(header); !warning.empty())
     estimate.add_warnings(warning);
+  if (links.camera_info.on_demand() && links.camera_info.frame_rate_hz() > 0.0) {
+    estimate.add_warnings(fmt::format(
+        "camera \"{}\" takes its pictures on demand: each step is held until its picture has arrived, about "
+        "{:.2g} s, whatever hold_refreshes says",
+        links.camera_info.camera().name(), 1.0 / links.camera_info.frame_rate_hz()));
+  }
   for (const std::string& display : links.silent_displays) {
     estimate.add_warnings(fmt::format(
         "{} does not answer; the plan does not need it, but its monitors may emit light", display));
@@ -125,6 +144,7 @@ absl::StatusOr<CheckedCapture> check_camera(const NodeRegistry& rig, const Calib
   checked.info = links.camera_info;
   GW_ASSIGN_OR_RETURN(checked.steps, expand(plan, monitors));
   GW_RETURN_IF_ERROR(check_exposures(checked.steps, links.camera_info));
+  GW_RETURN_IF_ERROR(check_line(links, plan, checked.steps));
   GW_RETURN_IF_ERROR(check_patches(links.camera_info, plan, monitors, checked.steps));
   v1::CaptureManifest header;
   for (const v1::Monitor& monitor : monitors) *header.add_monitors() = monitor;

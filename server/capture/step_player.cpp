@@ -215,7 +215,7 @@ absl::Status StepPlayer::measure_clocks(int count, const std::stop_token& stop) 
 }
 
 absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vector<Step>& steps,
-                                     std::stop_token stop) {
+                                     double exposure_ms, std::stop_token stop) {
   // Ids of successive showings differ in many bits.
   constexpr std::uint32_t kSpread = 40503, kIds = 1u << IdPatch::kBits;
   loaded_.clear();
@@ -225,18 +225,25 @@ absl::StatusOr<int> StepPlayer::load(const std::string& program, const std::vect
   }
   int monitor_count = 0;
   for (const auto& display : links().displays) {
-    GW_RETURN_IF_ERROR(load(*display, program, steps, stop));
+    GW_RETURN_IF_ERROR(load(*display, program, steps, exposure_ms, stop));
     monitor_count += display->info.monitors_size();
   }
   return monitor_count;
 }
 
 absl::Status StepPlayer::load(DisplayLink& display, const std::string& program,
-                              const std::vector<Step>& steps, std::stop_token stop) {
+                              const std::vector<Step>& steps, double exposure_ms, std::stop_token stop) {
   v1::LoadProgramRequest load;
   load.set_program(program);
   load.set_request_id(random_token());
   load.set_hold_refreshes(hold_refreshes());
+  for (const auto& view : views_) {
+    GW_ASSIGN_OR_RETURN(const std::optional<v1::LinePulse> pulse,
+                        line_pulse(view->setup.links, display, load.hold_refreshes(), exposure_ms));
+    if (!pulse) continue;
+    *load.mutable_line() = *pulse;
+    raises_line_ = true;
+  }
   for (const v1::DisplayCalibration& calibration : views_.front()->setup.header.display_calibrations()) {
     if (display.monitor(calibration.monitor()) != nullptr) *load.add_calibrations() = calibration;
   }
@@ -311,7 +318,8 @@ absl::Status StepPlayer::play(const std::vector<Step>& steps, std::span<Watching
     return absl::OkStatus();
   }
   const std::string program = next_program();
-  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps, stop));
+  GW_ASSIGN_OR_RETURN(const int monitor_count,
+                      load(program, steps, cameras.front().recording.exposure_ms(), stop));
   while (true) {
     GW_ASSIGN_OR_RETURN(const bool in_time, play_loaded(program, monitor_count, cameras, stop));
     if (in_time) return absl::OkStatus();
@@ -363,9 +371,14 @@ absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int mon
       played_at = now;
     } else {
       const std::optional<nanoseconds> replaced = feeds.last_replaced();
+      // The line rises in the black picture that follows, too: its frame is the last.
+      const auto all_frames = [&](const Watching& camera) {
+        const bool on_line = raises_line_ && !camera.view.setup.links.camera_info.trigger().empty();
+        const nanoseconds tail = on_line ? nanoseconds(0) : milliseconds(50);
+        return camera.recording.frames_seen_until().value_or(nanoseconds(0)) > *replaced + tail;
+      };
       const bool all_seen = !replaced || std::ranges::all_of(cameras, [&](const Watching& camera) {
-        return camera.is_over ||
-               camera.recording.frames_seen_until().value_or(nanoseconds(0)) > *replaced + milliseconds(50);
+        return camera.is_over || all_frames(camera);
       });
       if (all_seen || now - played_at > kLastFrameWait) return true;
     }
@@ -394,7 +407,7 @@ absl::StatusOr<bool> StepPlayer::play_held(const Step& step, Watching& camera, s
   CaptureProgress& progress = camera.view.progress;
   Recording& recording = camera.recording;
   const std::string program = next_program();
-  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, {step}, stop));
+  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, {step}, recording.exposure_ms(), stop));
   if (monotonic_now() - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1, stop));
   ProgramFeeds feeds(views_, program, pictures_, monitor_count, monotonic_now() + start_lead_,
                      hold_refreshes(), recording.exposure_ms(), true);

@@ -49,9 +49,10 @@ class StepPlayer {
 
  private:
   // Returns how many monitors will report each step.
-  absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps, std::stop_token stop);
+  absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps, double exposure_ms,
+                           std::stop_token stop);
   absl::Status load(DisplayLink& display, const std::string& program, const std::vector<Step>& steps,
-                    std::stop_token stop);
+                    double exposure_ms, std::stop_token stop);
   // Plays the loaded program. False: the command arrived too late at a display.
   absl::StatusOr<bool> play_loaded(const std::string& program, int monitor_count, std::span<Watching> cameras,
                                    std::stop_token stop);
@@ -71,6 +72,7 @@ class StepPlayer {
 
   const CameraViews& views_;
   int program_number_ = 0;
+  bool raises_line_ = false;                                 // a display, to expose each picture
   int pictures_ = 0;                                         // of the last program
   nanoseconds start_lead_ = std::chrono::milliseconds(120);  // from a program's command to its first step
   nanoseconds clocks_measured_at_{};

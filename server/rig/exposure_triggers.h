@@ -3,8 +3,11 @@
 // settling leave enough time to trigger. A late trigger only costs a step its proof.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <map>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "core/timing/proof.h"
@@ -35,5 +38,12 @@ class ExposureTriggers {
   std::map<std::string, size_t> reports_;              // by monitor; guarded by mutex_
   std::map<size_t, std::vector<MonitorWindow>> next_;  // by number, until complete; guarded by mutex_
 };
+
+// For a camera that waits for its line: when the display that has a line must raise it in each picture, so
+// that the exposure lies in the middle of the time in which all monitors show the picture. Empty for all
+// other displays and cameras; then something else raises the line. INVALID_ARGUMENT: it does not fit; the
+// message says what to change.
+absl::StatusOr<std::optional<v1::LinePulse>> line_pulse(const RigLinks& links, const DisplayLink& display,
+                                                        int hold_refreshes, double exposure_ms);
 
 }  // namespace glasswing

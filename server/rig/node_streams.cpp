@@ -124,8 +124,6 @@ MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& disp
       .step = shown.step(),
       .scanout_end = scanout_end.time,
       .replaced = replaced.time,
-      .lag = nanoseconds(monitor == nullptr ? 0 : monitor->optical_lag_ns()),
-      .settle = nanoseconds(monitor == nullptr ? 0 : monitor->settle_ns()),
       .uncertainty = nanoseconds(shown.uncertainty_ns()) + std::max(scanout_end.error, replaced.error)};
   if (monitor != nullptr && monitor->patch_rows() > 0) {
     const double above = static_cast<double>(monitor->height_px()) /
@@ -133,13 +131,20 @@ MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& disp
     window.patch_delay = nanoseconds(
         std::llround(above * static_cast<double>(shown.scanout_end_ns() - shown.scanout_start_ns())));
   }
-  if (const auto measured = display.sync.find(shown.monitor()); measured != display.sync.end()) {
+  add_light_times(shown.monitor(), display, window);
+  return window;
+}
+
+void add_light_times(const std::string& monitor, const DisplayLink& display, MonitorWindow& window) {
+  if (const auto measured = display.sync.find(monitor); measured != display.sync.end()) {
     window.lag = nanoseconds(measured->second.lag_ns());
     window.settle = nanoseconds(measured->second.settle_ns());
     window.uncertainty +=
         nanoseconds(kSyncErrors * measured->second.error_ns() + measured->second.clock_error_ns());
+  } else if (const v1::DisplayMonitor* const declared = display.monitor(monitor)) {
+    window.lag = nanoseconds(declared->optical_lag_ns());
+    window.settle = nanoseconds(declared->settle_ns());
   }
-  return window;
 }
 
 }  // namespace glasswing

@@ -107,5 +107,7 @@ nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_r
 
 // The time in which a monitor showed a step, in rig time using the link's clock model.
 MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& display);
+// Sets lag and settling, measured ones if there are any, and adds their uncertainty.
+void add_light_times(const std::string& monitor, const DisplayLink& display, MonitorWindow& window);
 
 }  // namespace glasswing

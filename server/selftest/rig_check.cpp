@@ -161,6 +161,37 @@ class RigCheck {
     return true;
   }
 
+  // What started the exposures, and what was lost; of a camera with a trigger, a thermometer or packets.
+  void tell_camera(const RigLinks& links) {
+    v1::GetCameraResponse camera = links.camera_info;
+    grpc::ClientContext context;
+    set_deadline(context, kNodeCall);
+    if (!links.camera_stub->GetCamera(&context, v1::GetCameraRequest(), &camera).ok()) return;
+    const std::int64_t dropped = camera.dropped_frames() - links.camera_info.dropped_frames();
+    if (camera.trigger().empty() && !camera.has_temperature_c() && dropped == 0) return;
+    const auto line = std::ranges::find_if(links.displays,
+                                           [](const auto& display) { return !display->info.line().empty(); });
+    std::string text = camera.trigger().empty()         ? "runs freely"
+                       : camera.trigger() == "software" ? "triggered by software"
+                                                        : "triggered by " + camera.trigger();
+    if (camera.line_delay_ns() > 0)
+      text += fmt::format(" after {:.4g} ms", static_cast<double>(camera.line_delay_ns()) / 1e6);
+    if (!camera.trigger().empty() && camera.trigger() != "software")
+      text += line == links.displays.end()
+                  ? ", which no display raises"
+                  : fmt::format(", which {} raises by {}", (*line)->info.name(), (*line)->info.line());
+    if (camera.has_temperature_c()) text += fmt::format("; {:.1f} C", camera.temperature_c());
+    if (dropped > 0) {
+      tell(v1::FINDING_LEVEL_WARNING, "camera",
+           fmt::format("{}; {} frames were dropped during the check, {} packets are missing since its node "
+                       "began",
+                       text, dropped, camera.missing_packets()),
+           "see the camera node's log; for a GigE camera raise net.core.rmem_max, or lower --packet-size");
+    } else {
+      tell(v1::FINDING_LEVEL_OK, "camera", text);
+    }
+  }
+
   // For the camera, judge_window() reports what was measured.
   absl::Status check_fit(const RigLinks& links) {
     GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, links.monitors());
@@ -262,6 +293,7 @@ class RigCheck {
            "switch its automatic exposure off, or request a supported exposure");
       break;
     }
+    tell_camera(links);
     report_(judge_flips(times));
     report_(judge_frames(times));
     const nanoseconds shortest(std::llround(1e6 * links.camera_info.min_exposure_ms()));

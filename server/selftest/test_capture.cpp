@@ -22,11 +22,16 @@ constexpr milliseconds kLastFrame(1500);  // how late a frame may arrive after t
 constexpr milliseconds kPoll(10);
 constexpr int kNoStep = -1;
 
-absl::Status load(DisplayLink& display, const std::string& program, const TestCapture& test,
-                  std::stop_token stop) {
+absl::Status load(const RigLinks& rig, DisplayLink& display, const std::string& program,
+                  const TestCapture& test, std::stop_token stop) {
   v1::LoadProgramRequest request;
   request.set_program(program);
   request.set_hold_refreshes(test.hold_refreshes);
+  if (test.triggered) {
+    GW_ASSIGN_OR_RETURN(const std::optional<v1::LinePulse> pulse,
+                        line_pulse(rig, display, test.hold_refreshes, test.exposure_ms));
+    if (pulse) *request.mutable_line() = *pulse;
+  }
   // Its report determines when the next one can be exposed.
   if (test.triggered) request.add_steps()->set_step(kNoStep);
   for (const v1::ProgramStep& step : test.steps) {
@@ -55,7 +60,7 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
   GW_RETURN_IF_ERROR(camera.wait_running(stop, kStarted));
   GW_RETURN_IF_ERROR(rig.exchange_clocks(8));
   const std::string program = fmt::format("trial-{}", monotonic_now().count());
-  for (DisplayLink* display : test.displays) GW_RETURN_IF_ERROR(load(*display, program, test, stop));
+  for (DisplayLink* display : test.displays) GW_RETURN_IF_ERROR(load(rig, *display, program, test, stop));
   const nanoseconds start_at = monotonic_now() + kStartLead;
   const std::vector<const DisplayLink*> displays(test.displays.begin(), test.displays.end());
   const nanoseconds step = common_step(displays, test.hold_refreshes);

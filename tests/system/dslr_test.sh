@@ -29,6 +29,8 @@ glasswing doctor >"$work/doctor" || true
 grep -q "takes a picture when a capture requests one" "$work/doctor" || fail "doctor: $(cat "$work/doctor")"
 glasswing plan make --for-rig --quality draft --images 26 -o "$work/plan.txtpb"
 glasswing capture "$work/plan.txtpb" --dry-run >"$work/dry" || fail "the plan does not fit"
+grep -q "takes its pictures on demand: each step is held until its picture has arrived" "$work/dry" || fail "dry run: $(cat "$work/dry")"
+refused "raw files are linear, so that mattes need no calibration of the camera" glasswing calibrate camera
 
 echo "== capture"
 # A person takes the object off the stage, and places it.

@@ -25,11 +25,13 @@ double squared_difference(const Image16& a, const Image16& b) {
 }
 
 // As the GigE camera of tests/camera-node/backends/aravis sends it.
-Image16 mono_of(const Image16& image) {
+Image16 mono_of(const Image16& image, int bits) {
+  const int full = (1 << bits) - 1;
   Image16 mono = image;
   for (size_t i = 0; i < mono.samples.size(); i += 3) {
     const int mean = (image.samples[i] + image.samples[i + 1] + image.samples[i + 2]) / 3;
-    for (size_t c = 0; c < 3; ++c) mono.samples[i + c] = static_cast<std::uint16_t>(mean / 256 * 257);
+    for (size_t c = 0; c < 3; ++c)
+      mono.samples[i + c] = static_cast<std::uint16_t>(std::lround((mean >> (16 - bits)) * 65535.0 / full));
   }
   return mono;
 }
@@ -42,7 +44,9 @@ int main(int argc, char** argv) {
   app.add_option("archive", directory)->required();
   app.add_option("--scene", scene)->capture_default_str();
   bool mono = false;
-  app.add_flag("--mono", mono, "the camera has one channel of 8 bits; YUYV if left out");
+  int bits = 8;
+  app.add_flag("--mono", mono, "the camera has one channel; YUYV if left out");
+  app.add_option("--bits", bits, "of that channel")->check(CLI::Range(8, 16))->capture_default_str();
   CLI11_PARSE(app, argc, argv);
 
   const std::unique_ptr<Archive> archive = Archive::open(directory).value();
@@ -71,7 +75,7 @@ int main(int argc, char** argv) {
     const Image16 seen =
         expose((frame.object() ? with : without).respond(pictures), frame.exposure_ms(), sensor, 0);
     if (mono) {
-      expected.push_back(mono_of(seen));
+      expected.push_back(mono_of(seen, bits));
       continue;
     }
     RawPicture sent{.format = find_pixel_format("YUYV"),

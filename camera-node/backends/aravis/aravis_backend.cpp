@@ -15,6 +15,7 @@ struct Options {
   AravisCamera::Options aravis;
   std::string offset;
   double trigger_delay_ms = 2.0;
+  double ptp_error_ms = 0.1;
   std::optional<double> line_delay_ms, arrival_delay_ms;
 };
 
@@ -46,6 +47,14 @@ void add_options(CLI::App& app, Options& options) {
                  "aravis: for a camera without software triggers: longest time from an exposure's end to its "
                  "data's arrival; default: one frame")
       ->check(CLI::Range(0.0, 10000.0));
+  app.add_option("--ptp", options.aravis.ptp,
+                 "aravis: start, or end: the camera follows this machine's clock by PTP, and its time stamps "
+                 "mean the start, or the end, of an exposure; default: times come from triggers")
+      ->check(CLI::IsMember({"start", "end"}));
+  app.add_option("--ptp-error-ms", options.ptp_error_ms,
+                 "aravis: largest difference between the two clocks with --ptp")
+      ->check(CLI::Range(0.001, 10.0))
+      ->capture_default_str();
 }
 
 absl::StatusOr<AravisCamera::Offset> parse_offset(const std::string& text) {
@@ -67,12 +76,12 @@ absl::StatusOr<OpenedCamera> open(const Options& options, const CameraSettings& 
   camera.trigger_delay = *of_ms(options.trigger_delay_ms);
   camera.line_delay = of_ms(options.line_delay_ms);
   camera.delay = of_ms(options.arrival_delay_ms);
+  camera.ptp_error = *of_ms(options.ptp_error_ms);
   if (!options.offset.empty()) {
     GW_ASSIGN_OR_RETURN(camera.offset, parse_offset(options.offset));
   }
   GW_ASSIGN_OR_RETURN(std::shared_ptr<Camera> opened, AravisCamera::open(camera));
-  return OpenedCamera{.camera = std::move(opened),
-                      .detail = camera.trigger.empty() ? "" : "trigger " + camera.trigger};
+  return OpenedCamera{.camera = std::move(opened)};
 }
 
 }  // namespace

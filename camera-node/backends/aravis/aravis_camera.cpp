@@ -30,13 +30,24 @@ nanoseconds of_ms(double ms) {
   return nanoseconds(std::llround(ms * 1e6));
 }
 
-// Linear, if the camera uses decibels.
-double linear_gain(const AravisDevice& device, double gain) {
+bool is_in_decibels(const AravisDevice& device) {
   ArvGcNode* const node = arv_device_get_feature(arv_camera_get_device(device.get()), "Gain");
   const char* const unit =
       node != nullptr && ARV_IS_GC_FLOAT(node) ? arv_gc_float_get_unit(ARV_GC_FLOAT(node)) : nullptr;
-  if (unit != nullptr && std::string_view(unit) == "dB") return std::pow(10.0, gain / 20.0);
+  return unit != nullptr && std::string_view(unit) == "dB";
+}
+
+double linear_gain(bool decibels, double gain) {
+  if (decibels) return std::pow(10.0, gain / 20.0);
   return gain > 0.0 ? gain : 1.0;
+}
+
+// CLOCK_REALTIME - CLOCK_MONOTONIC.
+nanoseconds realtime_offset() {
+  const nanoseconds before = monotonic_now();
+  timespec real{};
+  ::clock_gettime(CLOCK_REALTIME, &real);
+  return std::chrono::seconds(real.tv_sec) + nanoseconds(real.tv_nsec) - (before + monotonic_now()) / 2;
 }
 
 }  // namespace
@@ -49,6 +60,7 @@ absl::StatusOr<std::unique_ptr<AravisCamera>> AravisCamera::open(const Options& 
   std::unique_ptr<AravisCamera> camera(new AravisCamera(options));
   GW_RETURN_IF_ERROR(camera->connect());
   GW_RETURN_IF_ERROR(camera->learn_rate());
+  camera->read_temperature();
   return camera;
 }
 
@@ -67,6 +79,8 @@ absl::Status AravisCamera::connect() {
   GW_RETURN_IF_ERROR(set_region());
   GW_RETURN_IF_ERROR(set_light());
   GW_RETURN_IF_ERROR(check_trigger());
+  GW_RETURN_IF_ERROR(device_->enable_chunks());
+  if (!options_.ptp.empty()) GW_RETURN_IF_ERROR(device_->enable_ptp());
   return learn_exposures();
 }
 
@@ -159,7 +173,8 @@ absl::Status AravisCamera::set_light() {
     GW_ASSIGN_OR_RETURN(const double gain, arv_call("tell its gain", [&](GError** error) {
                           return arv_camera_get_gain(camera, error);
                         }));
-    gain_ = linear_gain(*device_, gain);
+    gain_is_db_ = is_in_decibels(*device_);
+    gain_ = linear_gain(gain_is_db_, gain);
   }
   return absl::OkStatus();
 }
@@ -177,10 +192,22 @@ absl::Status AravisCamera::check_trigger() {
         fmt::format("--trigger is {}; camera \"{}\" has {}", options_.trigger, device_->id(),
                     sources.empty() ? "none" : fmt::format("{}", fmt::join(sources, ", "))));
   }
-  if (options_.line_delay && !device_->has("TriggerDelay")) {
+  const bool has_delay = device_->has("TriggerDelay");
+  if (options_.line_delay && !has_delay) {
     return absl::InvalidArgumentError(
         fmt::format("--line-delay-ms is given; camera \"{}\" has no TriggerDelay", device_->id()));
   }
+  if (!options_.trigger.starts_with("Line") || !has_delay) return absl::OkStatus();
+  if (options_.line_delay) {
+    GW_RETURN_IF_ERROR(arv_call("set its trigger delay", [&](GError** error) {
+      arv_camera_set_float(camera, "TriggerDelay", static_cast<double>(options_.line_delay->count()) / 1e3,
+                           error);
+    }));
+  }
+  GW_ASSIGN_OR_RETURN(const double delay_us, arv_call("tell its trigger delay", [&](GError** error) {
+                        return arv_camera_get_float(camera, "TriggerDelay", error);
+                      }));
+  line_delay_ = of_ms(delay_us / 1e3);
   return absl::OkStatus();
 }
 
@@ -243,6 +270,9 @@ v1::GetCameraResponse AravisCamera::describe() const {
   response.set_max_exposure_ms(max_exposure_ms_);
   response.set_readout_ns(options_.readout.count());
   response.set_trigger(options_.trigger);
+  response.set_line_delay_ns(line_delay_.count());
+  response.set_dropped_frames(dropped_frames_);
+  response.set_missing_packets(dropped_packets_);
   const std::lock_guard lock(mutex_);
   if (temperature_c_) response.set_temperature_c(*temperature_c_);
   return response;
@@ -259,12 +289,6 @@ absl::Status AravisCamera::begin(const std::string& trigger) {
                          .planes = {}};
   GW_ASSIGN_OR_RETURN(std::unique_ptr<AravisRun> run,
                       AravisRun::begin(device_, blank, trigger == "software" ? "Software" : trigger));
-  if (trigger.starts_with("Line") && options_.line_delay) {
-    GW_RETURN_IF_ERROR(arv_call("set its trigger delay", [&](GError** error) {
-      arv_camera_set_float(device_->get(), "TriggerDelay",
-                           static_cast<double>(options_.line_delay->count()) / 1e3, error);
-    }));
-  }
   counted_packets_ = last_id_ = 0;
   const std::lock_guard lock(mutex_);
   run_ = std::move(run);
@@ -305,6 +329,7 @@ absl::Status AravisCamera::start(double exposure_ms, const std::string& trigger)
   } else {
     clock_ = StampClock::of_arrivals(options_.delay.value_or(period_));
   }
+  ptp_holds_ = true;
   read_temperature();
   if (software_trigger_ && trigger == "software") return absl::OkStatus();
   return begin(trigger);
@@ -354,8 +379,10 @@ absl::Status AravisCamera::trigger(nanoseconds at) {
 
 void AravisCamera::count_packets() {
   const std::uint64_t missing = run_->missing_packets();
-  if (missing > counted_packets_)
+  if (missing > counted_packets_) {
     camera_metrics().missing_packets.Increment(static_cast<double>(missing - counted_packets_));
+    dropped_packets_ += static_cast<std::int64_t>(missing - counted_packets_);
+  }
   counted_packets_ = std::max(missing, counted_packets_);
 }
 
@@ -367,6 +394,25 @@ void AravisCamera::read_temperature() {
   });
   const std::lock_guard lock(mutex_);
   temperature_c_ = is.ok() ? std::optional(*is) : std::nullopt;
+}
+
+void AravisCamera::drop(const std::string& why) {
+  camera_metrics().incomplete.Increment();
+  ++dropped_frames_;
+  spdlog::warn("frame dropped, {}: sequence={} missing_packets={}", why, sequence_, counted_packets_);
+}
+
+ClockReading AravisCamera::start_of(nanoseconds stamp) {
+  const ClockReading known = clock_.start_of(stamp);
+  if (options_.ptp.empty() || !ptp_holds_) return known;
+  const nanoseconds as_start = options_.ptp == "end" ? stamp - of_ms(exposure_ms_) : stamp;
+  const std::optional<ClockReading> start = ptp_start(as_start, realtime_offset(), known, options_.ptp_error);
+  if (start) return *start;
+  spdlog::warn(
+      "the camera's timestamps contradict --ptp {}: they are not used as this machine's time in this run",
+      options_.ptp);
+  ptp_holds_ = false;
+  return known;
 }
 
 std::optional<CapturedFrame> AravisCamera::next(std::chrono::milliseconds timeout) {
@@ -382,13 +428,17 @@ std::optional<CapturedFrame> AravisCamera::next(std::chrono::milliseconds timeou
     sequence_ += last_id_ == 0 || passed == 0 || passed > 1000 ? 1 : passed;
     last_id_ = frame->id;
     count_packets();
-    if (frame->fault == nullptr) break;
-    camera_metrics().incomplete.Increment();
-    spdlog::warn("frame dropped, {}: sequence={} missing_packets={}", frame->fault, sequence_,
-                 counted_packets_);
+    for (int overrun = run_->take_overrun(); overrun > 0; --overrun) drop("this machine did not keep up");
+    const double is_ms = frame->exposure_us ? *frame->exposure_us / 1e3 : exposure_ms_;
+    if (frame->fault != nullptr)
+      drop(frame->fault);
+    else if (!same_setting(is_ms, exposure_ms_))
+      drop(fmt::format("it was exposed for {:.6g} ms instead of {:.6g}", is_ms, exposure_ms_));
+    else
+      break;
   }
   clock_.add(sighting_of(frame->stamp, frame->first, frame->complete));
-  const ClockReading start = clock_.start_of(frame->stamp);
+  const ClockReading start = start_of(frame->stamp);
   const nanoseconds length = of_ms(exposure_ms_) + options_.readout;
   const nanoseconds began = std::min(start.time, frame->complete - length);
   CapturedFrame captured;
@@ -397,7 +447,7 @@ std::optional<CapturedFrame> AravisCamera::next(std::chrono::milliseconds timeou
   captured.taken.set_exposure_end_ns((began + length).count());
   captured.taken.set_uncertainty_ns(start.error.count());
   captured.taken.set_exposure_ms(exposure_ms_);
-  captured.taken.set_gain(gain_);
+  captured.taken.set_gain(frame->gain ? linear_gain(gain_is_db_, *frame->gain) : gain_);
   captured.taken.set_width_px(size_.width_px);
   captured.taken.set_height_px(size_.height_px);
   captured.image = [picture = frame->picture] { return image_of(*picture); };

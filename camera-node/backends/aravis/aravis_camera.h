@@ -43,6 +43,8 @@ class AravisCamera final : public Camera {
     nanoseconds trigger_delay = std::chrono::milliseconds(2);  // max, to the start of the exposure
     std::optional<nanoseconds> line_delay;                     // from the line's edge to the exposure's start
     std::optional<nanoseconds> delay;  // max, from exposure to arrival, without software triggers
+    std::string ptp;  // what a timestamp means by this machine's clock: "start", "end"; empty: unknown
+    nanoseconds ptp_error = std::chrono::microseconds(100);  // max, between the two clocks
   };
   // Runs the camera for some frames to measure its rate. NOT_FOUND: not exactly one camera matches.
   // INVALID_ARGUMENT: an unsupported option. Both list what is available. UNAVAILABLE: another program uses
@@ -76,6 +78,9 @@ class AravisCamera final : public Camera {
   Sighting sighting_of(nanoseconds stamp, nanoseconds first, nanoseconds complete) const;
   void count_packets();
   void read_temperature();
+  // The start of a frame's exposure.
+  ClockReading start_of(nanoseconds stamp);
+  void drop(const std::string& why);
 
   const Options options_;
   std::shared_ptr<AravisDevice> device_;
@@ -85,7 +90,10 @@ class AravisCamera final : public Camera {
   double min_exposure_ms_ = 0.0, max_exposure_ms_ = 0.0, gain_ = 1.0;
   nanoseconds period_{};      // of a frame
   double exposure_ms_ = 0.0;  // of this run
-  StampClock clock_;          // of this run
+  nanoseconds line_delay_{};  // as the camera is set
+  bool gain_is_db_ = false;
+  bool ptp_holds_ = true;  // in this run
+  StampClock clock_;       // of this run
   std::int64_t sequence_ = 0;
   std::uint64_t last_id_ = 0;
   std::uint64_t counted_packets_ = 0;  // of this run, that were missing
@@ -93,6 +101,7 @@ class AravisCamera final : public Camera {
   mutable std::mutex mutex_;
   std::unique_ptr<AravisRun> run_;       // replaced under mutex_
   std::optional<double> temperature_c_;  // guarded by mutex_
+  std::atomic<std::int64_t> dropped_frames_ = 0, dropped_packets_ = 0;
 };
 
 }  // namespace glasswing

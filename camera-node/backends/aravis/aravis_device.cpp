@@ -1,11 +1,16 @@
 #include "camera-node/backends/aravis/aravis_device.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 
 #include "core/base/status.h"
+#include "core/base/time.h"
 
 namespace glasswing {
 namespace {
+
+constexpr nanoseconds kPtpPatience = std::chrono::seconds(20);
 
 struct Found {
   std::string id, model, serial, address;
@@ -96,6 +101,40 @@ std::vector<std::string> AravisDevice::trigger_sources() const {
   guint count = 0;
   const char** names = arv_camera_dup_available_trigger_sources(camera_.get(), &count, nullptr);
   return taken(names, count);
+}
+
+absl::Status AravisDevice::enable_chunks() {
+  chunks_.clear();
+  if (!arv_camera_are_chunks_available(camera_.get(), nullptr)) return absl::OkStatus();
+  guint count = 0;
+  const char** names = arv_device_dup_available_enumeration_feature_values_as_strings(
+      arv_camera_get_device(camera_.get()), "ChunkSelector", &count, nullptr);
+  for (const std::string& name : taken(names, count)) {
+    if (name == "ExposureTime" || name == "Gain") chunks_.push_back(name);
+  }
+  return arv_call("send chunks", [&](GError** error) {
+    arv_camera_set_chunks(camera_.get(), fmt::format("{}", fmt::join(chunks_, ",")).c_str(), error);
+  });
+}
+
+absl::Status AravisDevice::enable_ptp() const {
+  // The names of the current naming convention, then those of older cameras.
+  const bool current = has("PtpEnable");
+  if (!current && !has("GevIEEE1588"))
+    return absl::FailedPreconditionError(fmt::format("--ptp is given; camera \"{}\" has no PTP", id_));
+  GW_RETURN_IF_ERROR(set_if_there(current ? "PtpEnable" : "GevIEEE1588", "true"));
+  const char* const feature = current ? "PtpStatus" : "GevIEEE1588Status";
+  std::string status;
+  for (const nanoseconds until = monotonic_now() + kPtpPatience; monotonic_now() < until;) {
+    GW_ASSIGN_OR_RETURN(const char* is, arv_call("tell its PTP status", [&](GError** error) {
+                          return arv_camera_get_string(camera_.get(), feature, error);
+                        }));
+    status = text(is);
+    if (status == "Slave") return absl::OkStatus();
+    sleep_until_monotonic(monotonic_now() + std::chrono::milliseconds(200));
+  }
+  return absl::FailedPreconditionError(fmt::format(
+      "--ptp is given; camera \"{}\" follows no PTP master in its network: its status is {}", id_, status));
 }
 
 }  // namespace glasswing

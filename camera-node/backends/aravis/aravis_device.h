@@ -58,6 +58,12 @@ class AravisDevice {
   absl::Status set_if_there(const char* feature, const char* value) const;
   std::vector<std::string> pixel_formats() const;
   std::vector<std::string> trigger_sources() const;
+  // Requests what a frame says of itself, as far as the camera has it.
+  absl::Status enable_chunks();
+  const std::vector<std::string>& chunks() const { return chunks_; }
+  // Lets the camera's clock follow the network's by PTP, and waits until it does. FAILED_PRECONDITION: it has
+  // no PTP, or finds no master.
+  absl::Status enable_ptp() const;
 
  private:
   AravisDevice(const std::string& id, GPtr<ArvCamera> camera);
@@ -65,6 +71,7 @@ class AravisDevice {
 
   const std::string id_;
   const GPtr<ArvCamera> camera_;
+  std::vector<std::string> chunks_;
   std::atomic<bool> lost_ = false;
 };
 

@@ -46,6 +46,7 @@ absl::Status AravisRun::stream() {
       arv_camera_set_trigger(camera, trigger_.c_str(), error);
     }
   }));
+  if (!device_->chunks().empty()) chunks_.reset(arv_camera_create_chunk_parser(camera));
   GW_RETURN_IF_ERROR(arv_call("stream", [&](GError** error) {
     stream_.reset(arv_camera_create_stream(camera, &call_back, this, error));
   }));
@@ -66,7 +67,10 @@ absl::Status AravisRun::stream() {
 
 AravisRun::~AravisRun() {
   arv_camera_stop_acquisition(device_->get(), nullptr);  // fails where the camera is gone
-  stream_.reset();                                       // ends its thread, which uses the other members
+  ended_ = true;                                         // the stream still reports what it aborts
+  // Ends its thread, which uses the other members, and this pointer until it has ended.
+  if (stream_ != nullptr) g_object_unref(stream_.get());
+  (void)stream_.release();
 }
 
 void AravisRun::call_back(void* run, ArvStreamCallbackType type, ArvBuffer* buffer) {
@@ -76,12 +80,16 @@ void AravisRun::call_back(void* run, ArvStreamCallbackType type, ArvBuffer* buff
 }
 
 void AravisRun::take(ArvBuffer* buffer) {
+  if (ended_) return;
   Frame frame = copied(buffer);
   begun_.erase(buffer);
   arv_stream_push_buffer(stream_.get(), arv_stream_pop_buffer(stream_.get()));
   const std::lock_guard lock(mutex_);
   frames_.push_back(std::move(frame));
-  if (frames_.size() > kMaxWaiting) frames_.pop_front();
+  if (frames_.size() > kMaxWaiting) {
+    frames_.pop_front();
+    ++overrun_;
+  }
   arrived_.notify_all();
 }
 
@@ -107,10 +115,35 @@ AravisRun::Frame AravisRun::copied(ArvBuffer* buffer) const {
   }
   size_t size_bytes = 0;
   const auto* bytes = static_cast<const std::uint8_t*>(arv_buffer_get_image_data(buffer, &size_bytes));
+  const size_t image_bytes = blank_.stride_bytes * static_cast<size_t>(blank_.height_px);
+  if (bytes == nullptr || size_bytes < image_bytes) {
+    frame.fault = "it is shorter than its size requires";
+    return frame;
+  }
+  if (chunks_ != nullptr && arv_buffer_has_chunks(buffer)) read_chunks(buffer, frame);
   RawPicture picture = blank_;
-  picture.planes.emplace_back(bytes, bytes + size_bytes);
+  picture.planes.emplace_back(bytes, bytes + image_bytes);
   frame.picture = std::make_shared<const RawPicture>(std::move(picture));
   return frame;
+}
+
+void AravisRun::read_chunks(ArvBuffer* buffer, Frame& frame) const {
+  const auto value_of = [&](const char* chunk) -> std::optional<double> {
+    GError* error = nullptr;
+    const double value = arv_chunk_parser_get_float_value(chunks_.get(), buffer, chunk, &error);
+    if (error == nullptr) return value;
+    g_clear_error(&error);
+    return std::nullopt;
+  };
+  for (const std::string& chunk : device_->chunks()) {
+    if (chunk == "ExposureTime") frame.exposure_us = value_of("ChunkExposureTime");
+    if (chunk == "Gain") frame.gain = value_of("ChunkGain");
+  }
+}
+
+int AravisRun::take_overrun() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(overrun_, 0);
 }
 
 std::optional<AravisRun::Frame> AravisRun::next(std::chrono::milliseconds timeout) {

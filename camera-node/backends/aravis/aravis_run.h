@@ -18,11 +18,12 @@ class AravisRun {
  public:
   struct Frame {
     std::shared_ptr<const RawPicture> picture;
-    std::uint64_t id = 0;         // the camera's number of it
-    nanoseconds stamp{};          // the camera's
-    nanoseconds first{};          // CLOCK_MONOTONIC: its first byte was here
-    nanoseconds complete{};       // CLOCK_MONOTONIC: its last was
-    const char* fault = nullptr;  // null: it is whole; else there is no picture
+    std::uint64_t id = 0;                     // the camera's number of it
+    nanoseconds stamp{};                      // the camera's
+    nanoseconds first{};                      // CLOCK_MONOTONIC: its first byte was here
+    nanoseconds complete{};                   // CLOCK_MONOTONIC: its last was
+    const char* fault = nullptr;              // null: it is whole; else there is no picture
+    std::optional<double> exposure_us, gain;  // the camera's, of this frame, from its chunks
   };
   // `trigger`: the source of triggers; empty: free-running. `blank`: the properties that all pictures share.
   static absl::StatusOr<std::unique_ptr<AravisRun>> begin(std::shared_ptr<AravisDevice> device,
@@ -39,6 +40,8 @@ class AravisRun {
   absl::Status trigger() const;
   // Packets that never arrived, since the run began; 0 for a camera without packets.
   std::uint64_t missing_packets() const;
+  // Frames that were not taken in time and dropped, since the last call.
+  int take_overrun();
   bool lost() const { return device_->lost(); }
 
  private:
@@ -49,16 +52,20 @@ class AravisRun {
   static void call_back(void* run, ArvStreamCallbackType type, ArvBuffer* buffer);
   void take(ArvBuffer* buffer);
   Frame copied(ArvBuffer* buffer) const;
+  void read_chunks(ArvBuffer* buffer, Frame& frame) const;
 
   const std::shared_ptr<AravisDevice> device_;
   const RawPicture blank_;
   const std::string trigger_;
   ArvPixelFormat format_ = 0;
+  GPtr<ArvChunkParser> chunks_;  // null: the camera sends none
   GPtr<ArvStream> stream_;
+  std::atomic<bool> ended_ = false;
   std::map<const ArvBuffer*, nanoseconds> begun_;  // being filled, since when; used by Aravis' thread alone
   std::mutex mutex_;
   std::condition_variable arrived_;
   std::deque<Frame> frames_;  // guarded by mutex_
+  int overrun_ = 0;           // guarded by mutex_
 };
 
 }  // namespace glasswing

@@ -26,10 +26,17 @@ StampClock StampClock::of_triggers(std::vector<Sighting> triggered, nanoseconds 
   }
   lowest -= drift;
   arrival += drift;
+  // A busy machine takes in frames less regularly.
+  std::vector<nanoseconds> arrivals;
+  for (const Sighting& each : triggered) arrivals.push_back(latest_start(each));
+  std::ranges::nth_element(arrivals, arrivals.begin() + static_cast<std::ptrdiff_t>(arrivals.size() / 2));
+  const nanoseconds jitter =
+      std::max(kJitter, arrivals[arrivals.size() / 2] - *std::ranges::min_element(arrivals));
   const nanoseconds highest = std::min(lowest + trigger_delay + 2 * drift, arrival);
   StampClock clock;
-  clock.min_delay_ = std::max(arrival - highest - kJitter, nanoseconds(0));
-  clock.max_delay_ = arrival - lowest + kJitter;
+  clock.min_delay_ = std::max(arrival - highest - jitter, nanoseconds(0));
+  clock.max_delay_ = arrival - lowest + jitter;
+  clock.least_error_ = (highest - lowest) / 2;
   clock.clock_.add({.sent = last.stamp + lowest,
                     .received = last.stamp,
                     .answered = last.stamp,
@@ -52,6 +59,15 @@ void StampClock::add(const Sighting& frame) {
               .returned = least_->begun_by - min_delay_});
   least_.reset();
   block_ = 0;
+}
+
+std::optional<ClockReading> ptp_start(nanoseconds stamp, nanoseconds realtime, const ClockReading& known,
+                                      nanoseconds error) {
+  constexpr nanoseconds kSecond = std::chrono::seconds(1);
+  nanoseconds start = stamp - realtime;
+  start += std::chrono::round<std::chrono::seconds>(known.time - start) / std::chrono::seconds(1) * kSecond;
+  if (std::chrono::abs(start - known.time) > known.error + error) return std::nullopt;
+  return ClockReading{.time = start, .error = std::min(error, known.error)};
 }
 
 }  // namespace glasswing

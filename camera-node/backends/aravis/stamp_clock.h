@@ -10,9 +10,11 @@
 // so over several triggers the constant is at least L = max(c - s) and at most A = min(q - s). The fastest
 // trigger response took at most `trigger_delay`, so the constant is at most U = min(L + trigger_delay, A).
 // From then on the minimum delay of many frames, min(q - s), shows the drift: it stays A - U to A - L above
-// the constant, to within kJitter. ClockModel combines all these bounds.
+// the constant, to within kJitter, or what the triggered frames show if that is more. ClockModel combines all
+// these bounds.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <vector>
 
@@ -39,14 +41,26 @@ class StampClock {
   // Adds a frame; its trigger is ignored.
   void add(const Sighting& frame);
   // Requires a frame, or triggers.
-  ClockReading start_of(nanoseconds stamp) const { return clock_.rig_from_node(stamp); }
+  ClockReading start_of(nanoseconds stamp) const {
+    const ClockReading start = clock_.rig_from_node(stamp);
+    return {.time = start.time, .error = std::max(start.error, least_error_)};
+  }
 
  private:
   // Minimum over many: how long after the exposure's start its data shows it.
   nanoseconds min_delay_{}, max_delay_{};
   std::optional<Sighting> least_;  // of this block
   int block_ = 0;
+  // What the triggers leave open. Arrivals show the drift, and where they seem to narrow this further it is
+  // by chance.
+  nanoseconds least_error_{};
   ClockModel clock_;
 };
+
+// The start of an exposure whose camera follows this machine's CLOCK_REALTIME by PTP, apart from whole
+// seconds (PTP counts leap seconds). `stamp`: as the start would have it. `realtime`: CLOCK_REALTIME -
+// CLOCK_MONOTONIC. `known`: the start, from triggers or arrivals. Empty: the two contradict each other.
+std::optional<ClockReading> ptp_start(nanoseconds stamp, nanoseconds realtime, const ClockReading& known,
+                                      nanoseconds error);
 
 }  // namespace glasswing

@@ -264,6 +264,15 @@ TEST_F(DisplayServiceTest, CancellingFreesTheScreensWithinTheStep) {
   }
 }
 
+TEST_F(DisplayServiceTest, ALineThatIsNotThereIsNotRaised) {
+  EXPECT_EQ(described().line(), "");
+  v1::LoadProgramRequest request = program("p", 1, 2);
+  request.mutable_line()->set_after_ns(18'000'000);
+  const absl::Status status = load(request);
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("glasswing-display --line names one"), std::string::npos);
+}
+
 // Each program uses the calibration that came with it.
 TEST_F(DisplayServiceTest, EveryProgramBringsItsCalibrations) {
   v1::LoadProgramRequest request = program("p", 1, 2);
