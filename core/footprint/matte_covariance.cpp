@@ -22,7 +22,7 @@ constexpr int kMaxSweeps = 256, kMaxPictures = 4096;
 constexpr double kMinBar_px = 0.5, kMaxOffset_px = 1e5;
 // Of a pyramid's coefficient and of a neighbour that is 0, over the prior's standard deviation: less, as both
 // are known to be positive. Held to brute force by tests/solver/any.
-constexpr double kOwnPrior = 0.5, kAroundPrior = 0.07;
+constexpr double kOwnPrior = 0.7, kAroundPrior = 0.1;
 constexpr int kRounds = 4;  // of s and the weights of white and bars for it
 
 }  // namespace

@@ -19,8 +19,9 @@ constexpr double kPrior = 8.0;          // s, over light that lies evenly on its
 constexpr double kTemper = 20.0;        // of log evidence, which neglects that coefficients are positive
 constexpr int kMostRounds = 40;         // of the working set, which
 constexpr size_t kMostAdded = 64;       // grows by so many, and
-constexpr int kMostSteps = 60;          // of its minimum
+constexpr int kMostSteps = 200;         // of its minimum
 constexpr double kLeastGain = 1e-2;     // of chi2 / 2 by a step, or by a coefficient, that is worth another
+constexpr double kLeastShare = 0.1;     // of what Newton's step promises, by the projected one
 constexpr double kRounding = 1e-9;      // of a step
 
 // The place and widths of all light.
@@ -91,17 +92,24 @@ class WorkingSet {
     }
   }
 
-  // To the minimum over the set: Newton's steps on those that are free, projected; where that does not lower
+  // To the minimum over the set: Newton's steps on those that are free, projected; where that hardly lowers
   // the cost, only as far as the first that becomes 0 (Lawson and Hanson 1974).
   void descend() {
     std::vector<Eigen::Index> free = free_now();
+    bool is_all = true;
     for (int step = 0; step < kMostSteps && !free.empty(); ++step) {
       const Eigen::MatrixXd own = g_(free, free);
-      const Eigen::VectorXd newton = own.llt().solve((b_ - g_ * x_)(free));
-      const double now = cost(x_);
-      if (project(free, newton, now)) {
-        if (!(now - cost(x_) > kLeastGain)) break;
+      const Eigen::VectorXd down = (b_ - g_ * x_)(free), newton = own.llt().solve(down);
+      const double gain = 0.5 * newton.dot(down);
+      if (!(gain > kLeastGain)) {
+        if (is_all) break;
         free = free_now();
+        is_all = true;
+        continue;
+      }
+      if (project(free, newton, kLeastShare * gain)) {
+        free = free_now();
+        is_all = true;
         continue;
       }
       double share = 1.0;
@@ -118,6 +126,7 @@ class WorkingSet {
       }
       if (left.size() == free.size()) break;
       free = std::move(left);
+      is_all = false;
     }
   }
 
@@ -163,7 +172,8 @@ class WorkingSet {
     }
     return free;
   }
-  bool project(const std::vector<Eigen::Index>& free, const Eigen::VectorXd& newton, double now) {
+  bool project(const std::vector<Eigen::Index>& free, const Eigen::VectorXd& newton, double least_gain) {
+    const double now = cost(x_);
     for (const double share : {1.0, 0.5, 0.25}) {
       Eigen::VectorXd there = x_;
       for (Eigen::Index k = 0; k < std::ssize(free); ++k) {
@@ -171,7 +181,7 @@ class WorkingSet {
         own_x += share * newton[k];
         if (!is_signed(free[k])) own_x = std::max(own_x, 0.0);
       }
-      if (!(cost(there) < now)) continue;
+      if (!(now - cost(there) > least_gain)) continue;
       x_ = there;
       return true;
     }
