@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kReach = 3.0;          // of a footprint: standard deviations beside its mean, and
 constexpr double kMargin_px = 2.0;      // this much
-constexpr size_t kMostPlaces = 1200;    // that take part; beyond that the narrowest level is left out
+constexpr size_t kMostPlaces = 2000;    // that take part; beyond that the narrowest level is left out
 constexpr size_t kMostKnown = 20000;    // answers kept
 constexpr double kBoundNoise = 4.0;     // standard deviations of a sample by which it bounds a coefficient
 constexpr float kLeastAnswer = 0.02f;   // of a place's highest answer: samples below bound nothing
