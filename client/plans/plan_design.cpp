@@ -18,7 +18,7 @@ struct PlanDesignArguments {
   RigLimitsArguments rig;
   DesignWish wish;
   std::optional<double> noise, full_well;
-  std::string sigma_range, output = kStandardOutput;
+  std::string footprints = "gaussian", sigma_range, output = kStandardOutput;
 };
 
 // "0.3:4"
@@ -50,6 +50,7 @@ absl::Status design(const Client& client, PlanDesignArguments arguments) {
         "--noise is missing; give the camera's, such as 0.005, or --for-rig to use that of the rig's camera");
   }
   if (arguments.noise) arguments.wish.noise.read_sd = *arguments.noise;
+  arguments.wish.any_footprints = arguments.footprints == "any";
   if (arguments.full_well) arguments.wish.noise.full_well = arguments.full_well;
   GW_ASSIGN_OR_RETURN(const DesignedPlan designed, design_plan(arguments.wish, rig));
   std::string text = plan_text(designed.plan, rig, "glasswing plan design");
@@ -92,7 +93,8 @@ void add_plan_design_command(CLI::App& plan, Client& client) {
       "Examples:\n"
       "  glasswing plan design --images 100 --noise 0.005 --monitor back:1920x1080 -o vase.txtpb\n"
       "  glasswing plan design --images 50 --for-rig\n"
-      "  glasswing plan design --images 30 --noise 0.01 --modes 1 --sigma-range 0.5:10 --for-rig");
+      "  glasswing plan design --images 30 --noise 0.01 --modes 1 --sigma-range 0.5:10 --for-rig\n"
+      "  glasswing plan design --images 100 --noise 0.005 --footprints any --monitor back:1920x1080");
   auto arguments = std::make_shared<PlanDesignArguments>();
   add_rig_limits_options(command, arguments->rig);
   command
@@ -115,6 +117,11 @@ void add_plan_design_command(CLI::App& plan, Client& client) {
   command.add_option(
       "--sigma-range", arguments->sigma_range,
       "LOW:HIGH, widths of footprints in monitor pixels; default: 0.3:4 for 128 px, wider for more");
+  command
+      .add_option("--footprints", arguments->footprints,
+                  "gaussian, or any: sinusoids in many directions, for glasswing solve --set footprints=any")
+      ->check(CLI::IsMember({"gaussian", "any"}))
+      ->capture_default_str();
   command.add_option("-o,--output", arguments->output, "the plan to write, a .txtpb file; default: print it")
       ->check(output_file({".txtpb", kStandardOutput}));
   command.callback(

@@ -14,6 +14,7 @@
 #include "core/base/median.h"
 #include "core/base/status.h"
 #include "core/design/information.h"
+#include "core/design/shape_waves.h"
 #include "core/design/wave_ladder.h"
 #include "core/pattern/stimulus_kind.h"
 
@@ -118,6 +119,20 @@ absl::StatusOr<Candidate> best_waves(const DesignWish& wish, const RigLimits& ri
       .expected = {}};
   *candidate.plan.mutable_fringes() =
       fringes_of(wave_ladder(extent_of(monitor), phi_deg, images / 2, shortest_px));
+  GW_ASSIGN_OR_RETURN(candidate.expected, expected_of(candidate.plan, monitor, wish));
+  return candidate;
+}
+
+absl::StatusOr<Candidate> waves_of_shapes(const DesignWish& wish, const RigLimits& rig, const Bars& bars,
+                                          int images) {
+  const v1::Monitor& monitor = longest(rig);
+  const std::vector<DesignedWave> waves =
+      shape_waves(extent_of(monitor), images / 2, std::max(kFinestShape_px, 2.0 * rig.blur_px), wish.noise);
+  Candidate candidate{.plan = blank_plan(rig, bars), .words = {}, .expected = {}};
+  *candidate.plan.mutable_fringes() = fringes_of(waves);
+  candidate.words = fmt::format("sinusoids of {} periods in {} directions, the shortest {:g} px",
+                                waves.size(), candidate.plan.fringes_size(),
+                                std::ranges::min(waves, {}, &DesignedWave::period_px).period_px);
   GW_ASSIGN_OR_RETURN(candidate.expected, expected_of(candidate.plan, monitor, wish));
   return candidate;
 }
@@ -334,8 +349,12 @@ absl::StatusOr<DesignedPlan> design_plan(const DesignWish& wished, const RigLimi
   const auto left = [&] { return wish.images / monitors - 2 * (bars.images() + 2); };
   // Few images leave none for coarse bars.
   while (left() < bars.images() + 12 && bars.first_level < bars.levels) ++bars.first_level;
-  GW_ASSIGN_OR_RETURN(Candidate waves, best_waves(wish, rig, bars, left()));
-  GW_ASSIGN_OR_RETURN(std::optional<Candidate> stripes, best_stripes(wish, rig, bars, left()));
+  GW_ASSIGN_OR_RETURN(Candidate waves, wish.any_footprints ? waves_of_shapes(wish, rig, bars, left())
+                                                           : best_waves(wish, rig, bars, left()));
+  std::optional<Candidate> stripes;
+  if (!wish.any_footprints) {
+    GW_ASSIGN_OR_RETURN(stripes, best_stripes(wish, rig, bars, left()));
+  }
   DesignedPlan design;
   const bool striped = stripes && stripes->expected.composite < waves.expected.composite;
   Candidate& best = striped ? *stripes : waves;

@@ -61,6 +61,7 @@ struct DesignWish {
   CameraNoise noise;
   int modes = 2;                             // most places of a pixel
   std::optional<FootprintPrior> prior = {};  // of as many modes; empty: the usual one
+  bool any_footprints = false;               // of any shape (shape_waves.h), not only of Gaussians
 };
 
 struct DesignedPlan {

@@ -50,14 +50,10 @@ double variance_of_pyramids(const Matte& matte, int x, int y, int channel, const
   const std::span<const PyramidFootprint> pyramids = matte.pyramids(x, y, channel);
   double sum = 0.0;
   for (const PyramidFootprint& pyramid : pyramids) {
-    Eigen::VectorXd slopes = Eigen::VectorXd::Zero(std::ssize(pyramid.coefficients));
-    for (Eigen::Index k = 0; k < slopes.size(); ++k) {
-      if (const auto& monitor = monitors[pyramid.texture]) {
-        const Mode mode = mode_of(pyramid.coefficients[k], pyramid.texture);
-        slopes[k] = monitor->slopes(footprint_of(mode), channel).light;
-      }
-    }
-    sum += covariance.variance(pyramid, slopes);
+    const auto& monitor = monitors[pyramid.texture];
+    sum += covariance.variance(pyramid, matte.modes(x, y, channel), [&](const Footprint& place) {
+      return monitor ? monitor->slopes(place, channel).light : 0.0;
+    });
   }
   for (const Mode& mode : matte.modes(x, y, channel)) {
     if (mode.weight > 0.0f &&

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 #include "core/footprint/within_pixel.h"
@@ -18,6 +20,9 @@ constexpr double kRidge = 1e-10;      // of N's diagonal
 constexpr int kMaxSamples = 1 << 14;  // of a sweep, and pictures that are alike
 constexpr int kMaxSweeps = 256, kMaxPictures = 4096;
 constexpr double kMinBar_px = 0.5, kMaxOffset_px = 1e5;
+// Of a pyramid's coefficient and of a neighbour that is 0, over the prior's standard deviation: less, as both
+// are known to be positive. Held to brute force by tests/solver/any.
+constexpr double kOwnPrior = 0.7, kAroundPrior = 0.1;
 constexpr int kRounds = 4;  // of s and the weights of white and bars for it
 
 }  // namespace
@@ -129,12 +134,53 @@ Eigen::MatrixXd MatteCovariance::of_sweeps(std::span<const Used> modes) const {
   return information;
 }
 
-double MatteCovariance::variance(const PyramidFootprint& pyramid, const Eigen::VectorXd& slopes) const {
+namespace {
+
+// The places whose light the samples may confuse with the pyramid's: its own and those around, of weight 1,
+// with their prior standard deviations.
+struct Unsure {
   std::vector<Footprint> places;
+  std::vector<double> prior_sd, weight;
+};
+
+Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, const MonitorExtent& extent) {
+  std::map<std::array<int, 3>, double> weights;
   for (const Coefficient& own : pyramid.coefficients) {
-    places.push_back(footprint_of(mode_of(own, pyramid.texture)));
-    places.back().weight = 1.0;
+    if (own.level >= kPyramidLevels) continue;
+    const double step_px = std::ldexp(2.0, own.level);
+    for (int row = own.row - 1; row <= own.row + 1; ++row) {
+      for (int column = own.column - 1; column <= own.column + 1; ++column) {
+        if (row < 0 || column < 0 || row * step_px >= extent.height_px || column * step_px >= extent.width_px)
+          continue;
+        weights.try_emplace({own.level, row, column});
+      }
+    }
+    weights[{own.level, own.row, own.column}] = own.weight;
   }
+  Unsure all;
+  for (const auto& [place, weight] : weights) {
+    all.places.push_back(footprint_of(
+        mode_of({.level = place[0], .column = place[2], .row = place[1], .weight = 1.0f}, pyramid.texture)));
+    all.prior_sd.push_back((weight > 0.0 ? kOwnPrior : kAroundPrior) *
+                           std::ldexp(static_cast<double>(pyramid.prior_sd), 2 * place[0]));
+    all.weight.push_back(weight);
+  }
+  for (const Coefficient& kept : pyramid.coefficients) {
+    if (kept.level < kPyramidLevels) continue;
+    all.places.push_back(footprint_of(modes[static_cast<size_t>(kept.level - kPyramidLevels)]));
+    all.places.back().weight = 1.0;
+    all.prior_sd.push_back(1.0);
+    all.weight.push_back(kept.weight);
+  }
+  return all;
+}
+
+}  // namespace
+
+double MatteCovariance::variance(const PyramidFootprint& pyramid, std::span<const Mode> modes,
+                                 absl::FunctionRef<double(const Footprint&)> light) const {
+  const Unsure unsure = unsure_of(pyramid, modes, extents_[pyramid.texture]);
+  const std::vector<Footprint>& places = unsure.places;
   const MonitorExtent& extent = extents_[pyramid.texture];
   const Eigen::Index count = std::ssize(places);
   const double noise = std::pow(static_cast<double>(pyramid.noise_sd), 2);
@@ -161,17 +207,17 @@ double MatteCovariance::variance(const PyramidFootprint& pyramid, const Eigen::V
     double seen = 0.0;
     for (Eigen::Index k = 0; k < count; ++k) {
       by[k + 1] = picture.light * shares[k].of(picture.lit).share;
-      seen += by[k + 1] * static_cast<double>(pyramid.coefficients[k].weight);
+      seen += by[k + 1] * unsure.weight[k];
     }
     const double error = (picture.lit.bars ? kBarsError : kWhiteError) * seen;
     information.noalias() += by * by.transpose() / (noise / picture.count + error * error);
   }
-  for (Eigen::Index k = 0; k < count; ++k) {
-    const double prior = std::ldexp(static_cast<double>(pyramid.prior_sd), 2 * pyramid.coefficients[k].level);
-    information(k + 1, k + 1) += 1.0 / (prior * prior);
-  }
   Eigen::VectorXd by(count + 1);
-  by << 1.0, slopes;
+  by[0] = 1.0;
+  for (Eigen::Index k = 0; k < count; ++k) {
+    information(k + 1, k + 1) += std::pow(unsure.prior_sd[k], -2);
+    by[k + 1] = light(places[k]);
+  }
   const Eigen::LLT<Eigen::MatrixXd> factor(information);
   return factor.info() == Eigen::Success ? by.dot(factor.solve(by)) : INFINITY;
 }

@@ -9,6 +9,7 @@
 // strongest mode's weight has the standard error of the matte, s^2 N^-1.
 #pragma once
 
+#include <absl/functional/function_ref.h>
 #include <absl/status/statusor.h>
 
 #include <Eigen/Dense>
@@ -30,9 +31,11 @@ class MatteCovariance {
   // px and px^2. Empty if the strongest mode's standard error is not known, or no sweep sees a mode.
   Eigen::MatrixXd root(std::span<const Mode> modes) const;
 
-  // The variance of F + sum_k slopes[k] c_k, of a pyramid's coefficients: that of the Gaussian posterior of
-  // those that are above 0, (sum_i w_i J_i J_i' + prior^-1)^-1.
-  double variance(const PyramidFootprint& pyramid, const Eigen::VectorXd& slopes) const;
+  // The variance of F + sum_k light(k) c_k, of a pyramid's coefficients and the channel's `modes` that are
+  // kept: that of the Gaussian posterior (sum_i w_i J_i J_i' + prior^-1)^-1 of those above 0, and of their
+  // neighbours, to which light may belong as far as the samples can tell.
+  double variance(const PyramidFootprint& pyramid, std::span<const Mode> modes,
+                  absl::FunctionRef<double(const Footprint&)> light) const;
 
  private:
   struct Sweep {

@@ -81,8 +81,14 @@ std::vector<Mode> Matte::gaussians(int x, int y, int channel) const {
     if (std::ranges::find(own, mode.texture, &PyramidFootprint::texture) == own.end()) all.push_back(mode);
   }
   for (const PyramidFootprint& pyramid : own) {
-    for (const Coefficient& coefficient : pyramid.coefficients)
-      all.push_back(mode_of(coefficient, pyramid.texture));
+    for (const Coefficient& light : pyramid.coefficients) {
+      if (light.level < kPyramidLevels) {
+        all.push_back(mode_of(light, pyramid.texture));
+      } else {
+        all.push_back(modes(x, y, channel)[static_cast<size_t>(light.level - kPyramidLevels)]);
+        all.back().weight = light.weight;
+      }
+    }
   }
   return all;
 }

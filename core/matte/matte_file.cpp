@@ -58,9 +58,9 @@ absl::Status check(const Matte& matte, int first, int rows) {
     return std::isfinite(pyramid.foreground) && pyramid.noise_sd >= 0.0f && std::isfinite(pyramid.noise_sd) &&
            pyramid.prior_sd >= 0.0f && std::isfinite(pyramid.prior_sd) && pyramid.texture >= 0 &&
            pyramid.texture < matte.metadata.monitors_size() &&
-           std::ranges::all_of(pyramid.coefficients, [](const Coefficient& own) {
-             return own.level >= 0 && own.level < kPyramidLevels && own.weight > 0.0f &&
-                    std::isfinite(own.weight);
+           std::ranges::all_of(pyramid.coefficients, [&](const Coefficient& own) {
+             return own.level >= 0 && own.level < kPyramidLevels + matte.modes_per_channel() &&
+                    own.weight > 0.0f && std::isfinite(own.weight);
            });
   };
   for (int y = first; y < first + rows; ++y) {

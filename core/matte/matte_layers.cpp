@@ -197,8 +197,9 @@ std::vector<float> MatteBlock::pyramid_row(const Matte& matte, int y, std::vecto
   for (int x = 0; x < width_px_; ++x) {
     for (int c = 0; c < kChannels; ++c) {
       for (const PyramidFootprint& own : matte.pyramids(x, y, c)) {
-        int left = kMaxSide_px, top = kMaxSide_px;
+        int left = kMaxSide_px - 1, top = kMaxSide_px - 1;
         for (const Coefficient& at : own.coefficients) {
+          if (at.level >= kPyramidLevels) continue;
           left = std::min(left, at.column << at.level);
           top = std::min(top, at.row << at.level);
         }
@@ -209,7 +210,9 @@ std::vector<float> MatteBlock::pyramid_row(const Matte& matte, int y, std::vecto
                                        static_cast<float>(left), static_cast<float>(top)});
         bool fits = std::ssize(numbers) + 2 * std::ssize(own.coefficients) <= room;
         for (const Coefficient& at : own.coefficients) {
-          const int column = at.column - (left >> at.level), row = at.row - (top >> at.level);
+          const bool mode = at.level >= kPyramidLevels;
+          const int column = mode ? 0 : at.column - (left >> at.level),
+                    row = mode ? 0 : at.row - (top >> at.level);
           fits = fits && column < kPlaceSide && row < kPlaceSide;
           numbers.push_back(static_cast<float>(at.level * kPlaces + column * kPlaceSide + row));
           numbers.push_back(at.weight);
@@ -269,6 +272,10 @@ void MatteBlock::give_pyramids(Matte& matte, int y, int rows) const {
       for (int i = 0; i < count; ++i) {
         const int place = whole(16 * kPlaces);
         const int level = place / kPlaces;
+        if (level >= kPyramidLevels) {
+          own.coefficients.push_back({.level = level, .weight = value()});
+          continue;
+        }
         own.coefficients.push_back({.level = level,
                                     .column = (left >> level) + place % kPlaces / kPlaceSide,
                                     .row = (top >> level) + place % kPlaceSide,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <deque>
 #include <iterator>
+#include <mutex>
 #include <utility>
 
 #include "core/base/status.h"
@@ -26,16 +27,30 @@ class PreparedAny final : public PreparedMethod {
   absl::StatusOr<Matte> solve(const FrameStack& rows) const override {
     GW_ASSIGN_OR_RETURN(Matte matte, gaussian_->solve(rows));
     matte.metadata.set_footprint(std::string(kPyramidFootprint));
-    PyramidSolver solver(rows, layout_, answers_);
+    std::vector<PyramidFitter> fitters = free_fitters();
+    PyramidSolver solver(rows, layout_, answers_, fitters);
     for (int y = 0; y < rows.row_count; ++y) solver.refine_row(y, matte);
+    const std::lock_guard lock(mutex_);
+    free_.push_back(std::move(fitters));
     return matte;
   }
 
  private:
+  // Those of a thread that has ended its rows, or new ones.
+  std::vector<PyramidFitter> free_fitters() const {
+    const std::lock_guard lock(mutex_);
+    if (free_.empty()) return {answers_.begin(), answers_.end()};
+    std::vector<PyramidFitter> last = std::move(free_.back());
+    free_.pop_back();
+    return last;
+  }
+
   const std::unique_ptr<PreparedMethod> gaussian_;
   const MixtureLayout layout_;
   std::deque<PatternAnswers> answers_;
   std::vector<int> needed_;
+  mutable std::mutex mutex_;
+  mutable std::vector<std::vector<PyramidFitter>> free_;
 };
 
 }  // namespace

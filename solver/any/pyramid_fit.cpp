@@ -1,6 +1,7 @@
 #include "solver/any/pyramid_fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace glasswing {
@@ -8,15 +9,20 @@ namespace {
 
 constexpr double kReach = 3.0;          // of a footprint: standard deviations beside its mean, and
 constexpr double kMargin_px = 2.0;      // this much
-constexpr size_t kMostPlaces = 1200;    // that take part; beyond that the narrowest level is left out
+constexpr size_t kMostPlaces = 2000;    // that take part; beyond that the narrowest level is left out
 constexpr size_t kMostKnown = 20000;    // answers kept
 constexpr double kBoundNoise = 4.0;     // standard deviations of a sample by which it bounds a coefficient
-constexpr double kLeastAnswer = 0.02;   // of a place's highest answer: samples below bound nothing
+constexpr float kLeastAnswer = 0.02f;   // of a place's highest answer: samples below bound nothing
 constexpr double kLeastOfPrior = 0.02;  // a coefficient that must be smaller is 0
-constexpr double kFloorPrior = 1e-6;    // of F, in the least weight of its sum
-constexpr int kMostSteps = 60;          // of the minimum
-constexpr double kLeastGain = 1e-3;     // of chi2 / 2 by a step that is worth another
-constexpr double kLeastShare = 1e-4;    // of a Newton step
+constexpr float kDark = 1e-4f;          // of the highest answer: samples below tell of F alone
+constexpr double kPrior = 8.0;          // s, over light that lies evenly on its area
+constexpr double kTemper = 20.0;        // of log evidence, which neglects that coefficients are positive
+constexpr int kMostRounds = 40;         // of the working set, which
+constexpr size_t kMostAdded = 64;       // grows by so many, and
+constexpr int kMostSteps = 200;         // of its minimum
+constexpr double kLeastGain = 1e-2;     // of chi2 / 2 by a step, or by a coefficient, that is worth another
+constexpr double kLeastShare = 0.1;     // of what Newton's step promises, by the projected one
+constexpr double kRounding = 1e-9;      // of a step
 
 // The place and widths of all light.
 struct Extent {
@@ -40,16 +46,13 @@ Extent extent_of(const Footprints& modes) {
   return all;
 }
 
-struct Range {
-  double low_px, high_px;
-};
-
-Range reached(double centre_px, double variance_px2, double size_px) {
+PyramidFitter::Range reached(double centre_px, double variance_px2, double size_px) {
   const double reach = kReach * std::sqrt(variance_px2) + kMargin_px;
   return {std::max(centre_px - reach, 0.0), std::min(centre_px + reach, size_px)};
 }
 
-void add_places(int level, const Range& x, const Range& y, std::vector<Coefficient>& places) {
+void add_places(int level, const PyramidFitter::Range& x, const PyramidFitter::Range& y,
+                std::vector<Coefficient>& places) {
   const double step = std::ldexp(2.0, level);
   for (int row = static_cast<int>(y.low_px / step); (row + 0.5) * step < y.high_px + 0.5 * step; ++row) {
     for (int column = static_cast<int>(x.low_px / step); (column + 0.5) * step < x.high_px + 0.5 * step;
@@ -60,37 +63,156 @@ void add_places(int level, const Range& x, const Range& y, std::vector<Coefficie
 
 }  // namespace
 
-Eigen::VectorXd positive_minimum(const Eigen::MatrixXd& g, const Eigen::VectorXd& b) {
-  const Eigen::Index n = b.size();
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(n), gx = x;
-  const auto cost = [&](const Eigen::VectorXd& at, const Eigen::VectorXd& g_at) {
-    return 0.5 * at.dot(g_at) - b.dot(at);
-  };
-  double now = 0.0;
-  for (int step = 0; step < kMostSteps; ++step) {
-    std::vector<Eigen::Index> free;
-    for (Eigen::Index i = 0; i < n; ++i) {
-      if (x[i] > 0.0 || gx[i] < b[i]) free.push_back(i);
-    }
-    if (free.empty()) break;
-    const Eigen::MatrixXd own = g(free, free);
-    const Eigen::VectorXd down = (b - gx)(free), newton = own.llt().solve(down);
-    double next = now;
-    for (double share = 1.0; share > kLeastShare && !(next < now); share *= 0.5) {
-      Eigen::VectorXd there = x;
-      for (Eigen::Index k = 0; k < std::ssize(free); ++k)
-        there[free[k]] = std::max(x[free[k]] + share * newton[k], 0.0);
-      const Eigen::VectorXd g_there = g * there;
-      next = cost(there, g_there);
-      if (!(next < now)) continue;
-      x = there;
-      gx = g_there;
-    }
-    const double gained = now - next;
-    now = std::min(now, next);
-    if (!(gained > kLeastGain)) break;
+namespace {
+
+// The working set: columns, their products, and the coefficients.
+class WorkingSet {
+ public:
+  WorkingSet(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::VectorXd& y,
+             const Eigen::Ref<const Eigen::VectorXd>& prior_sd, Eigen::Index left_out)
+      : a_(a), y_(y), prior_(prior_sd.array().square().inverse()), is_in_(a.cols(), false) {
+    std::fill_n(is_in_.begin() + 1, left_out, true);
   }
-  return x;
+
+  void add(const std::vector<Eigen::Index>& columns) {
+    const Eigen::Index before = std::ssize(set_), added = std::ssize(columns), size = before + added;
+    set_.insert(set_.end(), columns.begin(), columns.end());
+    for (const Eigen::Index k : columns) is_in_[k] = true;
+    own_.conservativeResize(a_.rows(), size);
+    for (Eigen::Index k = before; k < size; ++k) own_.col(k) = a_.col(set_[k]);
+    g_.conservativeResize(size, size);
+    g_.bottomRows(added).noalias() = own_.rightCols(added).transpose() * own_;
+    g_.topRightCorner(before, added) = g_.bottomLeftCorner(added, before).transpose();
+    b_.conservativeResize(size);
+    x_.conservativeResize(size);
+    for (Eigen::Index k = before; k < size; ++k) {
+      g_(k, k) += prior_[set_[k]];
+      b_[k] = a_.col(set_[k]).dot(y_);
+      x_[k] = 0.0;
+    }
+  }
+
+  // To the minimum over the set: Newton's steps on those that are free, projected; where that hardly lowers
+  // the cost, only as far as the first that becomes 0 (Lawson and Hanson 1974).
+  void descend() {
+    std::vector<Eigen::Index> free = free_now();
+    bool is_all = true;
+    for (int step = 0; step < kMostSteps && !free.empty(); ++step) {
+      const Eigen::MatrixXd own = g_(free, free);
+      const Eigen::VectorXd down = (b_ - g_ * x_)(free), newton = own.llt().solve(down);
+      const double gain = 0.5 * newton.dot(down);
+      if (!(gain > kLeastGain)) {
+        if (is_all) break;
+        free = free_now();
+        is_all = true;
+        continue;
+      }
+      if (project(free, newton, kLeastShare * gain)) {
+        free = free_now();
+        is_all = true;
+        continue;
+      }
+      double share = 1.0;
+      for (Eigen::Index k = 0; k < std::ssize(free); ++k) {
+        if (!is_signed(free[k]) && newton[k] < 0.0) share = std::min(share, -x_[free[k]] / newton[k]);
+      }
+      std::vector<Eigen::Index> left;
+      for (Eigen::Index k = 0; k < std::ssize(free); ++k) {
+        double& own_x = x_[free[k]];
+        own_x += share * newton[k];
+        const bool ends = !is_signed(free[k]) && newton[k] < 0.0 && own_x < kRounding * -newton[k];
+        if (ends) own_x = 0.0;
+        if (!ends) left.push_back(free[k]);
+      }
+      if (left.size() == free.size()) break;
+      free = std::move(left);
+      is_all = false;
+    }
+  }
+
+  // Those outside that would lower the cost, the best first.
+  std::vector<Eigen::Index> wanted(const Eigen::VectorXd& square) const {
+    const Eigen::VectorXd slope = a_.transpose() * (y_ - own_ * x_);
+    std::vector<std::pair<double, Eigen::Index>> gains;
+    for (Eigen::Index k = 0; k < a_.cols(); ++k) {
+      if (is_in_[k] || !(slope[k] > 0.0)) continue;
+      const double gain = 0.5 * slope[k] * slope[k] / (square[k] + prior_[k]);
+      if (gain > kLeastGain) gains.emplace_back(-gain, k);
+    }
+    const auto most = std::min(gains.size(), kMostAdded);
+    std::ranges::partial_sort(gains, gains.begin() + static_cast<std::ptrdiff_t>(most));
+    std::vector<Eigen::Index> best;
+    for (size_t i = 0; i < most; ++i) best.push_back(gains[i].second);
+    return best;
+  }
+
+  PositiveFit found() const {
+    PositiveFit fit{.x = Eigen::VectorXd::Zero(a_.cols()), .chi2 = (y_ - own_ * x_).squaredNorm()};
+    std::vector<Eigen::Index> above;
+    double prior = 0.0;
+    for (Eigen::Index k = 0; k < x_.size(); ++k) {
+      fit.x[set_[k]] = x_[k];
+      if (!is_signed(k) && !(x_[k] > 0.0)) continue;
+      above.push_back(k);
+      prior += x_[k] * x_[k] * prior_[set_[k]] - std::log(prior_[set_[k]]);
+    }
+    const Eigen::MatrixXd own = g_(above, above);
+    const Eigen::LLT<Eigen::MatrixXd> factor(own);
+    fit.evidence = -0.5 * (fit.chi2 + prior) - factor.matrixLLT().diagonal().array().log().sum();
+    return fit;
+  }
+
+ private:
+  bool is_signed(Eigen::Index k) const { return set_[k] == 0; }
+  std::vector<Eigen::Index> free_now() const {
+    const Eigen::VectorXd down = b_ - g_ * x_;
+    std::vector<Eigen::Index> free;
+    for (Eigen::Index k = 0; k < x_.size(); ++k) {
+      if (is_signed(k) || x_[k] > 0.0 || down[k] > 0.0) free.push_back(k);
+    }
+    return free;
+  }
+  bool project(const std::vector<Eigen::Index>& free, const Eigen::VectorXd& newton, double least_gain) {
+    const double now = cost(x_);
+    for (const double share : {1.0, 0.5, 0.25}) {
+      Eigen::VectorXd there = x_;
+      for (Eigen::Index k = 0; k < std::ssize(free); ++k) {
+        double& own_x = there[free[k]];
+        own_x += share * newton[k];
+        if (!is_signed(free[k])) own_x = std::max(own_x, 0.0);
+      }
+      if (!(now - cost(there) > least_gain)) continue;
+      x_ = there;
+      return true;
+    }
+    return false;
+  }
+  double cost(const Eigen::VectorXd& x) const { return 0.5 * x.dot(g_ * x) - b_.dot(x); }
+
+  const Eigen::Ref<const Eigen::MatrixXd> a_;
+  const Eigen::VectorXd& y_;
+  const Eigen::VectorXd prior_;
+  std::vector<bool> is_in_;
+  std::vector<Eigen::Index> set_;
+  Eigen::MatrixXd own_, g_;
+  Eigen::VectorXd b_, x_;
+};
+
+}  // namespace
+
+PositiveFit positive_minimum(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::VectorXd& y,
+                             const Eigen::Ref<const Eigen::VectorXd>& prior_sd, Eigen::Index left_out) {
+  WorkingSet set(a, y, prior_sd, left_out);
+  const Eigen::VectorXd square = a.colwise().squaredNorm();
+  set.add({0});
+  set.descend();
+  for (int round = 0; round < kMostRounds; ++round) {
+    const std::vector<Eigen::Index> wanted = set.wanted(square);
+    if (wanted.empty()) break;
+    set.add(wanted);
+    set.descend();
+  }
+  return set.found();
 }
 
 const Eigen::VectorXf& PyramidFitter::answer(const Coefficient& place) {
@@ -107,6 +229,94 @@ const Eigen::VectorXf& PyramidFitter::answer(const Coefficient& place) {
   return at->second;
 }
 
+std::vector<Coefficient> PyramidFitter::places_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
+                                                  const Eigen::VectorXd& peak, const Range& across,
+                                                  const Range& down, double prior_sd) {
+  const Eigen::Index black = y.size() - 1;
+  const Eigen::ArrayXf most =
+      (y.head(black).array() - y[black] + kBoundNoise * weight.head(black).array().rsqrt()).cast<float>();
+  const Eigen::ArrayXf peaks =
+      (weight.head(black).array() > 0.0).select(peak.head(black).array(), 0.0).cast<float>();
+  std::vector<Coefficient> places, own;
+  Eigen::ArrayXf light;
+  for (int level = kPyramidLevels - 2; level >= 0; --level) {
+    own.clear();
+    add_places(level, across, down, own);
+    const size_t before = places.size();
+    const float least_sd = static_cast<float>(kLeastOfPrior * std::ldexp(prior_sd, 2 * level));
+    for (const Coefficient& place : own) {
+      light = answer(place).array() * peaks;
+      const float least = kLeastAnswer * light.maxCoeff();
+      if (!(least > 0.0f)) continue;
+      if ((light > least && most < least_sd * light).any()) continue;
+      places.push_back(place);
+    }
+    if (places.size() <= kMostPlaces) continue;
+    places.resize(before);
+    break;
+  }
+  return places;
+}
+
+// The samples that see the places, whitened; those that see none of them tell about F alone, and are the
+// last. Columns: F, modes, places.
+struct PyramidFitter::Problem {
+  Eigen::MatrixXd a;
+  Eigen::VectorXd y, prior_sd;
+  double chi2_apart = 0.0;  // of what any fit leaves
+};
+
+PyramidFitter::Problem PyramidFitter::problem_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
+                                                 const Eigen::VectorXd& peak, const Footprints& near,
+                                                 const std::vector<Coefficient>& places, double prior_sd) {
+  const Eigen::Index black = y.size() - 1, first = 1 + near.size();
+  Eigen::ArrayXf most = Eigen::ArrayXf::Zero(black);
+  for (const Coefficient& place : places) most = most.max(answer(place).array());
+  const float least = kDark * most.maxCoeff();
+  std::vector<Eigen::Index> seeing;
+  double dark_weight = 0.0, dark = 0.0, dark_square = 0.0;
+  for (Eigen::Index i = 0; i <= black; ++i) {
+    if (!(weight[i] > 0.0)) continue;
+    if (i < black && most[i] > least) {
+      seeing.push_back(i);
+    } else {
+      dark_weight += weight[i];
+      dark += weight[i] * y[i];
+      dark_square += weight[i] * y[i] * y[i];
+    }
+  }
+  const Eigen::Index rows = std::ssize(seeing);
+  Problem own{.a = Eigen::MatrixXd::Zero(rows + 1, first + std::ssize(places)),
+              .y = Eigen::VectorXd::Zero(rows + 1),
+              .prior_sd = Eigen::VectorXd::Ones(first + std::ssize(places))};
+  own.a(rows, 0) = std::sqrt(dark_weight);
+  if (dark_weight > 0.0) {
+    own.y[rows] = dark / own.a(rows, 0);
+    own.chi2_apart = dark_square - own.y[rows] * own.y[rows];
+  }
+  Eigen::MatrixXd of_modes(black, near.size()), columns(black, PatternAnswers::kColumns);
+  for (int m = 0; m < near.size(); ++m) {
+    answers_.of(near[m], true, columns.data(), black);
+    of_modes.col(m) = columns.col(0);
+  }
+  Eigen::VectorXd lit(rows);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const Eigen::Index sample = seeing[i];
+    const double root = std::sqrt(weight[sample]);
+    lit[i] = root * peak[sample];
+    own.a(i, 0) = root;
+    own.y[i] = root * y[sample];
+    for (int m = 0; m < near.size(); ++m) own.a(i, 1 + m) = lit[i] * of_modes(sample, m);
+  }
+  for (Eigen::Index k = 0; k < std::ssize(places); ++k) {
+    const Eigen::VectorXf& light = answer(places[k]);
+    for (Eigen::Index i = 0; i < rows; ++i)
+      own.a(i, first + k) = lit[i] * static_cast<double>(light[seeing[i]]);
+    own.prior_sd[first + k] = std::ldexp(prior_sd, 2 * places[k].level);
+  }
+  return own;
+}
+
 std::optional<PyramidFit> PyramidFitter::fit(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
                                              const Eigen::VectorXd& peak, const Footprints& near) {
   const Extent light = extent_of(near);
@@ -115,59 +325,31 @@ std::optional<PyramidFit> PyramidFitter::fit(const Eigen::VectorXd& y, const Eig
               down = reached(light.y_px, light.yy_px2, answers_.extent().height_px);
   const double area_px2 = (across.high_px - across.low_px) * (down.high_px - down.low_px) / (kReach * kReach);
   if (!(area_px2 > 0.0)) return std::nullopt;
-  PyramidFit fit;
-  fit.prior_sd = 4.0 * light.weight / area_px2;
+  const double prior_sd = kPrior * light.weight / area_px2;
   if (known_.size() > kMostKnown) known_.clear();
-
-  const Eigen::Index count = y.size(), black = count - 1;
-  std::vector<Coefficient> places;
-  std::vector<Eigen::VectorXd> columns;
-  std::vector<Coefficient> level_places;
-  for (int level = kPyramidLevels - 2; level >= 0; --level) {
-    level_places.clear();
-    add_places(level, across, down, level_places);
-    const size_t before = places.size();
-    for (const Coefficient& place : level_places) {
-      Eigen::VectorXd own = Eigen::VectorXd::Zero(count);
-      own.head(black) = answer(place).cast<double>().cwiseProduct(peak.head(black));
-      const double least = kLeastAnswer * own.maxCoeff();
-      double bound = INFINITY;
-      for (Eigen::Index i = 0; i < black && least > 0.0; ++i) {
-        if (own[i] > least && weight[i] > 0.0)
-          bound = std::min(bound, (y[i] - y[black] + kBoundNoise / std::sqrt(weight[i])) / own[i]);
-      }
-      if (!(bound > kLeastOfPrior * std::ldexp(fit.prior_sd, 2 * level)) || !(least > 0.0)) continue;
-      places.push_back(place);
-      columns.push_back(std::move(own));
-    }
-    if (places.size() <= kMostPlaces) continue;
-    places.resize(before);
-    columns.resize(before);
-    break;
-  }
+  const std::vector<Coefficient> places = places_of(y, weight, peak, across, down, prior_sd);
   if (places.empty()) return std::nullopt;
-
-  const Eigen::Index n = std::ssize(places);
-  const Eigen::VectorXd root = weight.cwiseSqrt();
-  Eigen::MatrixXd answers(count, n);
-  for (Eigen::Index k = 0; k < n; ++k) answers.col(k) = root.cwiseProduct(columns[k]);
-  // The minimum over F takes its part along `one`.
-  const Eigen::VectorXd one = root / std::sqrt(root.squaredNorm() * (1.0 + kFloorPrior));
-  const Eigen::VectorXd seen = root.cwiseProduct(y);
-  const Eigen::VectorXd rest = seen - one * one.dot(seen);
-  answers -= one * (one.transpose() * answers).eval();
-  Eigen::MatrixXd g = answers.transpose() * answers;
-  for (Eigen::Index k = 0; k < n; ++k) g(k, k) += std::pow(std::ldexp(fit.prior_sd, 2 * places[k].level), -2);
-  const Eigen::VectorXd found = positive_minimum(g, answers.transpose() * rest);
-  fit.chi2 = (rest - answers * found).squaredNorm();
-  Eigen::VectorXd model = Eigen::VectorXd::Zero(count);
+  const Problem all = problem_of(y, weight, peak, near, places, prior_sd);
+  const Eigen::Index n = std::ssize(places), modes = near.size();
+  // Each mode's place and widths were found from the same samples.
+  const double found = 2.5 * static_cast<double>(modes) * std::log(static_cast<double>(all.a.rows()));
+  const PositiveFit gaussians =
+      positive_minimum(all.a.leftCols(1 + modes), all.y, all.prior_sd.head(1 + modes));
+  const PositiveFit alone = positive_minimum(all.a, all.y, all.prior_sd, modes);
+  const double share = 1.0 / (1.0 + std::exp((alone.evidence - gaussians.evidence + found) / kTemper));
+  Eigen::VectorXd x = (1.0 - share) * alone.x;
+  x.head(1 + modes) += share * gaussians.x;
+  PyramidFit fit;
+  fit.prior_sd = prior_sd;
+  fit.floor = x[0];
+  fit.chi2 = (all.y - all.a * x).squaredNorm() + all.chi2_apart;
+  fit.gaussian = share;
+  for (Eigen::Index m = 0; m < modes; ++m) fit.modes.push_back(x[1 + m]);
   for (Eigen::Index k = 0; k < n; ++k) {
-    if (!(found[k] > 0.0)) continue;
-    model += found[k] * columns[k];
-    places[k].weight = static_cast<float>(found[k]);
-    if (places[k].weight > 0.0f) fit.coefficients.push_back(places[k]);
+    Coefficient own = places[k];
+    own.weight = static_cast<float>(x[1 + modes + k]);
+    if (own.weight > 0.0f) fit.coefficients.push_back(own);
   }
-  fit.floor = weight.dot(y - model) / weight.sum();
   return fit;
 }
 

@@ -14,6 +14,8 @@ constexpr double kUnknownNoise = 0.005;  // of cameras whose noise nothing tells
 constexpr double kMedianOfNormal = 0.67449;
 constexpr double kDetail = 0.002;      // of the highest sample
 constexpr double kBeyondNoise = 5.0;   // standard deviations of chi2, and
+constexpr double kDoubt = 2.5;         // of a fit of Gaussians, from which on pyramids are tried
+constexpr double kCertain = 0.9;       // probability from which on Gaussians are left as they are
 constexpr double kUnexplained = 0.05;  // of the highest sample, that a fit may leave
 
 // Of a camera that does not say: from second differences of stripes, which are smooth where noise is not.
@@ -37,14 +39,20 @@ bool is_explained(double chi2, const Eigen::VectorXd& weight) {
   return chi2 < samples + kBeyondNoise * std::sqrt(2.0 * samples);
 }
 
+// Whether a fit of Gaussians leaves no more than that: each takes six of the samples' degrees of freedom.
+bool is_likely(double chi2, const Eigen::VectorXd& weight, int modes) {
+  const double freedom = static_cast<double>((weight.array() > 0.0).count()) - 6.0 * modes - 1.0;
+  return chi2 < freedom + kDoubt * std::sqrt(2.0 * freedom);
+}
+
 }  // namespace
 
 PyramidSolver::PyramidSolver(const FrameStack& stack, const MixtureLayout& layout,
-                             const std::deque<PatternAnswers>& answers)
+                             const std::deque<PatternAnswers>& answers, std::vector<PyramidFitter>& fitters)
     : stack_(stack),
       layout_(layout),
       answers_(answers),
-      fitters_(answers.begin(), answers.end()),
+      fitters_(fitters),
       noise_(sample_noise(layout.stage.camera, 0.0)) {}
 
 void PyramidSolver::refine_row(int y, Matte& matte) {
@@ -76,9 +84,13 @@ double PyramidSolver::gaussians_chi2(size_t m, const Footprints& modes, const Ei
 bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
   const MixtureMonitor& monitor = layout_.monitors[m];
   Footprints near;
+  std::vector<Coefficient> kept;
   for (const Mode& mode : matte.modes(x, y, channel)) {
-    if (mode.weight > 0.0f && mode.texture == monitor.texture && near.size() < kMaxFootprints)
+    if (mode.weight > 0.0f && mode.texture == monitor.texture && near.size() < kMaxFootprints) {
+      const auto index = static_cast<std::int32_t>(&mode - matte.modes(x, y, channel).data());
+      kept.push_back({.level = kPyramidLevels + index, .weight = mode.weight});
       near.push_back(footprint_of(mode));
+    }
   }
   if (near.empty()) return true;
   const auto count = std::ssize(monitor.shots);
@@ -107,10 +119,15 @@ bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
   const double detail = kDetail * (seen.maxCoeff() - seen[count]);
   weight = (weight.cwiseInverse().array() + detail * detail).inverse();
   const double of_gaussians = gaussians_chi2(m, near, seen, weight, peak);
-  if ((matte.flags(x, y) & kFlagPoorFit) == 0 && is_explained(of_gaussians, weight)) return true;
+  const bool poor = (matte.flags(x, y) & kFlagPoorFit) != 0;
+  if (!poor && near.size() < kMaxFootprints && is_likely(of_gaussians, weight, near.size())) return true;
   const std::optional<PyramidFit> fit = fitters_[m].fit(seen, weight, peak, near);
   if (!fit || fit->coefficients.empty()) return false;
+  if (fit->gaussian > kCertain) return !poor;
   if (!is_explained(fit->chi2, weight) && fit->chi2 > of_gaussians) return false;
+  for (size_t i = 0; i < kept.size(); ++i) kept[i].weight *= static_cast<float>(fit->modes[i]);
+  std::erase_if(kept, [](const Coefficient& mode) { return !(mode.weight > 0.0f); });
+  kept.insert(kept.end(), fit->coefficients.begin(), fit->coefficients.end());
   const double monitors = static_cast<double>(layout_.monitors.size());
   matte.add_pyramid(
       x, y, channel,
@@ -118,7 +135,7 @@ bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
        .foreground = static_cast<float>((fit->floor - matte.foreground(x, y)[channel]) / monitors),
        .noise_sd = static_cast<float>(std::sqrt(noise.variance(0.0))),
        .prior_sd = static_cast<float>(fit->prior_sd),
-       .coefficients = fit->coefficients});
+       .coefficients = std::move(kept)});
   return is_explained(fit->chi2, weight) ||
          std::sqrt(fit->chi2 / weight.sum()) < kUnexplained * (seen.maxCoeff() - seen[count]);
 }

@@ -14,11 +14,11 @@ namespace glasswing {
 
 class PyramidSolver {
  public:
-  // Keeps references.
+  // Keeps references. `fitters`: by monitor of the layout; they keep answers from one tile to the next.
   PyramidSolver(const FrameStack& stack, const MixtureLayout& layout,
-                const std::deque<PatternAnswers>& answers);
+                const std::deque<PatternAnswers>& answers, std::vector<PyramidFitter>& fitters);
 
-  // Of row y, whose Gaussian modes the matte has: gives channels of the object whose samples they do not
+  // Of row y, whose Gaussian modes the matte has: gives channels of the object whose samples they may not
   // explain a pyramid, and takes the flag of poor fits back where all channels are explained. Modes and F
   // stay.
   void refine_row(int y, Matte& matte);
@@ -33,7 +33,7 @@ class PyramidSolver {
   const FrameStack& stack_;
   const MixtureLayout& layout_;
   const std::deque<PatternAnswers>& answers_;
-  std::vector<PyramidFitter> fitters_;  // by monitor of the layout
+  std::vector<PyramidFitter>& fitters_;
   SampleNoise noise_;
 };
 

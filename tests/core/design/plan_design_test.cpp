@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "core/design/shape_waves.h"
 #include "tests/support/status.h"
 
 namespace glasswing {
@@ -44,6 +45,25 @@ TEST(PlanDesign, KeepsToItsImagesAndReadsBackAsItIs) {
           parse_plan(plan_text(design->plan, limits, "glasswing plan design"), "designed.txtpb");
       ASSERT_OK(read);
       EXPECT_EQ(read->DebugString(), design->plan.DebugString());
+    }
+  }
+}
+
+// A plan for any shape has waves in more directions than one for Gaussians, and no more images.
+TEST(PlanDesign, ForAnyShapeHasWavesInManyDirections) {
+  const RigLimits limits = rig(128, 96);
+  for (const int images : {50, 100, 374}) {
+    const DesignedPlan design =
+        design_plan({.images = images, .noise = {.read_sd = 0.005, .full_well = {}}, .any_footprints = true},
+                    limits)
+            .value();
+    const std::vector<Step> steps = expand(design.plan, limits.monitors).value();
+    EXPECT_LE(std::ssize(steps), images);
+    EXPECT_GE(std::ssize(steps), images - 12);
+    EXPECT_GE(design.plan.fringes_size(), 8);
+    EXPECT_EQ(design.plan.sweeps_size(), 0);
+    for (const v1::Fringes& fringes : design.plan.fringes()) {
+      for (const double period_px : fringes.period_px()) EXPECT_GE(period_px, kFinestShape_px);
     }
   }
 }

@@ -113,13 +113,16 @@ const std::string kSweeps =
     "sweeps { orientation_deg: 0 sigma_px: 4 } sweeps { orientation_deg: 90 sigma_px: 4 } "
     "sweeps { orientation_deg: 45 sigma_px: 4 } sweeps { orientation_deg: -45 sigma_px: 4 } exposure_ms: 4";
 
-std::string designed(int images) {
+const std::string& designed(int images, bool any = false) {
+  static std::map<std::pair<int, bool>, std::string> known;
+  std::string& text = known[{images, any}];
+  if (!text.empty()) return text;
   v1::Monitor monitor;
   monitor.set_name("back");
   monitor.set_width_px(kMonitor.width_px);
   monitor.set_height_px(kMonitor.height_px);
-  const DesignWish wish{.images = images, .noise = {.read_sd = 0.005, .full_well = {}}};
-  std::string text;
+  const DesignWish wish{
+      .images = images, .noise = {.read_sd = 0.005, .full_well = {}}, .any_footprints = any};
   google::protobuf::TextFormat::PrintToString(
       design_plan(wish, {.monitors = {monitor}, .camera = {}}).value().plan, &text);
   return text;
@@ -174,12 +177,15 @@ std::string name_of(const testing::TestParamInfo<std::string>& shape) {
 }
 
 // Floors at 0.5 % noise are goals: 38 dB of a ring and 36 of others by four sweeps, 40 by 100 designed
-// images. A ring of the latter is 39.5: noise hides from the test of chi2 that it is no sum of Gaussians.
+// images, 44 by as many designed ones as the sweeps are. Where Gaussians are better, both are close: six
+// pixels tell to a decibel.
 TEST_P(AnyShape, IsShownAsItIs) {
   const Scene scene = scene_of(shapes().at(GetParam()));
   for (const auto& [plan, name, floor_db] :
        {std::tuple{kSweeps, "sweeps", GetParam() == "ring" ? 38.0 : 36.0},
-        {designed(100), "designed", GetParam() == "ring" ? 39.0 : 40.0}}) {
+        {designed(100), "designed", 40.0},
+        {designed(100, true), "any", 40.0},
+        {designed(374, true), "any 374", 44.0}}) {
     for (const double noise_sd : {0.0, 0.005, 0.02}) {
       Matte matte = solved(scene, plan, noise_sd, kAny);
       const double any = psnr_of(scene, matte);
@@ -199,6 +205,7 @@ TEST_P(AnyShape, IsShownAsItIs) {
           static_cast<double>(coefficients) / std::max(pyramids, 1), static_cast<int>(flagged));
       if (noise_sd == 0.005) {
         EXPECT_GE(any, floor_db) << name;
+        EXPECT_GE(any, gaussian - 1.0) << name;
       }
     }
   }
@@ -206,6 +213,34 @@ TEST_P(AnyShape, IsShownAsItIs) {
 
 INSTANTIATE_TEST_SUITE_P(Shapes, AnyShape,
                          testing::Values("ring", "crescent", "box", "letter", "spokes", "lobe"), name_of);
+
+// A ring that two monitors side by side show the halves of: each has an edge through it, and pyramids of both
+// are one pixel's.
+TEST(Any, ShapesMayCrossTheEdgeBetweenTwoMonitors) {
+  Scene scene = scene_of(shapes().at("ring"));
+  scene.monitors = {kMonitor, kMonitor};
+  for (size_t i = 0; i < scene.object.size(); ++i) {
+    if (!scene.inside[i]) continue;
+    const double x_px = -5.0 + 2.0 * static_cast<double>(i), y_px = 30.0 + 4.0 * static_cast<double>(i);
+    scene.object[i].paths = {
+        {.monitor = 0,
+         .tint = {0.4, 0.4, 0.4},
+         .shares = shares_of(shapes().at("ring"), kMonitor.width_px + x_px, y_px)},
+        {.monitor = 1, .tint = {0.3, 0.3, 0.3}, .shares = shares_of(shapes().at("ring"), x_px, y_px)}};
+  }
+  Matte matte = solved(scene, kSweeps, 0.005, kAny);
+  int both = 0;
+  for (int x = 0; x < matte.width_px(); ++x) both += matte.pyramids(x, 0, 1).size() == 2;
+  EXPECT_GE(both, 2);
+  const std::vector<RadianceImage> shown{clouds(), clouds()};
+  const RadianceImage truth = gate::photograph(scene, true, shown);
+  const double any = gate::psnr(scene, composite(matte, shown).value(), truth);
+  matte.drop_pyramids();
+  const double gaussian = gate::psnr(scene, composite(matte, shown).value(), truth);
+  std::printf("two monitors: %.1f dB, by Gaussians %.1f; %d pixels with two pyramids\n", any, gaussian, both);
+  EXPECT_GE(any, 38.0);
+  EXPECT_GE(any, gaussian - 0.5);
+}
 
 // What Gaussians explain, and what they say of the rest, keeps its bits.
 TEST(Any, LeavesModesAlone) {
@@ -216,18 +251,22 @@ TEST(Any, LeavesModesAlone) {
   ASSERT_TRUE(any.has_pyramids());
   for (int x = 0; x < any.width_px(); ++x) {
     EXPECT_EQ(any.foreground(x, 0), gaussian.foreground(x, 0));
-    if ((gaussian.flags(x, 0) & kFlagPoorFit) == 0) {
+    if (x == 2) {
       EXPECT_EQ(any.flags(x, 0), gaussian.flags(x, 0));
     }
     for (int c = 0; c < kChannels; ++c) {
       EXPECT_EQ(std::memcmp(any.modes(x, 0, c).data(), gaussian.modes(x, 0, c).data(),
                             any.modes(x, 0, c).size_bytes()),
                 0);
-      EXPECT_EQ(any.pyramids(x, 0, c).empty(), (gaussian.flags(x, 0) & kFlagPoorFit) == 0);
+      EXPECT_EQ(any.pyramids(x, 0, c).empty(), x == 2 || !scene.inside[x]) << x;
     }
   }
   any.drop_pyramids();
-  for (int x = 0; x < any.width_px(); ++x) EXPECT_EQ(any.flags(x, 0), gaussian.flags(x, 0));
+  for (int x = 0; x < any.width_px(); ++x) {
+    if (scene.inside[x] && x != 2) {
+      EXPECT_NE(any.flags(x, 0) & kFlagPoorFit, 0);
+    }
+  }
 }
 
 TEST(Any, FilesHoldPyramids) {
