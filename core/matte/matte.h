@@ -45,8 +45,8 @@ struct Mode {
   float centre_sd_px = 0.0f;
 };
 
-// A Gaussian of a pyramid: of level l, sigma is 2^l px. Columns and rows are two sigma apart, the first one
-// sigma from the monitor's edge.
+// A Gaussian of a pyramid: of level l, sigma is 2^l px, 2 sigma apart, the first one sigma from the edge.
+// From level kPyramidLevels on: the channel's mode level - kPyramidLevels, of this weight, not of its own.
 struct Coefficient {
   std::int32_t level = 0, column = 0, row = 0;
   float weight = 0.0f;  // as R; > 0
@@ -55,7 +55,7 @@ inline constexpr int kPyramidLevels = 5;
 Mode mode_of(const Coefficient& coefficient, int texture);
 
 // The light of a channel from one monitor, where no few Gaussians describe it: stands for the modes there,
-// which are the closest Gaussians.
+// which are the closest Gaussians. Composites integrate Matte::gaussians().
 struct PyramidFootprint {
   std::int32_t texture = 0;
   float foreground = 0.0f;  // added to F
