@@ -223,7 +223,8 @@ def export(camera: Camera, directory: pathlib.Path, crystal: Crystal, degrees: l
     poses = {matte.stem: camera.pose(degree).tolist() for matte, degree in zip(mattes, degrees)}
     (directory / "poses.json").write_text(json.dumps({"unit": "mm", "object_to_rig": poses}))
     for name in FORMATS:
-        photographs = ["--archives", directory / "rig/camera/archives"] if name == "idr" else []
+        archives: list[str | pathlib.Path] = ["--archives", directory / "rig/camera/archives"]
+        photographs = archives if name == "idr" else []
         run(["glasswing", "dataset", *mattes, "--geometry", directory / "rig.txtpb", "--object-poses", directory / "poses.json",
              "--background", PHOTOGRAPH, "--format", name, "-o", directory / name, *photographs])
     (directory / "truth").mkdir(exist_ok=True)

@@ -131,6 +131,11 @@ class DatasetTest(unittest.TestCase):
         command = [BIN / "glasswing-compositing", "composite", "near.exr", "--from", "right", "-o", output]
         subprocess.run(command, cwd=self.directory, check=True, capture_output=True)
         np.testing.assert_allclose(glasswing.read_picture(output), matte.from_monitor("right"), rtol=1e-5, atol=1e-6)
+        for words, said in ((("--from", "nowhere"), "--from is nowhere; it must be monitor, which is the first one, or one of: left, right"),
+                            (("--from", "left", "--error", "e.exr"), "--error does not go with --from")):
+            done = subprocess.run([*command[:3], *words, "-o", output], cwd=self.directory, capture_output=True, text=True)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn(said, done.stderr)
 
     def test_neto_has_the_points_of_snells_law(self):
         output = self.made("neto", rig="pinhole.txtpb")
