@@ -151,6 +151,7 @@ absl::Status Capture::open_archive(std::stop_token stop) {
   for (const v1::Monitor& monitor : setup_.monitors) *header.add_monitors() = monitor;
   *header.mutable_camera() = setup_.links.camera_info.camera();
   *header.mutable_plan() = session.plan();
+  *header.mutable_axes() = session.axes();
   GW_RETURN_IF_ERROR(embed_calibrations(calibrations_, header));
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive_->open(header, stop));
   if (!session.retaking().empty()) {
