@@ -86,6 +86,10 @@ absl::Status check_manifest_header(const v1::CaptureManifest& manifest) {
   }
   for (const v1::Monitor& monitor : manifest.monitors())
     GW_RETURN_IF_ERROR(check_finite("monitor \"" + monitor.name() + "\"", monitor));
+  for (const auto& [axis, position] : manifest.axes()) {
+    if (!std::isfinite(position))
+      return impossible(fmt::format("axis \"{}\" is at {}; it must be finite", axis, position));
+  }
   GW_RETURN_IF_ERROR(check_finite("camera", camera));
   return check_finite("plan", manifest.plan());
 }

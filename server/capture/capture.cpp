@@ -176,6 +176,7 @@ absl::Status Capture::open_archive(CameraView& view, std::stop_token stop) {
   for (const v1::Monitor& monitor : view.setup.monitors) *header.add_monitors() = monitor;
   *header.mutable_camera() = view.setup.links.camera_info.camera();
   *header.mutable_plan() = session.plan();
+  *header.mutable_axes() = session.axes();
   GW_RETURN_IF_ERROR(embed_calibrations(calibrations_, header));
   CaptureArchive& archive = *view.archive;
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive.open(header, stop));

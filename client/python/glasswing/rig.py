@@ -290,14 +290,19 @@ class Rig:
     def capture_turn(
         self, plan: Plan, series: str, positions: Iterable[float], *, axis: str = "turn", solve: bool = False
     ) -> Iterator[Session]:
-        """Captures a plan in many poses of the object, which the stage turns, and yields each session when it is captured, and with ``solve`` solved.
+        """Captures a plan in many poses of the object, which the stage turns, and yields each session when it is captured, and
+        with ``solve`` solved.
 
         The sessions are "vase-000", "vase-010", ..., with the series' name as a tag, like those of ``glasswing capture --turn``.
         The first has the empty stage, which the others take from it. Sessions that are captured already are yielded as they are,
-        so that the same call takes a series up again. Stopped: a session was paused, failed or was cancelled.
+        so that the same call takes a series up again. NotFound: the stage has no such axis. Stopped: a session was paused, failed
+        or was cancelled.
         """
         values = [float(position) for position in positions]
         names = pose_names(series, values)
+        units = {each.name: each.unit for each in self.stage(plan.camera).axes()}
+        if axis not in units:
+            raise NotFound(f'the stage has no axis "{axis}"; it has: {", ".join(units) or "none"}')
         for number, (name, position) in enumerate(zip(names, values), start=1):
             try:
                 session = self.session(name)
@@ -306,7 +311,7 @@ class Rig:
             except NotFound:
                 shared = "" if number == 1 or plan.skip_empty_stage else names[0]
                 session = self.capture(plan, name, solve=solve, axes={axis: position}, empty_stage_of=shared)
-                session.annotate(note=f"{axis} at {position:g} deg, pose {number} of {len(names)}", add_tags=[series])
+                session.annotate(note=f"{axis} at {position:g} {units[axis]}, pose {number} of {len(names)}", add_tags=[series])
             if dict(session.info.axes) != {axis: position}:
                 raise Refused(f'there is a session "{name}" already, which is not at {position:g} of axis "{axis}"')
             session.wait()

@@ -72,6 +72,8 @@ class StageTest(unittest.TestCase):
             self.assertEqual([dict(session.info.axes) for session in again], [{"turn": 0.0}, {"turn": 40.0}, {"turn": 80.0}])
             self.assertEqual({session.name for session in rig.sessions(tags=["ring"])}, {"ring-00", "ring-40", "ring-80"})
             self.assertRegex(rig.session("ring-40").info.note, "turn at 40 deg, pose 2 of 2")
+            with self.assertRaisesRegex(glasswing.NotFound, 'no axis "lift"; it has: turn'):
+                next(rig.capture_turn(plan, "ring", [0], axis="lift"))
 
 
 if __name__ == "__main__":

@@ -57,6 +57,7 @@ class TurnTest(unittest.TestCase):
         self.assertGreater(len(empty), 3)
         for session in sessions:
             manifest, folder = self.archive(session["name"])
+            self.assertEqual(manifest["axes"], session["axes"])
             steps = [frame.get("step", 0) for frame in manifest["frames"]]
             self.assertEqual(sorted(steps), list(range(session["step_count"])), session["name"])
             # A killed node may leave a file that it was writing, under a temporary name.

@@ -359,6 +359,7 @@ TEST_F(ArchiveTest, WhatAManifestSaysOfItselfIsNotBelieved) {
       {[](auto& m) { m.mutable_camera()->set_height_px(-4); }, "camera's size is 5x-4"},
       {[](auto& m) { m.mutable_camera()->set_read_sd(-1.0); }, "read_sd is -1"},
       {[&](auto& m) { m.mutable_camera()->set_gain(nan); }, "camera: gain is nan"},
+      {[&](auto& m) { (*m.mutable_axes())["turn"] = nan; }, "axis \"turn\" is at nan"},
       {[](auto& m) { m.clear_monitors(); }, "no monitor"},
       {[](auto& m) { m.mutable_monitors(0)->set_width_px(0); }, "monitor \"back\" is 0x6"},
       {[&](auto& m) { *m.add_monitors() = m.monitors(0); }, "\"back\" twice"},
