@@ -83,7 +83,7 @@ struct DisplayLink {
 // Links to every display that answers, and the camera.
 struct RigLinks {
   std::vector<std::shared_ptr<DisplayLink>> displays;  // shared by the cameras of a capture
-  std::vector<std::string> silent_displays;  // titles of those that do not answer
+  std::vector<std::string> silent_displays;            // titles of those that do not answer
   std::unique_ptr<NodeLink> camera;
   std::unique_ptr<v1::CameraService::Stub> camera_stub;
   v1::GetCameraResponse camera_info;
