@@ -107,7 +107,7 @@ class Turn {
         return resume(*session);
       default:
         return absl::FailedPreconditionError(
-            fmt::format("{}; glasswing delete {} lets the series capture this pose again",
+            fmt::format("{}; glasswing delete {} --now lets the series capture this pose again",
                         summary_of(*session), session->name()));
     }
   }

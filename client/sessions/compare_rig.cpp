@@ -120,7 +120,7 @@ class Comparison {
          .meaning = elsewhere
                         ? "solves read another copy, if one is complete; glasswing replicate makes new copies"
                         : fmt::format("its frames cannot be read: restore the archive from a backup, or give "
-                                      "up the session with glasswing delete {}",
+                                      "up the session with glasswing delete {} --now",
                                       session.name()),
          .repair = ""});
   }

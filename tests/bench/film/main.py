@@ -1,5 +1,5 @@
 """Solves a still beside a film of batch priority, as an hour's film and a still of 30 s in proportion. Measures the still's
-time over its time alone, and what the film loses beyond the still's own work. Solvers have one thread each."""
+time over its time alone, and what the film loses beyond the still's time alone. Solvers have one thread each."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ exposure_ms: 4
 
 
 class Stand:
-    """The lab with its solvers, and clocks of their work."""
+    """The lab with its solvers."""
 
     def __init__(self, lab: Lab, solvers: int) -> None:
         self.lab = lab
@@ -37,15 +37,12 @@ class Stand:
             lab.add_solver().start()
         until(lambda: lab.solvers_up() == solvers, f"{solvers} solvers are up")
 
-    def cpu_seconds(self) -> float:
-        return sum(solver.cpu_seconds() for solver in self.lab.solvers)
-
-    def solve(self, name: str, priority: str, seconds: float = 7200.0) -> tuple[float, float]:
-        """Its seconds, and those of all solvers' processors."""
-        began, before = time.monotonic(), self.cpu_seconds()
+    def solve(self, name: str, priority: str) -> float:
+        """Returns its seconds."""
+        began = time.monotonic()
         self.begin(name, priority)
-        self.lab.wait_until_done(seconds, name)
-        return time.monotonic() - began, self.cpu_seconds() - before
+        self.lab.wait_until_done(7200.0, name)
+        return time.monotonic() - began
 
     def begin(self, name: str, priority: str) -> None:
         glasswing(self.lab.address, "solve", name, "--priority", priority)
@@ -62,7 +59,7 @@ def beside(stand: Stand) -> tuple[float, float, float, float]:
     until(lambda: stand.frames() > count // 4, "a quarter of the film is solved", 7200.0, 0.2)
     rate = stand.frames() / (time.monotonic() - began)
     before, at = stand.frames(), time.monotonic()
-    still, _ = stand.solve("still", "interactive")
+    still = stand.solve("still", "interactive")
     meanwhile = (stand.frames() - before) / (time.monotonic() - at)
     stand.lab.wait_until_done(7200.0, "film")
     return still, time.monotonic() - began, rate, meanwhile
@@ -86,17 +83,15 @@ def main() -> int:
         lab = Lab(work, {name: work / name for name in ("film", "still")}, ("--jobs", postgres.connection) if postgres else ())
         try:
             stand = Stand(lab, options.solvers)
-            still_alone, still_cpu = stand.solve("still", "interactive")
-            film_alone, _ = stand.solve("film", "batch")
+            still_alone = stand.solve("still", "interactive")
+            film_alone = stand.solve("film", "batch")
             load = os.getloadavg()[0]
             still, film, rate, meanwhile = beside(stand)
         finally:
             lab.close()
             if postgres:
                 postgres.close()
-    # What the still needs of the solvers' time would be missing anyhow.
-    own = still_cpu / options.solvers
-    loss = 100.0 * (film - own - film_alone) / film_alone
+    loss = 100.0 * (film - still_alone - film_alone) / film_alone  # beyond the time that the still needs by itself
     print(f"{options.solvers} solvers, load {load:.1f}, jobs in {'PostgreSQL' if options.postgres else 'SQLite'}")
     print(f"alone: still {still_alone:.2f} s, film {film_alone:.1f} s; together: still {still:.2f} s, film {film:.1f} s")
     print(f"the film solved {rate:.1f} frames a second before, {meanwhile:.1f} meanwhile")
