@@ -27,7 +27,7 @@ std::shared_ptr<const Image16> random_picture() {
 int main(int argc, char** argv) {
   CLI::App app("Frames of 5 megapixels, Mono12p, 30 a second, over loopback.");
   double seconds = 10.0, lost_percent = 0.0, fps = 30.0;
-  int packet_bytes = 8000;
+  int packet_bytes = 15000;
   app.add_option("--seconds", seconds)->capture_default_str();
   app.add_option("--lost", lost_percent, "% of the packets")->capture_default_str();
   app.add_option("--fps", fps)->capture_default_str();
