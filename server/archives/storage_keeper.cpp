@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <chrono>
 
-#include "core/process/pause.h"
 #include "core/base/status.h"
+#include "core/process/pause.h"
 #include "server/archives/replicas.h"
 #include "server/sessions/series.h"
 
@@ -74,7 +74,8 @@ absl::StatusOr<std::vector<v1::SessionUsage>> StorageKeeper::usage() {
   return usage;
 }
 
-absl::StatusOr<std::int64_t> StorageKeeper::remove(const std::string& session, bool trash, std::string& ends) {
+absl::StatusOr<std::int64_t> StorageKeeper::remove(const std::string& session, bool trash,
+                                                   std::string& ends) {
   if (!trash || options_.trash_hours <= 0.0) return deleter_.remove(session);
   GW_ASSIGN_OR_RETURN(const std::string since, deleter_.put_into_trash(session));
   ends = absl::FormatTime(absl::RFC3339_sec, end_of(since), absl::UTCTimeZone());
