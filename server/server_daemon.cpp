@@ -51,21 +51,21 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   std::optional<ClockWatch> clocks;
   const EventWatch events(server->sessions(), options.store.data, *hook);
   server->queue().observe([&hook](const Event& event) { hook->add(event); });
-  return serve(daemon,
-               {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs, &storage, &console},
-                .principal_of =
-                    [&](const std::string& login) {
-                      return tokens->principal_of(login, AccessTokens::current_time());
-                    },
-                .begin = [&](ServiceHost*) -> absl::Status {
-                  clocks.emplace(server->rig());
-                  return absl::OkStatus();
-                },
-                .end =
-                    [&] {
-                      sessions.stop();
-                      rig.stop();
-                    }});
+  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs, &storage,
+                                     &console},
+                        .principal_of =
+                            [&](const std::string& login) {
+                              return tokens->principal_of(login, AccessTokens::current_time());
+                            },
+                        .begin = [&](ServiceHost*) -> absl::Status {
+                          clocks.emplace(server->rig());
+                          return absl::OkStatus();
+                        },
+                        .end =
+                            [&] {
+                              sessions.stop();
+                              rig.stop();
+                            }});
 }
 
 }  // namespace glasswing

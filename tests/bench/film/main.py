@@ -47,22 +47,22 @@ class Stand:
     def begin(self, name: str, priority: str) -> None:
         glasswing(self.lab.address, "solve", name, "--priority", priority)
 
-    def frames(self) -> int:
-        return len(self.lab.session(30.0, "film").solved_frames)
+    def film_done(self) -> float:
+        """The share of the film's running solve that is done."""
+        film = self.lab.session(30.0, "film")
+        return film.tiles_done / max(1, film.tile_count)
 
 
-def beside(stand: Stand) -> tuple[float, float, float, float]:
-    """The still's seconds beside the film, the film's, and the frames a second that the film got before and meanwhile."""
+def beside(stand: Stand) -> tuple[float, float, float]:
+    """The still's seconds beside the film, the film's, and the share of the film that was done meanwhile."""
     began = time.monotonic()
     stand.begin("film", "batch")
-    count = stand.lab.session(30.0, "film").frame_count
-    until(lambda: stand.frames() > count // 4, "a quarter of the film is solved", 7200.0, 0.2)
-    rate = stand.frames() / (time.monotonic() - began)
-    before, at = stand.frames(), time.monotonic()
+    until(lambda: stand.film_done() > 0.1, "a tenth of the film is solved", 7200.0, 0.05)
+    before = stand.film_done()
     still = stand.solve("still", "interactive")
-    meanwhile = (stand.frames() - before) / (time.monotonic() - at)
+    meanwhile = stand.film_done() - before
     stand.lab.wait_until_done(7200.0, "film")
-    return still, time.monotonic() - began, rate, meanwhile
+    return still, time.monotonic() - began, meanwhile
 
 
 def main() -> int:
@@ -86,7 +86,7 @@ def main() -> int:
             still_alone = stand.solve("still", "interactive")
             film_alone = stand.solve("film", "batch")
             load = os.getloadavg()[0]
-            still, film, rate, meanwhile = beside(stand)
+            still, film, meanwhile = beside(stand)
         finally:
             lab.close()
             if postgres:
@@ -94,7 +94,7 @@ def main() -> int:
     loss = 100.0 * (film - still_alone - film_alone) / film_alone  # beyond the time that the still needs by itself
     print(f"{options.solvers} solvers, load {load:.1f}, jobs in {'PostgreSQL' if options.postgres else 'SQLite'}")
     print(f"alone: still {still_alone:.2f} s, film {film_alone:.1f} s; together: still {still:.2f} s, film {film:.1f} s")
-    print(f"the film solved {rate:.1f} frames a second before, {meanwhile:.1f} meanwhile")
+    print(f"{100.0 * meanwhile:.1f} % of the film were done meanwhile")
     row("a still beside a film over alone", still / still_alone, "x")
     row("loss of the film beside a still", loss, "%")
     return 0
