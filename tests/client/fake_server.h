@@ -42,9 +42,10 @@ class FakeServer {
       response->mutable_session()->set_state(v1::SESSION_STATE_CAPTURED);
       return grpc::Status::OK;
     }
-    grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest*,
+    grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
                             v1::GetSessionResponse* response) override {
       *response->mutable_session() = session;
+      if (session.name().empty()) response->mutable_session()->set_name(request->name());
       response->mutable_session()->set_archive_address(archive_address);
       return grpc::Status::OK;
     }

@@ -76,7 +76,7 @@ TEST_F(LayoutGuesses, ABinaryCodeUpsideDownIsItsComplement) {
       EXPECT_EQ(guessed, "--layout opencv-graycode --order columns,rows --inverse none");
       EXPECT_NE(reasons_.find("upside down"), std::string::npos) << reasons_;
     } else {
-      EXPECT_NE(guessed.find("lit bars of the binary code stand for 0"), std::string::npos) << guessed;
+      EXPECT_NE(guessed.find("lit bars of the binary code mean 0"), std::string::npos) << guessed;
     }
   }
 }

@@ -11,6 +11,7 @@
 #include "server/services/rig_service.h"
 #include "server/services/server.h"
 #include "server/services/session_service.h"
+#include "server/services/storage_service.h"
 #include "server/services/work_service.h"
 #include "tests/support/temporary_directory.h"
 
@@ -71,10 +72,12 @@ TEST(Limits, HoldForEveryMethodOfTheServer) {
     MatteServiceImpl mattes(*server);
     QueueServiceImpl queue(*server);
     JobServiceImpl jobs(*server);
+    StorageServiceImpl storage(server->storage());
     const auto host =
-        ServiceHost::start({}, {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs}).value();
+        ServiceHost::start({}, {&sessions, &nodes, &work, &rig, &fleet, &mattes, &queue, &jobs, &storage})
+            .value();
     int refused = 0;
-    for (const char* file : {"fleet", "job", "matte", "node", "queue", "rig", "session", "work"}) {
+    for (const char* file : {"fleet", "job", "matte", "node", "queue", "rig", "session", "storage", "work"}) {
       const pb::FileDescriptor& described = *pb::DescriptorPool::generated_pool()->FindFileByName(
           fmt::format("glasswing/v1/{}_service.proto", file));
       const pb::ServiceDescriptor& service = *described.service(0);
@@ -84,7 +87,8 @@ TEST(Limits, HoldForEveryMethodOfTheServer) {
             pb::MessageFactory::generated_factory()->GetPrototype(method.input_type())->New());
         if (!overfill(*request)) {
           EXPECT_TRUE(method.name() == "UploadImage" || method.name() == "ListMethods" ||
-                      method.name() == "ReleaseRig" || method.name().ends_with("QueueItem"))
+                      method.name() == "ReleaseRig" || method.name() == "ReleaseQueue" ||
+                      method.name() == "ApplyRetention" || method.name().ends_with("QueueItem"))
               << method.name() << " has no string";
           continue;
         }
