@@ -22,7 +22,7 @@ absl::StatusOr<StageAxis> parse_axis(const std::string& text) {
   Scanner scan(text);
   scan.name(axis.name, '=').number(axis.min).then(":").number(axis.max);
   std::string_view rest = scan.more() ? scan.rest() : "";
-  if (const size_t slash = rest.find('/'); slash != rest.npos) {
+  if (const size_t slash = rest.find('/'); slash != std::string_view::npos) {
     axis.letter = rest.substr(slash + 1);
     rest = rest.substr(0, slash);
   }

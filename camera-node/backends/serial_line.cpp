@@ -68,7 +68,7 @@ absl::StatusOr<std::string> SerialLine::read_line(std::chrono::milliseconds limi
                                                   const std::stop_token& stop) {
   const nanoseconds until = monotonic_now() + limit;
   while (true) {
-    if (const size_t end = pending_.find('\n'); end != pending_.npos) {
+    if (const size_t end = pending_.find('\n'); end != std::string::npos) {
       std::string line = pending_.substr(0, end);
       pending_.erase(0, end + 1);
       if (!line.empty() && line.back() == '\r') line.pop_back();

@@ -87,7 +87,7 @@ absl::StatusOr<v1::Axis> find_axis(const std::string& named, const std::vector<v
 absl::StatusOr<Poses> parse_poses(std::string_view option, const std::string& text) {
   Poses poses;
   std::string_view rest = text;
-  if (const size_t equals = rest.find('='); equals != rest.npos) {
+  if (const size_t equals = rest.find('='); equals != std::string_view::npos) {
     poses.axis = rest.substr(0, equals);
     rest.remove_prefix(equals + 1);
   }

@@ -104,7 +104,7 @@ absl::StatusOr<Track> track_in_file(const AxisArguments& arguments) {
   std::string line;
   for (int number = 1; std::getline(lines, line); ++number) {
     line.resize(std::min(line.find('#'), line.size()));
-    if (line.find_first_not_of(" \t\r") == line.npos) continue;
+    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
     std::istringstream words(line);
     double position_deg = 0.0;
     AxisSighting point;
@@ -216,13 +216,12 @@ void add_axis_command(CLI::App& calibrate, Client& client) {
   CLI::App& command = *calibrate.add_subcommand(
       "axis", "Find the turntable's axis in the rig's geometry, from a board on the table.");
   command.footer(
-      "Put a ChArUco board on the table, or a column with several, and capture it all round: glasswing "
-      "capture "
-      "PLAN --turn 0:345:15 --session board. One white image is enough. Each session is a position; those "
-      "that "
-      "show no board are left out. With --points the places of known points are read from a file instead, a "
+      "Put a ChArUco board on the table, or a column with several, and capture it all round:\n"
+      "glasswing capture PLAN --turn 0:345:15 --session board. One white image is enough. Each session is a\n"
+      "position; those that show no board are left out. --points reads the places of known points instead, "
+      "a\n"
       "line each: the position in degrees, the pixel x y, and the point X Y Z on the object in mm.\n\n"
-      "The axis is added to the geometry, with its standard errors, which include the table's wobble "
+      "The axis is added to the geometry, with its standard errors, which include the table's wobble\n"
       "(docs/turntable.md).\n\n"
       "Examples:\n"
       "  glasswing calibrate axis --series board --board 7x5:8:6:4 --geometry rig.txtpb -o rig.txtpb\n"
@@ -230,18 +229,24 @@ void add_axis_command(CLI::App& calibrate, Client& client) {
   auto arguments = std::make_shared<AxisArguments>();
   command.add_option("sessions", arguments->sessions, "sessions that show the board, one for each position")
       ->type_name("SESSION");
-  command.add_option("--series", arguments->series, "all sessions of this series (glasswing capture --turn)");
+  command.add_option("--series", arguments->series, "all sessions of this series (glasswing capture --turn)")
+      ->type_name("SERIES");
   command.add_option("--points", arguments->points, "a file with the places of known points")
+      ->type_name("FILE")
       ->check(CLI::ExistingFile);
-  command.add_option(
-      "--board", arguments->board,
-      "squares across and down, their size and that of the markers, mm: 7x5:8:6; with a number at its "
-      "end several boards, numbered through: 7x5:8:6:4");
+  command
+      .add_option(
+          "--board", arguments->board,
+          "squares across and down, their size and that of the markers, mm: 7x5:8:6; with a number at its "
+          "end several boards, numbered through: 7x5:8:6:4")
+      ->type_name("BOARD");
   command.add_option("--dictionary", arguments->dictionary, "of the markers: " + dictionary_names())
       ->capture_default_str();
-  command.add_option("--axis", arguments->axis, "the stage's axis; default: that of the sessions");
+  command.add_option("--axis", arguments->axis, "the stage's axis; default: that of the sessions")
+      ->type_name("AXIS");
   command.add_option("--geometry", arguments->geometry, "the rig, from glasswing calibrate geometry")
       ->required()
+      ->type_name("FILE")
       ->check(CLI::ExistingFile);
   command.add_option("-o,--output", arguments->output, "the .txtpb file to write, or - for standard output")
       ->required()

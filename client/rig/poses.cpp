@@ -49,18 +49,20 @@ void add_poses_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
       "poses", "Write the object's poses in a turntable series as JSON: a 4x4 matrix for each session.");
   command.footer(
-      "object_to_rig maps the object's frame, in mm, to the rig's, which is the camera's: x right, y down, z "
-      "forward. The object's frame has its origin on the axis and turns with the table. The geometry needs "
-      "the "
-      "axis (glasswing calibrate axis).\n\n"
+      "object_to_rig maps the object's frame, in mm, to the rig's, which is the camera's: x right, y down,\n"
+      "z forward. The object's frame has its origin on the axis and turns with the table. The geometry "
+      "needs\n"
+      "the axis (glasswing calibrate axis).\n\n"
       "Examples:\n"
       "  glasswing poses --series vase --geometry rig.txtpb -o poses.json\n"
       "  glasswing poses vase-000 vase-090 --geometry rig.txtpb");
   auto arguments = std::make_shared<PosesArguments>();
   command.add_option("sessions", arguments->sessions, "sessions, one for each pose")->type_name("SESSION");
-  command.add_option("--series", arguments->series, "all sessions of this series (glasswing capture --turn)");
+  command.add_option("--series", arguments->series, "all sessions of this series (glasswing capture --turn)")
+      ->type_name("SERIES");
   command.add_option("--geometry", arguments->geometry, "the rig, with the axis")
       ->required()
+      ->type_name("FILE")
       ->check(CLI::ExistingFile);
   command.add_option("-o,--output", arguments->output, "the .json file to write; default: standard output")
       ->check(output_file({".json", kStandardOutput}));

@@ -53,14 +53,14 @@ absl::StatusOr<v1::PlaceObjectRequest> request_of(const StageArguments& argument
   request.set_camera(arguments.camera);
   for (const std::string& text : arguments.positions) {
     const size_t equals = text.find('=');
-    const std::string name = equals == text.npos ? "" : text.substr(0, equals);
+    const std::string name = equals == std::string::npos ? "" : text.substr(0, equals);
     if (arguments.home) {
       GW_ASSIGN_OR_RETURN(const v1::Axis axis, find_axis(text, axes));
       request.add_home(axis.name());
       continue;
     }
     double position = 0.0;
-    if (!Scanner(std::string_view(text).substr(equals == text.npos ? 0 : equals + 1))
+    if (!Scanner(std::string_view(text).substr(equals == std::string::npos ? 0 : equals + 1))
              .number(position)
              .done()) {
       return absl::InvalidArgumentError(fmt::format(

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
-#include <ranges>
 #include <set>
 
 #include "compositing/composite/backdrop.h"
@@ -179,8 +178,10 @@ class DatasetExport {
     if (!arguments_.object_poses.empty()) {
       const auto found = object_poses_.find(view.name);
       if (found == object_poses_.end()) {
+        std::vector<std::string> names;
+        for (const auto& [name, pose] : object_poses_) names.push_back(name);
         return absl::NotFoundError(fmt::format("{} has no pose of {}; it has: {}", arguments_.object_poses,
-                                               view.name, fmt::join(std::views::keys(object_poses_), ", ")));
+                                               view.name, fmt::join(names, ", ")));
       }
       view.object_to_camera = found->second;
     }
@@ -237,9 +238,12 @@ void add_dataset_options(CLI::App& command, DatasetArguments& arguments) {
       .add_option(
           "--poses", arguments.poses,
           "the geometry's pose of each matte, or of all; default: named after its session, or the only one")
+      ->type_name("POSE")
       ->delimiter(',');
-  command.add_option("--object-poses", arguments.object_poses,
-                     "where the object stood in each session: the file of glasswing poses");
+  command
+      .add_option("--object-poses", arguments.object_poses,
+                  "where the object stood in each session: the file of glasswing poses")
+      ->type_name("FILE");
   command
       .add_option("--channel", arguments.channel, "the channel whose footprints give points on the monitor")
       ->check(CLI::IsMember(kChannelNames))
@@ -248,9 +252,10 @@ void add_dataset_options(CLI::App& command, DatasetArguments& arguments) {
       .add_option("--background", arguments.backgrounds,
                   "[TEXTURE=]IMAGE: the picture behind the object in pictures; default: grey")
       ->allow_extra_args(false);
-  command.add_option(
-      "--archives", arguments.archives,
-      "a directory of exported sessions: their frames in front of photographs become linear EXR");
+  command
+      .add_option("--archives", arguments.archives,
+                  "a directory of exported sessions: their frames in front of photographs become linear EXR")
+      ->type_name("DIR");
 }
 
 }  // namespace

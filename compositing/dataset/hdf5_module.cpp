@@ -14,7 +14,7 @@ class Handle {
   ~Handle() {
     if (id_ >= 0) close_(id_);
   }
-  operator hid_t() const { return id_; }
+  hid_t id() const { return id_; }
   bool ok() const { return id_ >= 0; }
 
  private:
@@ -24,16 +24,17 @@ class Handle {
 
 bool write(hid_t file, const Hdf5Dataset& dataset) {
   const Handle groups(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
-  if (!groups.ok() || H5Pset_create_intermediate_group(groups, 1) < 0) return false;
+  if (!groups.ok() || H5Pset_create_intermediate_group(groups.id(), 1) < 0) return false;
   const Handle space(dataset.shape.empty()
                          ? H5Screate(H5S_SCALAR)
                          : H5Screate_simple(static_cast<int>(dataset.shape.size()),
                                             reinterpret_cast<const hsize_t*>(dataset.shape.data()), nullptr),
                      H5Sclose);
   const auto put = [&](hid_t stored, hid_t given, const void* values) {
-    const Handle made(H5Dcreate2(file, dataset.name.c_str(), stored, space, groups, H5P_DEFAULT, H5P_DEFAULT),
-                      H5Dclose);
-    return made.ok() && H5Dwrite(made, given, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) >= 0;
+    const Handle made(
+        H5Dcreate2(file, dataset.name.c_str(), stored, space.id(), groups.id(), H5P_DEFAULT, H5P_DEFAULT),
+        H5Dclose);
+    return made.ok() && H5Dwrite(made.id(), given, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) >= 0;
   };
   if (const auto* doubles = std::get_if<std::vector<double>>(&dataset.value))
     return put(H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, doubles->data());
@@ -41,9 +42,10 @@ bool write(hid_t file, const Hdf5Dataset& dataset) {
     return put(H5T_IEEE_F32LE, H5T_NATIVE_FLOAT, floats->data());
   // As h5py stores str: of variable length, UTF-8.
   const Handle text(H5Tcopy(H5T_C_S1), H5Tclose);
-  if (!text.ok() || H5Tset_size(text, H5T_VARIABLE) < 0 || H5Tset_cset(text, H5T_CSET_UTF8) < 0) return false;
+  if (!text.ok() || H5Tset_size(text.id(), H5T_VARIABLE) < 0 || H5Tset_cset(text.id(), H5T_CSET_UTF8) < 0)
+    return false;
   const char* const letters = std::get<std::string>(dataset.value).c_str();
-  return put(text, text, static_cast<const void*>(&letters));
+  return put(text.id(), text.id(), static_cast<const void*>(&letters));
 }
 
 }  // namespace
@@ -57,7 +59,7 @@ const glasswing::Hdf5Module glasswing_hdf5_module{
       const Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose);
       if (!file.ok()) return false;
       for (const Hdf5Dataset& dataset : datasets) {
-        if (!write(file, dataset)) return false;
+        if (!write(file.id(), dataset)) return false;
       }
-      return H5Fflush(file, H5F_SCOPE_GLOBAL) >= 0;
+      return H5Fflush(file.id(), H5F_SCOPE_GLOBAL) >= 0;
     }};

@@ -92,7 +92,7 @@ struct Survey {
   HalfChannels halves;
   Thumbnail thumbnail;
 
-  Survey(const MatteOutline& outline)
+  explicit Survey(const MatteOutline& outline)
       : halves(matte_parts(outline.modes_per_channel, outline.colourless)),
         thumbnail(outline.width_px, outline.height_px) {}
 };

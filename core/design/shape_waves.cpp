@@ -123,10 +123,11 @@ std::vector<DesignedWave> shape_waves(const MonitorExtent& extent, int count, do
     return a.phi_deg != b.phi_deg ? a.phi_deg < b.phi_deg : a.period_px > b.period_px;
   });
   // A ladder's wave may be one of the grid's.
-  const auto twice = std::ranges::unique(waves, [](const DesignedWave& a, const DesignedWave& b) {
-    return a.phi_deg == b.phi_deg && a.period_px == b.period_px;
-  });
-  waves.erase(twice.begin(), twice.end());
+  waves.erase(std::unique(waves.begin(), waves.end(),
+                          [](const DesignedWave& a, const DesignedWave& b) {
+                            return a.phi_deg == b.phi_deg && a.period_px == b.period_px;
+                          }),
+              waves.end());
   return waves;
 }
 

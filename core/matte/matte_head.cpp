@@ -137,7 +137,7 @@ absl::StatusOr<std::string> text_of(const Imf::Header& header, const char* attri
 absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, size_t file_bytes) {
   GW_ASSIGN_OR_RETURN(const Parts checked, checked_parts(file, file_bytes));
   const Imf::Header& header = file.header(0);
-  const Imath::Box2i window = header.dataWindow();
+  const Imath::Box2i& window = header.dataWindow();
   MatteHead head;
   MatteOutline& outline = head.outline;
   outline.x0_px = window.min.x;

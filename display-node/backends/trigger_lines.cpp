@@ -80,9 +80,9 @@ class GpioTriggerLine final : public LevelLine {
   static absl::StatusOr<std::unique_ptr<TriggerLine>> open(const std::string& name, bool inverted) {
     const size_t colon = name.rfind(':');
     gpio_v2_line_request request{};
-    const char* const number = name.data() + (colon == name.npos ? name.size() : colon + 1);
+    const char* const number = name.data() + (colon == std::string::npos ? name.size() : colon + 1);
     const auto [end, error] = std::from_chars(number, name.data() + name.size(), request.offsets[0]);
-    if (colon == name.npos || error != std::errc() || end != name.data() + name.size()) {
+    if (colon == std::string::npos || error != std::errc() || end != name.data() + name.size()) {
       return absl::InvalidArgumentError(fmt::format(
           "--line is gpio:{}; it must be gpio:DEVICE:LINE, such as gpio:/dev/gpiochip0:17", name));
     }
@@ -176,7 +176,7 @@ bool take_inverted(std::string& name) {
 absl::StatusOr<std::unique_ptr<TriggerLine>> open_trigger_line(const std::string& text) {
   const size_t colon = text.find(':');
   const std::string kind = text.substr(0, colon);
-  std::string name = colon == text.npos ? "" : text.substr(colon + 1);
+  std::string name = colon == std::string::npos ? "" : text.substr(colon + 1);
   if (name.empty() || (kind != "command" && kind != "serial" && kind != "gpio")) {
     return absl::InvalidArgumentError(
         fmt::format("--line is {}; it must be command:PROGRAM, serial:DEVICE or gpio:DEVICE:LINE, such as "

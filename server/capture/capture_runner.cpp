@@ -374,7 +374,7 @@ absl::StatusOr<v1::Session> CaptureRunner::stop(const std::string& name, Wish wi
 absl::StatusOr<v1::Session> CaptureRunner::resume(SessionStore::Edit& edit, v1::Session session,
                                                   const v1::ResumeSessionRequest& request,
                                                   const Caller& caller) {
-  const std::string name = session.name();
+  const std::string& name = session.name();
   GW_ASSIGN_OR_RETURN(std::vector<v1::Session> sessions, edit.find_each(name));
   const bool retakes = !request.retake().empty();
   if (!session.views().empty()) {
