@@ -89,9 +89,13 @@ refused '"vase" already exists' glasswing capture "$work/plan.txtpb" --session v
 refused 'the rig has 2 cameras' glasswing capture "$plan" --session other
 glasswing replicate vase left
 [[ -d $work/left/archives/vase.right ]] || fail "camera right's frames were not copied to the node of left"
-glasswing delete vase --camera right --yes
+glasswing delete vase --camera right --yes --now
 [[ ! -e $work/right/archives/vase.right && ! -e $work/left/archives/vase.right ]] || fail "frames of vase.right are left"
 [[ $(shown vase state) == SESSION_STATE_DONE ]] || fail "vase is $(shown vase state) without camera right"
 glasswing delete vase --yes
+refused 'is in the trash' glasswing show vase
+glasswing undelete vase
+[[ $(shown vase state) == SESSION_STATE_DONE ]] || fail "vase is $(shown vase state) after undelete"
+glasswing delete vase --yes --now
 refused 'there is no session "vase"' glasswing show vase
 echo "all checks passed"
