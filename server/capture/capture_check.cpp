@@ -10,6 +10,7 @@
 #include "core/pattern/plan_fit.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
+#include "server/rig/calibration_plan.h"
 #include "server/rig/embed_calibrations.h"
 #include "server/rig/exposure_triggers.h"
 #include "server/sessions/views.h"
@@ -45,13 +46,12 @@ absl::Status check_patches(const v1::GetCameraResponse& camera, const v1::Plan& 
                            const std::vector<v1::Monitor>& monitors, const std::vector<Step>& steps) {
   if (!camera.on_demand()) return absl::OkStatus();
   const std::string& name = camera.camera().name();
-  if (plan.has_calibration() || is_video(plan)) {
-    return absl::FailedPreconditionError(fmt::format(
-        "pictures of camera \"{}\" are proven only by the id patch, which {}", name,
-        plan.has_calibration()
-            ? "calibrations do not show; raw files are linear, so that mattes need no calibration of the "
-              "camera: calibrate the monitors, if they need it, with a camera that timestamps its frames"
-            : "videos cannot wait to show; capture stills, or use a camera that timestamps its frames"));
+  if (plan.has_calibration()) return check_calibrates(camera);
+  if (is_video(plan)) {
+    return absl::FailedPreconditionError(
+        fmt::format("pictures of camera \"{}\" are proven only by the id patch, which videos cannot wait to "
+                    "show; capture stills, or use a camera that timestamps its frames",
+                    name));
   }
   for (const Step& step : steps) {
     const auto lit = std::ranges::find(monitors, step.stimulus.panel(), &v1::Monitor::name);

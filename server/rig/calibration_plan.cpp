@@ -38,6 +38,15 @@ absl::StatusOr<v1::Plan> plan_for(const v1::GetCameraResponse& camera, const std
 
 }  // namespace
 
+absl::Status check_calibrates(const v1::GetCameraResponse& camera) {
+  if (!camera.on_demand()) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format(
+      "pictures of camera \"{}\" are proven only by the id patch, which calibrations do not show; "
+      "raw files are linear, so that mattes need no calibration of the camera: calibrate the "
+      "monitors, if they need it, with a camera that timestamps its frames",
+      camera.camera().name()));
+}
+
 std::vector<double> exposure_ladder_ms(const v1::GetCameraResponse& camera, double longest_ms) {
   const double top_ms = std::min(longest_ms, camera.max_exposure_ms());
   std::vector<double> exposures_ms;
@@ -52,6 +61,7 @@ std::vector<double> exposure_ladder_ms(const v1::GetCameraResponse& camera, doub
 
 absl::StatusOr<v1::Plan> camera_plan(const v1::GetCameraResponse& camera, const std::vector<v1::Monitor>& rig,
                                      const std::vector<std::string>& names, double longest_ms) {
+  GW_RETURN_IF_ERROR(check_calibrates(camera));
   const std::vector<double> exposures_ms = exposure_ladder_ms(camera, longest_ms);
   if (exposures_ms.size() < kMinExposures) {
     return absl::FailedPreconditionError(fmt::format(
@@ -65,6 +75,7 @@ absl::StatusOr<v1::Plan> camera_plan(const v1::GetCameraResponse& camera, const 
 absl::StatusOr<v1::Plan> display_plan(const v1::GetCameraResponse& camera,
                                       const std::vector<v1::Monitor>& rig,
                                       const std::vector<std::string>& names, double white_ms) {
+  GW_RETURN_IF_ERROR(check_calibrates(camera));
   const double exposure_ms =
       std::clamp(kWhiteShare * white_ms, camera.min_exposure_ms(), camera.max_exposure_ms());
   return plan_for(camera, rig, names, "display", {exposure_ms});
