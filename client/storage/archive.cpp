@@ -10,7 +10,7 @@
 #include "client/cli/session_text.h"
 #include "client/exchange/export.h"
 #include "client/sessions/matte_input.h"
-#include "client/storage/archive_store.h"
+#include "client/storage/archive_location.h"
 #include "client/storage/checksum_list.h"
 #include "client/storage/commands.h"
 #include "client/storage/session_record.h"
@@ -69,7 +69,7 @@ absl::StatusOr<int> write_session(const Sessions& server, const v1::Session& ses
 }
 
 absl::StatusOr<int> archive_locally(const Sessions& server, const v1::Session& session,
-                                    const ArchiveStore& to) {
+                                    const ArchiveLocation& to) {
   const fs::path target = to.location_of(session.name()), partial = target.string() + ".partial";
   std::error_code error;
   fs::remove_all(partial, error);
@@ -86,8 +86,8 @@ absl::StatusOr<int> archive_locally(const Sessions& server, const v1::Session& s
 }
 
 absl::StatusOr<int> archive_remotely(const Sessions& server, const v1::Session& session,
-                                     const ArchiveStore& to) {
-  GW_ASSIGN_OR_RETURN(const TemporaryDirectory here, TemporaryDirectory::create());
+                                     const ArchiveLocation& to) {
+  GW_ASSIGN_OR_RETURN(const ScratchDirectory here, ScratchDirectory::create());
   GW_ASSIGN_OR_RETURN(const int mattes, write_session(server, session, here.path() / session.name()));
   Waiting waiting("uploading");
   GW_RETURN_IF_ERROR(to.upload(here.path() / session.name(), session.name()));
@@ -106,7 +106,7 @@ absl::StatusOr<v1::Session> session_named(const Sessions& server, const std::str
 absl::Status archive_sessions(const Client& client, const std::vector<std::string>& names,
                               const std::string& where) {
   const Interruptible ctrl_c;
-  GW_ASSIGN_OR_RETURN(const ArchiveStore to, ArchiveStore::parse(where));
+  GW_ASSIGN_OR_RETURN(const ArchiveLocation to, ArchiveLocation::parse(where));
   const Sessions server(client.server_title(), client.server);
   std::vector<v1::Session> sessions;
   for (const std::string& name : names) {

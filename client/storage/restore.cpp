@@ -6,7 +6,7 @@
 #include "client/cli/session_text.h"
 #include "client/exchange/import.h"
 #include "client/solve/put_parts.h"
-#include "client/storage/archive_store.h"
+#include "client/storage/archive_location.h"
 #include "client/storage/checksum_list.h"
 #include "client/storage/commands.h"
 #include "client/storage/session_record.h"
@@ -90,9 +90,9 @@ absl::Status restore_from(const Client& client, const fs::path& directory,
 
 absl::Status restore(const Client& client, const RestoreArguments& arguments) {
   const Interruptible ctrl_c;
-  GW_ASSIGN_OR_RETURN(const ArchiveStore from, ArchiveStore::parse(arguments.archive));
+  GW_ASSIGN_OR_RETURN(const ArchiveLocation from, ArchiveLocation::parse(arguments.archive));
   if (!from.is_remote()) return restore_from(client, from.location(), arguments);
-  GW_ASSIGN_OR_RETURN(const TemporaryDirectory here, TemporaryDirectory::create());
+  GW_ASSIGN_OR_RETURN(const ScratchDirectory here, ScratchDirectory::create());
   {
     Waiting waiting("downloading");
     GW_RETURN_IF_ERROR(from.download(here.path()));

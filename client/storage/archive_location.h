@@ -10,11 +10,11 @@
 
 namespace glasswing {
 
-class ArchiveStore {
+class ArchiveLocation {
  public:
   // "DIR", "s3://BUCKET/PATH" for s3cmd, or "rclone:REMOTE:PATH". Of an archive in it the same with /NAME.
   // INVALID_ARGUMENT: it is none of these.
-  static absl::StatusOr<ArchiveStore> parse(const std::string& text);
+  static absl::StatusOr<ArchiveLocation> parse(const std::string& text);
 
   bool is_remote() const { return program_ != Program::kNone; }
   // Without the slashes at its end.
@@ -31,8 +31,9 @@ class ArchiveStore {
 
  private:
   enum class Program { kNone, kS3cmd, kRclone };
-  ArchiveStore(Program program, std::string location) : program_(program), location_(std::move(location)) {}
-  // As the program is told.
+  ArchiveLocation(Program program, std::string location)
+      : program_(program), location_(std::move(location)) {}
+  // As the program takes it.
   std::string remote(const std::string& name) const;
 
   Program program_;
@@ -40,18 +41,16 @@ class ArchiveStore {
 };
 
 // A new directory that is removed with the object.
-class TemporaryDirectory {
+class ScratchDirectory {
  public:
-  static absl::StatusOr<TemporaryDirectory> create();
-  ~TemporaryDirectory();
-  TemporaryDirectory(TemporaryDirectory&& other) noexcept : path_(std::move(other.path_)) {
-    other.path_.clear();
-  }
-  TemporaryDirectory& operator=(TemporaryDirectory&&) = delete;
+  static absl::StatusOr<ScratchDirectory> create();
+  ~ScratchDirectory();
+  ScratchDirectory(ScratchDirectory&& other) noexcept : path_(std::move(other.path_)) { other.path_.clear(); }
+  ScratchDirectory& operator=(ScratchDirectory&&) = delete;
   const std::filesystem::path& path() const { return path_; }
 
  private:
-  explicit TemporaryDirectory(std::filesystem::path path) : path_(std::move(path)) {}
+  explicit ScratchDirectory(std::filesystem::path path) : path_(std::move(path)) {}
   std::filesystem::path path_;
 };
 

@@ -1,4 +1,4 @@
-#include "client/storage/archive_store.h"
+#include "client/storage/archive_location.h"
 
 #include <fmt/format.h>
 #include <stdlib.h>
@@ -20,31 +20,31 @@ constexpr std::string_view kS3 = "s3://", kRclonePrefix = "rclone:";
 
 }  // namespace
 
-absl::StatusOr<ArchiveStore> ArchiveStore::parse(const std::string& text) {
+absl::StatusOr<ArchiveLocation> ArchiveLocation::parse(const std::string& text) {
   std::string location = text;
   while (location.size() > 1 && location.ends_with('/')) location.pop_back();
   if (location.starts_with(kS3)) {
-    if (location.size() > kS3.size()) return ArchiveStore(Program::kS3cmd, location);
+    if (location.size() > kS3.size()) return ArchiveLocation(Program::kS3cmd, location);
     return absl::InvalidArgumentError(fmt::format("{} names no bucket; write s3://BUCKET/PATH", text));
   }
   if (location.starts_with(kRclonePrefix)) {
     if (location.find(':', kRclonePrefix.size()) != std::string::npos ||
         location.find('/') != std::string::npos)
-      return ArchiveStore(Program::kRclone, location);
+      return ArchiveLocation(Program::kRclone, location);
     return absl::InvalidArgumentError(fmt::format("{} names no remote; write rclone:REMOTE:PATH", text));
   }
   if (location.find("://") == std::string::npos && !location.empty())
-    return ArchiveStore(Program::kNone, location);
+    return ArchiveLocation(Program::kNone, location);
   return absl::InvalidArgumentError(
       fmt::format("\"{}\" is not a directory, s3://BUCKET/PATH or rclone:REMOTE:PATH", text));
 }
 
-std::string ArchiveStore::remote(const std::string& name) const {
+std::string ArchiveLocation::remote(const std::string& name) const {
   const std::string whole = name.empty() ? location_ : location_of(name);
   return program_ == Program::kRclone ? whole.substr(kRclonePrefix.size()) : whole;
 }
 
-absl::Status ArchiveStore::check_free(const std::string& name) const {
+absl::Status ArchiveLocation::check_free(const std::string& name) const {
   const absl::Status taken = absl::AlreadyExistsError(
       fmt::format("{} exists; remove it, or archive to another place", location_of(name)));
   if (!is_remote()) {
@@ -64,7 +64,7 @@ absl::Status ArchiveStore::check_free(const std::string& name) const {
   return end.output.empty() ? absl::OkStatus() : taken;
 }
 
-absl::Status ArchiveStore::upload(const fs::path& directory, const std::string& name) const {
+absl::Status ArchiveLocation::upload(const fs::path& directory, const std::string& name) const {
   const std::vector<std::string> words =
       program_ == Program::kS3cmd
           ? std::vector<std::string>{"s3cmd",
@@ -77,7 +77,7 @@ absl::Status ArchiveStore::upload(const fs::path& directory, const std::string& 
   return run_command(words, {.limit = kTransfer, .keep_output = true});
 }
 
-absl::Status ArchiveStore::download(const fs::path& directory) const {
+absl::Status ArchiveLocation::download(const fs::path& directory) const {
   const std::vector<std::string> words =
       program_ == Program::kS3cmd
           ? std::vector<std::string>{"s3cmd",
@@ -91,17 +91,17 @@ absl::Status ArchiveStore::download(const fs::path& directory) const {
   return run_command(words, {.limit = kTransfer, .keep_output = true});
 }
 
-absl::StatusOr<TemporaryDirectory> TemporaryDirectory::create() {
+absl::StatusOr<ScratchDirectory> ScratchDirectory::create() {
   std::error_code error;
   std::string pattern = (fs::temp_directory_path(error) / "glasswing-XXXXXX").string();
   if (error || ::mkdtemp(pattern.data()) == nullptr) {
     return absl::ErrnoToStatus(error ? error.value() : errno,
                                "cannot create a temporary directory; TMPDIR says where they are");
   }
-  return TemporaryDirectory(pattern);
+  return ScratchDirectory(pattern);
 }
 
-TemporaryDirectory::~TemporaryDirectory() {
+ScratchDirectory::~ScratchDirectory() {
   std::error_code ignored;
   if (!path_.empty()) fs::remove_all(path_, ignored);
 }
