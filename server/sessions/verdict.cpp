@@ -74,12 +74,6 @@ constexpr Measure kMeasures[] = {
      }},
 };
 
-bool is_captured(const v1::Session& session) {
-  return !session.plan().has_calibration() &&
-         (session.state() == v1::SESSION_STATE_CAPTURED || session.state() == v1::SESSION_STATE_SOLVING ||
-          session.state() == v1::SESSION_STATE_DONE);
-}
-
 // Series and plan.
 std::string key_of(const v1::Session& session) {
   std::string bytes = series_of(session) + "\n";
@@ -113,15 +107,21 @@ v1::QualityMeasure compare(const Measure& measure, double value, std::vector<dou
 
 }  // namespace
 
+bool Verdicts::judges(const v1::Session& session) {
+  return !session.plan().has_calibration() &&
+         (session.state() == v1::SESSION_STATE_CAPTURED || session.state() == v1::SESSION_STATE_SOLVING ||
+          session.state() == v1::SESSION_STATE_DONE);
+}
+
 Verdicts::Verdicts(std::span<const v1::Session> sessions) {
   for (const v1::Session& session : sessions) {
-    if (is_captured(session)) series_[key_of(session)].push_back(session);
+    if (judges(session)) series_[key_of(session)].push_back(session);
   }
 }
 
 v1::SessionVerdict Verdicts::of(const v1::Session& session) const {
   v1::SessionVerdict verdict;
-  if (!is_captured(session)) return verdict;
+  if (!judges(session)) return verdict;
   const auto series = series_.find(key_of(session));
   std::vector<const v1::Session*> others;
   if (series != series_.end()) {

@@ -19,7 +19,9 @@ class Verdicts {
   // Of all sessions, which must have their plans.
   explicit Verdicts(std::span<const v1::Session> sessions);
 
-  // Absent measures: the session is not captured, or measured devices.
+  // False: the session is not captured, or measured devices.
+  static bool judges(const v1::Session& session);
+  // Without measures unless judges().
   v1::SessionVerdict of(const v1::Session& session) const;
 
  private:
