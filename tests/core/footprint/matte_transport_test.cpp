@@ -8,6 +8,7 @@
 
 #include "core/composite/compositor.h"
 #include "core/footprint/footprint.h"
+#include "tests/support/status.h"
 
 namespace glasswing {
 namespace {
@@ -75,7 +76,7 @@ double largest_difference(const Matte& matte) {
       for (size_t i = c; i < picture.samples.size(); i += 3) light.push_back(picture.samples[i]);
     }
     const absl::StatusOr<TransportMatrix> matrix = transport->matrix(c, false, 2);
-    EXPECT_TRUE(matrix.ok()) << matrix.status();
+    EXPECT_OK(matrix);
     EXPECT_EQ(matrix->row_count, kWidth * kHeight);
     EXPECT_EQ(matrix->column_count, 31 * 23 + 17 * 29);
     for (int i = 0; i < matrix->row_count; ++i) {
@@ -130,7 +131,7 @@ TEST(MatteTransport, TransposedIsThePictureFromTheMonitor) {
     one[t] = pictures[t];
     const absl::StatusOr<RadianceImage> seen = composite(unlit, one, 1);
     const absl::StatusOr<RadianceImage> back = composite_from_monitor(matte, t, shone, 2);
-    ASSERT_TRUE(back.ok()) << back.status();
+    ASSERT_OK(back);
     double forth_sum = 0.0, back_sum = 0.0;
     for (size_t i = 0; i < seen->samples.size(); ++i) forth_sum += seen->samples[i] * shone.samples[i];
     for (size_t i = 0; i < back->samples.size(); ++i) back_sum += back->samples[i] * one[t].samples[i];
@@ -213,7 +214,7 @@ TEST(MatteTransport, ErrorsAreThoseOfWeightAndCentreIfNothingElseIsKnown) {
   mode.centre_sd_px = 0.02f;
   matte.modes(2, 3, 0)[1].weight = 0.0f;
   const absl::StatusOr<MatteTransport> transport = MatteTransport::create(matte);
-  ASSERT_TRUE(transport.ok()) << transport.status();
+  ASSERT_OK(transport);
   EXPECT_FALSE(transport->has_covariance());
   const absl::StatusOr<TransportMatrix> matrix = transport->matrix(0, true, 1);
   // A pixel's share of a Gaussian with independent axes, in closed form.
@@ -239,7 +240,7 @@ TEST(MatteTransport, ErrorsAreThoseOfWeightAndCentreIfNothingElseIsKnown) {
 TEST(MatteTransport, BoxesHaveNoErrors) {
   const Matte matte = some_matte(kBoxFootprint);
   const absl::StatusOr<MatteTransport> transport = MatteTransport::create(matte);
-  ASSERT_TRUE(transport.ok()) << transport.status();
+  ASSERT_OK(transport);
   EXPECT_TRUE(transport->matrix(0, true, 1)->errors.empty());
 }
 

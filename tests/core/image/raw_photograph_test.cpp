@@ -10,6 +10,7 @@
 
 #include "core/image/image_file.h"
 #include "tests/core/image/dng.h"
+#include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"
 
 namespace glasswing {
@@ -67,7 +68,7 @@ TEST_F(RawPhotographs, AreEqualToTheLastCodeInEveryLayout) {
         if (bordered) dng.active = active;
         const fs::path path = written(dng);
         const absl::StatusOr<RawPhotograph> raw = decoded(path);
-        ASSERT_TRUE(raw.ok()) << raw.status();
+        ASSERT_OK(raw);
         EXPECT_EQ(raw->mosaic, mosaic);
         EXPECT_EQ(raw->black, static_cast<int>(dng.black[0]));
         EXPECT_EQ(raw->white, static_cast<int>(dng.white));
@@ -103,7 +104,7 @@ TEST_F(RawPhotographs, OfTilesLosslessJpegsAndGreySensorsAreTheSame) {
             EXPECT_TRUE(absl::IsDataLoss(raw.status())) << raw.status();
             continue;
           }
-          ASSERT_TRUE(raw.ok()) << raw.status();
+          ASSERT_OK(raw);
           EXPECT_EQ(raw->mosaic, mono ? "" : "RGGB");
           ASSERT_EQ(raw->codes.samples.size(), dng.codes.size());
           int differing = 0;
