@@ -42,8 +42,10 @@ said ", 2 solvers in the queue, at most 2" scale --most 2
 elsewhere() { solvers running | grep "^$job " | grep -qvw "$machine"; }
 until_true 30 elsewhere || fail "job $job was not requeued: $(squeue)"
 solvers running
-goes_on() { kill -CONT $(of_test GLASSWING_UNTIL_IDLE=4) || true; are_done; }
-until_true 60 goes_on || fail "the sessions are $(shown s state) and $(shown t state)"
+# Again and again, and after the solve: a solver may stop at a tile that another attempt has done.
+go_on() { kill -CONT $(of_test GLASSWING_UNTIL_IDLE=4) || true; }
+go_on_until_done() { go_on; are_done; }
+until_true 60 go_on_until_done || fail "the sessions are $(shown s state) and $(shown t state)"
 
 echo "== the matte equals that of a local solve"
 glasswing export t "$work/archive-of-t" >/dev/null
@@ -55,7 +57,7 @@ for session in s t; do
 done
 
 echo "== solvers end when no work is left"
-gone() { [[ -z $(solvers) ]]; }
+gone() { go_on; [[ -z $(solvers) ]]; }
 until_true 30 gone || fail "still running: $(squeue)"
 said "nothing to submit: 0 tiles left, 0 solvers in the queue" scale
 
