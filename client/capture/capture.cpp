@@ -8,13 +8,13 @@
 #include "client/capture/capture_at_positions.h"
 #include "client/capture/capture_turn.h"
 #include "client/capture/commands.h"
+#include "client/capture/upload.h"
 #include "client/capture/watch.h"
 #include "client/cli/camera_argument.h"
 #include "client/cli/rig_view.h"
 #include "client/cli/rpc.h"
 #include "client/cli/session_text.h"
 #include "client/plans/estimate.h"
-#include "client/plans/photo.h"
 #include "client/plans/rig_limits.h"
 #include "core/base/name.h"
 #include "core/base/scanner.h"
@@ -22,7 +22,6 @@
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
 #include "core/design/plan_design.h"
-#include "core/image/image_file.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
@@ -32,56 +31,6 @@ namespace {
 std::string random_request_id() {
   std::random_device entropy;
   return fmt::format("{:08x}{:08x}{:08x}{:08x}", entropy(), entropy(), entropy(), entropy());
-}
-
-// The monitor that shows the photos: the plan's first.
-absl::StatusOr<v1::Monitor> photo_monitor(const v1::Plan& plan, const RigView& rig) {
-  if (rig.monitors.empty()) return absl::UnavailableError("no display node is up; start glasswing-display");
-  if (plan.monitors().empty()) return rig.monitors.front();
-  for (const v1::Monitor& monitor : rig.monitors) {
-    if (monitor.name() == plan.monitors(0).name()) return monitor;
-  }
-  return absl::FailedPreconditionError(
-      fmt::format("the plan's monitor \"{}\" is not in the rig; glasswing nodes lists its monitors",
-                  plan.monitors(0).name()));
-}
-
-absl::StatusOr<std::string> upload(const Peer<v1::SessionService>& server, const std::string& png) {
-  grpc::ClientContext context;
-  set_deadline(context, kLongCallTimeout);
-  v1::UploadImageResponse stored;
-  const auto writer = server.stub->UploadImage(&context, &stored);
-  for (size_t at = 0; at < png.size(); at += kChunkBytes) {
-    v1::UploadImageRequest request;
-    request.set_chunk(png.substr(at, kChunkBytes));
-    if (!writer->Write(request)) break;  // Finish() has the reason
-  }
-  writer->WritesDone();
-  const grpc::Status status = writer->Finish();
-  if (!status.ok()) return status_from(status, server.title);
-  return stored.image();
-}
-
-// Uploads the plan's photos and replaces their file names by the names of the uploads.
-absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>& server,
-                           const std::filesystem::path& plan_path, v1::Plan& plan) {
-  if (plan.photos().empty()) return absl::OkStatus();
-  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, first_camera(plan)));
-  GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, photo_monitor(plan, rig));
-  Progress progress("uploading photos");
-  double sent = 0.0;
-  for (v1::Photo& photo : *plan.mutable_photos()) {
-    GW_ASSIGN_OR_RETURN(const RadianceImage picture,
-                        read_radiance(photo_path(plan_path, photo), Encoding::kDisplay));
-    const RadianceImage fitted = resized(picture, monitor.width_px(), monitor.height_px());
-    Image16 codes(fitted.width_px, fitted.height_px);
-    std::transform(fitted.samples.begin(), fitted.samples.end(), codes.samples.begin(), code16_of);
-    photo.set_name(photo_name(photo));
-    GW_ASSIGN_OR_RETURN(const std::string png, encode_png16(codes));
-    GW_ASSIGN_OR_RETURN(*photo.mutable_file(), upload(server, png));
-    progress.update(++sent / plan.photos_size(), photo.name());
-  }
-  return absl::OkStatus();
 }
 
 struct CaptureArguments {

@@ -4,6 +4,7 @@
 #include <iostream>
 
 #include "client/capture/stage_axes.h"
+#include "client/capture/upload.h"
 #include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/queue/commands.h"
@@ -53,6 +54,14 @@ struct AddArguments {
   int times = 1;
 };
 
+// Its photos are uploaded.
+absl::StatusOr<v1::Plan> plan_with_photos(const Client& client, const std::string& file) {
+  GW_ASSIGN_OR_RETURN(v1::Plan plan, read_plan(file));
+  const Peer<v1::SessionService> sessions(client.server_title(), client.server);
+  GW_RETURN_IF_ERROR(upload_photos(client, sessions, file, plan));
+  return plan;
+}
+
 // The wishes of a series of poses: one session each, the empty stage from the first.
 absl::StatusOr<std::vector<v1::QueueWish>> poses_of(const Client& client, const std::string& turn,
                                                     const v1::QueueWish& wish) {
@@ -75,10 +84,10 @@ absl::StatusOr<std::vector<v1::QueueWish>> poses_of(const Client& client, const 
 absl::Status add_items(const Client& client, const AddArguments& arguments, const WishOptions& options) {
   v1::AddQueueItemRequest request;
   v1::QueueWish& wish = *request.mutable_wish();
-  GW_ASSIGN_OR_RETURN(*wish.mutable_plan(), read_plan(arguments.plan));
+  GW_ASSIGN_OR_RETURN(*wish.mutable_plan(), plan_with_photos(client, arguments.plan));
   wish.set_retries(kRetries);
   wish.set_retry_wait_s(kRetryWait_s);
-  GW_RETURN_IF_ERROR(enter_wish(options, wish));
+  GW_RETURN_IF_ERROR(enter_wish(client, options, wish));
   if (arguments.times > 1 && !wish.session().empty() && wish.session().find("{item}") == std::string::npos)
     return absl::InvalidArgumentError(
         "--times makes several items; --session must tell them apart, as vase-{item}");
@@ -107,9 +116,9 @@ absl::Status edit_item(const Client& client, Number number, const std::string& p
   GW_ASSIGN_OR_RETURN(const v1::QueueItem item, item_of(server, number));
   *request.mutable_wish() = item.wish();
   if (!plan.empty()) {
-    GW_ASSIGN_OR_RETURN(*request.mutable_wish()->mutable_plan(), read_plan(plan));
+    GW_ASSIGN_OR_RETURN(*request.mutable_wish()->mutable_plan(), plan_with_photos(client, plan));
   }
-  GW_RETURN_IF_ERROR(enter_wish(options, *request.mutable_wish()));
+  GW_RETURN_IF_ERROR(enter_wish(client, options, *request.mutable_wish()));
   GW_ASSIGN_OR_RETURN(const v1::EditQueueItemResponse edited, call(server, &Stub::EditQueueItem, request));
   print_item(client, edited.item());
   return absl::OkStatus();
@@ -188,13 +197,14 @@ void add_add_verb(CLI::App& queue, Client& client) {
   CLI::App& command = add_verb(
       queue, "add", "Add a capture to the end of the queue.",
       "  glasswing queue add deploy/plans/crystal.txtpb --session vase --solve\n"
+      "  glasswing queue add deploy/plans/crystal.txtpb --session vase --solve --background harbour.png\n"
       "  glasswing queue add deploy/plans/crystal.txtpb --session 'vase-{item}' --times 8 --approval\n"
       "  glasswing queue add deploy/plans/crystal.txtpb --session vase --turn 0:350:10 --solve\n"
       "  glasswing queue add vase.txtpb --session vase-200 --rail-mm back:200 --doctor --retries 5\n"
       "  glasswing queue add vase.txtpb --session night --not-before \"$(date -d 20:00 +%FT%T%:z)\"");
   auto arguments = std::make_shared<AddArguments>();
   auto options = std::make_shared<WishOptions>();
-  command.add_option("plan", arguments->plan, "the plan, a .txtpb file without photos")->required();
+  command.add_option("plan", arguments->plan, "the plan, a .txtpb file")->required();
   CLI::Option* times =
       command
           .add_option("--times", arguments->times, "add as many such items; the session needs {item} then")

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "client/capture/rail_positions.h"
+#include "client/capture/upload.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -15,6 +16,25 @@ void add_choice(CLI::App& command, const std::string& names, std::optional<bool>
       names, [&value](std::int64_t count) { value = count > 0; }, help);
 }
 
+absl::Status enter_background(const Client& client, const std::vector<std::string>& pictures,
+                              v1::QueueWish& wish) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  std::map<std::string, std::string> background;
+  for (const std::string& text : pictures) {
+    const size_t equals = text.find('=');
+    const std::string monitor = equals == std::string::npos ? "" : text.substr(0, equals);
+    const auto [named, is_new] = background.try_emplace(monitor);
+    if (!is_new) {
+      return absl::InvalidArgumentError(fmt::format("--background names {} twice; each takes one picture",
+                                                    monitor.empty() ? "the first monitor" : monitor));
+    }
+    GW_ASSIGN_OR_RETURN(named->second, upload_background(server, text.substr(equals + 1)));
+  }
+  wish.mutable_background()->clear();
+  wish.mutable_background()->insert(background.begin(), background.end());
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 void add_wish_options(CLI::App& command, const std::shared_ptr<WishOptions>& options) {
@@ -23,6 +43,16 @@ void add_wish_options(CLI::App& command, const std::shared_ptr<WishOptions>& opt
       "--session", wish.session,
       "the session's name; {item} becomes the item's number, {date} and {time} those of its start");
   add_choice(command, "--solve,!--no-solve", wish.solve, "solve it as soon as it is captured");
+  command
+      .add_option(
+          "--background", wish.background,
+          "also composite the solved matte over this picture, as glasswing composite; may be repeated "
+          "for several monitors; fetch SESSION --composite has the result")
+      ->allow_extra_args(false)
+      ->type_name("[MONITOR=]IMAGE");
+  command
+      .add_option("--deadline", wish.deadline, "when the solve should be done, as glasswing solve --deadline")
+      ->type_name("TIME");
   command.add_option("--tag", wish.tags, "a tag of the session; may be repeated")->allow_extra_args(false);
   command.add_option("--note", wish.note, "a note of the session");
   command
@@ -61,9 +91,10 @@ void add_wish_options(CLI::App& command, const std::shared_ptr<WishOptions>& opt
   add_choice(command, "--pause-after,!--no-pause-after", wish.pause_after, "pause the queue after it");
 }
 
-absl::Status enter_wish(const WishOptions& options, v1::QueueWish& wish) {
+absl::Status enter_wish(const Client& client, const WishOptions& options, v1::QueueWish& wish) {
   if (options.session) wish.set_session(*options.session);
   if (options.note) wish.set_note(*options.note);
+  if (options.deadline) wish.set_deadline(*options.deadline);
   if (options.not_before) wish.set_not_before(*options.not_before);
   if (!options.tags.empty()) wish.mutable_tags()->Assign(options.tags.begin(), options.tags.end());
   if (!options.exposure_ms.empty())
@@ -78,6 +109,8 @@ absl::Status enter_wish(const WishOptions& options, v1::QueueWish& wish) {
     (*wish.mutable_rail_mm())[at.monitor] = at.mm.front();
   }
   if (options.solve) wish.set_solve(*options.solve);
+  if (!wish.solve()) wish.clear_background();
+  if (!options.background.empty()) GW_RETURN_IF_ERROR(enter_background(client, options.background, wish));
   if (options.retries) wish.set_retries(*options.retries);
   if (options.retry_wait_s) wish.set_retry_wait_s(*options.retry_wait_s);
   if (options.approval) wish.set_approval(*options.approval);

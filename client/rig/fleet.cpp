@@ -32,6 +32,13 @@ const char* state_of(const v1::FleetSolve& solve) {
   return solve.tile_count() == 0 ? "surveying" : "solving";
 }
 
+// "late by 4 min"
+std::string due_text(const v1::FleetSolve& solve) {
+  if (solve.deadline().empty()) return "-";
+  if (!solve.has_late_s()) return "at " + solve.deadline();
+  return solve.late_s() > 0.0 ? "late by " + left_text(solve.late_s()) : "in time";
+}
+
 std::string rate_text(double per_second) {
   return per_second > 0.0 ? fmt::format("{:.2f}", per_second) : "-";
 }
@@ -80,7 +87,7 @@ void print_solves(const Client& client, const v1::GetFleetResponse& fleet) {
     rows.push_back({solve.session(), state_of(solve), solve.method(), solve.priority(), solve.owner(),
                     fmt::format("{}/{}", solve.tiles_done(), solve.tile_count()),
                     std::to_string(solve.tiles_leased()), rate_text(solve.tiles_per_second()),
-                    solve.seconds_left() > 0.0 ? left_text(solve.seconds_left()) : "-",
+                    solve.seconds_left() > 0.0 ? left_text(solve.seconds_left()) : "-", due_text(solve),
                     std::to_string(solve.failures()), std::to_string(solve.quarantined()),
                     solve.server().empty() ? "this one" : solve.server()});
   }
@@ -94,6 +101,7 @@ void print_solves(const Client& client, const v1::GetFleetResponse& fleet) {
                {"LEASED", true},
                {"TILES/S", true},
                {"LEFT", true},
+               {"DUE"},
                {"FAILURES", true},
                {"QUARANTINED", true},
                {"SERVER"}},

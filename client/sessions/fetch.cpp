@@ -22,6 +22,7 @@
 #include "core/matte/matte_notes.h"
 #include "core/matte/packed_matte.h"
 #include "core/pattern/draft_stages.h"
+#include "glasswing/v1/queue_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -35,7 +36,7 @@ struct FetchArguments {
   std::string session, camera, output;
   std::optional<int> frame;
   std::optional<MatteRegion> region;
-  bool partial = false;
+  bool partial = false, composite = false;
 };
 
 struct Fetched {
@@ -241,8 +242,40 @@ absl::Status fetch_video(const Client& client, const Sessions& server, const v1:
                                                    ranges_text(unsolved), summary_of(session)));
 }
 
+absl::Status fetch_composite(const Client& client, const FetchArguments& arguments) {
+  GW_RETURN_IF_ERROR(check_output_file(arguments.output, {".exr", kStandardOutput}));
+  const Peer<v1::QueueService> server(client.server_title(), client.server);
+  UnfinishedFile unfinished(arguments.output);
+  GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(unfinished.path()));
+  v1::FetchCompositeRequest request;
+  request.set_session(arguments.session);
+  grpc::ClientContext context;
+  set_deadline(context, kLongCallTimeout);
+  const auto reader = server.stub->FetchComposite(&context, request);
+  absl::Status written;
+  std::uint64_t bytes = 0;
+  for (v1::FetchCompositeResponse response; written.ok() && reader->Read(&response);) {
+    written = writer.add(response.chunk());
+    bytes += response.chunk().size();
+  }
+  if (!written.ok()) context.TryCancel();
+  const grpc::Status status = reader->Finish();
+  GW_RETURN_IF_ERROR(written);
+  if (!status.ok()) return status_from(status, server.title);
+  GW_RETURN_IF_ERROR(unfinished.finish());
+  if (client.json) {
+    const nlohmann::ordered_json json = {
+        {"session", arguments.session}, {"file", arguments.output}, {"bytes", bytes}};
+    std::cout << json.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: the composite of session {}\n", arguments.output, arguments.session);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status fetch_one(const Client& client, const Sessions& server, const v1::Session& session,
                        const FetchArguments& arguments) {
+  if (arguments.composite) return fetch_composite(client, arguments);
   if (arguments.frame || arguments.partial) return fetch_file(client, server, arguments);
   const bool to_directory = arguments.output.ends_with('/') || fs::is_directory(arguments.output);
   const bool frames = describes_mattes(session) ? is_video(session) : !session.solved_frames().empty();
@@ -304,6 +337,7 @@ void add_fetch_command(CLI::App& app, Client& client) {
       "  glasswing fetch vase -o rim.exr --crop 640x480+1200+300\n"
       "  glasswing fetch vase -o so-far.exr --partial\n"
       "  glasswing fetch vase -o left.exr --camera left\n"
+      "  glasswing fetch vase -o vase-harbour.exr --composite\n"
       "  glasswing fetch pouring -o pouring/\n"
       "  glasswing fetch pouring --frame 7 -o pouring-7.exr");
   auto arguments = std::make_shared<FetchArguments>();
@@ -325,6 +359,12 @@ void add_fetch_command(CLI::App& app, Client& client) {
       .add_option("--crop", *crop,
                   "WIDTHxHEIGHT+X+Y: fetch only this region, px from the picture's top-left corner")
       ->check([](const std::string& text) { return std::string(parse_region(text).status().message()); });
+  command
+      .add_flag("--composite", arguments->composite,
+                "fetch the composite that an item of the queue made of it (queue add --background)")
+      ->excludes("--frame")
+      ->excludes("--partial")
+      ->excludes("--crop");
   command.callback([&client, arguments, crop] {
     if (!crop->empty()) arguments->region = parse_region(*crop).value();
     client.run = [&client, arguments] { return fetch(client, *arguments); };

@@ -1,3 +1,5 @@
+#include <absl/time/clock.h>
+#include <absl/time/time.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -29,6 +31,7 @@ struct SolveArguments {
   std::vector<std::string> options;
   bool watch = false;
   std::string priority;            // empty: normal
+  std::string deadline;            // empty: none
   std::string on;                  // a cluster; empty: the server's solvers
   SlurmSolve slurm;                // what its options say
   std::vector<std::string> parts;  // solved elsewhere
@@ -55,7 +58,23 @@ absl::Status set_priority(const Client& client, const std::string& session, cons
   return call(server, &v1::JobService::Stub::SetJobPriority, request).status();
 }
 
+absl::Status set_deadline(const Client& client, const std::string& session, const std::string& deadline) {
+  v1::SetJobDeadlineRequest request;
+  request.set_session(session);
+  request.set_deadline(deadline);
+  const Peer<v1::JobService> server(client.server_title(), client.server);
+  return call(server, &v1::JobService::Stub::SetJobDeadline, request).status();
+}
+
 absl::Status solve(const Client& client, SolveArguments arguments) {
+  absl::Time deadline;
+  if (!arguments.deadline.empty() &&
+      (!absl::ParseTime(absl::RFC3339_full, arguments.deadline, &deadline, nullptr) ||
+       deadline <= absl::Now())) {
+    return absl::InvalidArgumentError(fmt::format(
+        "--deadline is \"{}\"; it must be a time in the future, such as 2026-11-01T20:00:00+01:00",
+        arguments.deadline));
+  }
   GW_ASSIGN_OR_RETURN(arguments.session, session_name_of(client, arguments.session, arguments.camera));
   if (!arguments.parts.empty()) return take_parts(client, arguments);
   GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments.options));
@@ -75,6 +94,8 @@ absl::Status solve(const Client& client, SolveArguments arguments) {
                       call(server, &v1::SessionService::Stub::SolveSession, request, kLongCallTimeout));
   if (!arguments.priority.empty())
     GW_RETURN_IF_ERROR(set_priority(client, arguments.session, arguments.priority));
+  if (!arguments.deadline.empty())
+    GW_RETURN_IF_ERROR(set_deadline(client, arguments.session, arguments.deadline));
   if (arguments.watch) return follow_to_outcome(client, arguments.session, Goal::kDone);
   print_session(started.session(), client.json);
   return absl::OkStatus();
@@ -161,6 +182,7 @@ void add_solve_command(CLI::App& app, Client& client) {
       "  glasswing solve vase --method gaussian --set images=100\n"
       "  glasswing solve vase --method fringe --set modes=2\n"
       "  glasswing solve vase --priority interactive --watch\n"
+      "  glasswing solve vase --deadline \"$(date -d 18:00 +%FT%T%:z)\"\n"
       "  glasswing solve vase --camera left --watch\n"
       "  glasswing solve vase --on slurm --parts 32 --sbatch=--partition=lab\n"
       "  glasswing solve vase --from parts/part-*.exr\n"
@@ -180,6 +202,14 @@ void add_solve_command(CLI::App& app, Client& client) {
       .add_option("--priority", arguments->priority,
                   "whose tiles go first: interactive, normal or batch; default: normal")
       ->check(CLI::IsMember({"batch", "normal", "interactive"}))
+      ->excludes("--on")
+      ->excludes("--from");
+  command
+      .add_option(
+          "--deadline", arguments->deadline,
+          "when it should be done: its tiles go first while it would be late otherwise; glasswing fleet "
+          "says whether it will be")
+      ->type_name("TIME")
       ->excludes("--on")
       ->excludes("--from");
   command.callback(

@@ -27,15 +27,23 @@ absl::Status missing(const std::string& file, const std::string& why) {
   return absl::UnimplementedError(fmt::format("{} cannot be used: {}", file, why));
 }
 
-}  // namespace
-
-absl::StatusOr<fs::path> find_module(const std::string& file) {
-  const fs::path own = own_file(), below = fs::path("lib/glasswing") / file;
+absl::StatusOr<fs::path> find_above(const std::string& file, const fs::path& below) {
+  const fs::path own = own_file();
   std::error_code ignored;
   fs::path above = own.parent_path();
   while (above.has_relative_path() && !fs::exists(above / below, ignored)) above = above.parent_path();
   if (fs::exists(above / below, ignored)) return above / below;
   return missing(file, fmt::format("there is no {} above {}", below.string(), own.string()));
+}
+
+}  // namespace
+
+absl::StatusOr<fs::path> find_program(const std::string& name) {
+  return find_above(name, fs::path("bin") / name);
+}
+
+absl::StatusOr<fs::path> find_module(const std::string& file) {
+  return find_above(file, fs::path("lib/glasswing") / file);
 }
 
 absl::StatusOr<const void*> load_module(const std::string& file, const std::string& symbol) {

@@ -11,10 +11,25 @@
 
 namespace glasswing {
 
-// An operator runs sessions, a viewer only looks at them; both are people. The others are programs.
-enum class Role { kOperator, kViewer, kServer, kDisplay, kCamera, kSolver, kConsole };
-inline constexpr std::array<std::string_view, 7> kRoleNames{"operator", "viewer", "server", "display",
-                                                            "camera",   "solver", "console"};
+// An operator runs the rig, a viewer only looks; both are people, as are a planner, who may also fill the
+// queue, an approver its items, a runner run captures, solves and the queue, and a deleter end sessions. The
+// others are programs.
+enum class Role {
+  kOperator,
+  kViewer,
+  kServer,
+  kDisplay,
+  kCamera,
+  kSolver,
+  kConsole,
+  kPlanner,
+  kApprover,
+  kRunner,
+  kDeleter
+};
+inline constexpr std::array<std::string_view, 11> kRoleNames{"operator", "viewer", "server",  "display",
+                                                             "camera",   "solver", "console", "planner",
+                                                             "approver", "runner", "deleter"};
 inline constexpr std::string_view kRoleUri = "urn:glasswing:role:";  // the role's name follows
 
 using Roles = unsigned;  // bits

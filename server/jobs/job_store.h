@@ -10,6 +10,7 @@
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+#include <absl/time/time.h>
 
 #include <chrono>
 #include <cstdint>
@@ -33,7 +34,8 @@ struct TileRange {
   int count = 0;
 };
 
-// Tiles of jobs of a higher class go first.
+// Tiles of jobs of a higher class go first. A job with a deadline goes before all classes while what is left
+// of it takes all solvers longer than that leaves.
 enum class JobClass { kBatch = -1, kNormal = 0, kInteractive = 1 };
 
 struct JobSpec {
@@ -86,11 +88,13 @@ struct JobCounts {
 struct JobState {
   std::int64_t id = 0;
   JobClass priority = JobClass::kNormal;
+  absl::Time deadline = absl::InfiniteFuture();  // when it should be done; InfiniteFuture: whenever
   std::string owner = {};
   std::string session, computes, server_address;
   bool own = true, suspended = false;
   JobCounts counts;
   double tiles_per_second = 0.0;  // done in the last minute, or since the job was created if that is later
+  double tile_seconds = 0.0;      // that a tile took its solver, on average; 0: none is done
 };
 
 struct LeaseState {
@@ -126,8 +130,10 @@ class JobStore {
   virtual absl::Status recut(const TileAttempt& survey, const std::string& work,
                              std::span<const TileRange> tiles) = 0;
 
-  // NOT_FOUND of these five: there is no such job.
+  // NOT_FOUND of these six: there is no such job.
   virtual absl::Status set_class(std::int64_t job, JobClass priority) = 0;
+  // InfiniteFuture: none. By the clock of this machine.
+  virtual absl::Status set_deadline(std::int64_t job, absl::Time deadline) = 0;
   virtual absl::Status add(std::int64_t job, std::span<const TileRange> tiles) = 0;  // adds tiles
   // Frees quarantined tiles; failures count from 0 again.
   virtual absl::Status retry(std::int64_t job) = 0;
@@ -145,12 +151,12 @@ class JobStore {
   virtual absl::StatusOr<std::string> lease_key() = 0;
 
   // Leases a free tile of a job that computes one of these and is not suspended: of the highest class
-  // (but see class_waits), there of the owner who was last served the longest ago, there of the oldest job;
-  // tiles that failed come last. If no tile is free: one leased by only one other solver, for longer than
-  // least_before_twice and than the average of the job's last hundred tiles; the first result counts.
-  // `ahead`: only if at least as many tiles are free as solvers have leases, and never a tile that is leased.
-  // Empty: nothing to do.
-  // After kMaxLost expired leases a tile is quarantined.
+  // (JobClass, but see class_waits), of late ones the most urgent, there of the owner who was last served the
+  // longest ago, there of the oldest job; tiles that failed come last. If no tile is free: one leased by only
+  // one other solver, for longer than least_before_twice and than the average of the job's last hundred
+  // tiles; the first result counts. `ahead`: only if at least as many tiles are free as solvers have leases,
+  // and never a tile that is leased. Empty: nothing to do. After kMaxLost expired leases a tile is
+  // quarantined.
   virtual absl::StatusOr<std::optional<Lease>> claim(const std::string& solver,
                                                      std::span<const std::string> computes, bool ahead) = 0;
   // Extends the lease. ABORTED: the tile is done or removed, or the lease expired and the tile was handed out

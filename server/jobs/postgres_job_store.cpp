@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMaxConnections = 8;
 constexpr int kTries = 5;
-constexpr std::int64_t kPostgresSchemaVersion = 3;
+constexpr std::int64_t kPostgresSchemaVersion = 4;
 // An arbitrary number, the same for all servers: if several start at once, one creates the tables.
 constexpr std::int64_t kSchemaLock = 0x676c617373;
 
@@ -35,7 +35,7 @@ std::string postgres_schema() {
       "server text NOT NULL REFERENCES servers, session text NOT NULL, computes text NOT NULL, "
       "work bytea NOT NULL, held int NOT NULL DEFAULT 0, created bigint NOT NULL, "
       "survey_tile int NOT NULL DEFAULT 0, survey_attempt int NOT NULL DEFAULT 0, "
-      "priority int NOT NULL DEFAULT 0, owner text NOT NULL DEFAULT ''); "
+      "priority int NOT NULL DEFAULT 0, owner text NOT NULL DEFAULT '', deadline bigint NOT NULL DEFAULT 0); "
       "CREATE TABLE tiles (job bigint NOT NULL REFERENCES jobs ON DELETE CASCADE, number int NOT NULL, "
       "first int NOT NULL, count int NOT NULL, attempts int NOT NULL, "
       "failures int NOT NULL DEFAULT 0, lost int NOT NULL DEFAULT 0, quarantined int NOT NULL DEFAULT 0, "
@@ -106,6 +106,13 @@ absl::Status PostgresJobStore::prepare(PostgresConnection& to) {
           connection
               .run(fmt::format("CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}", kLeased), {})
               .status());
+    }
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows third,
+        connection.run("UPDATE version SET number = 4 WHERE number = 3 RETURNING number", {}));
+    if (!third.empty()) {
+      GW_RETURN_IF_ERROR(
+          connection.run("ALTER TABLE jobs ADD COLUMN deadline bigint NOT NULL DEFAULT 0", {}).status());
     }
     GW_ASSIGN_OR_RETURN(const SqlRows version, connection.run("SELECT max(number) FROM version", {}));
     if (version.integer(0, 0) != kPostgresSchemaVersion) {
@@ -178,7 +185,7 @@ std::string PostgresJobStore::next_tile(const std::string& open, const std::stri
       "{}SELECT f.job, f.number FROM (SELECT j.id FROM {} WHERE {} ORDER BY {}) j CROSS JOIN LATERAL "
       "(SELECT t.job, t.number FROM tiles t WHERE t.job = j.id AND {} ORDER BY t.failures, t.number "
       "LIMIT 1 :locking) f LIMIT 1",
-      rivals ? kServed : "", rivals ? kJobsServed : "jobs j", open, rivals ? job_order(options_) : "j.id",
+      rivals ? served() : "", rivals ? kJobsServed : "jobs j", open, rivals ? job_order(options_) : "j.id",
       free);
 }
 

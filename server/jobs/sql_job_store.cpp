@@ -124,6 +124,13 @@ absl::Status SqlJobStore::set_class(std::int64_t job, JobClass priority) {
   return absl::OkStatus();
 }
 
+absl::Status SqlJobStore::set_deadline(std::int64_t job, absl::Time deadline) {
+  const std::int64_t at_us = deadline == absl::InfiniteFuture() ? 0 : absl::ToUnixMicros(deadline);
+  GW_RETURN_IF_ERROR(change_job(job, fmt::format("UPDATE jobs SET deadline = {} WHERE id = ?1", at_us)));
+  tiles_became_free();
+  return absl::OkStatus();
+}
+
 absl::Status SqlJobStore::retry(std::int64_t job) {
   GW_RETURN_IF_ERROR(
       change_job(job, "UPDATE tiles SET quarantined = 0, failures = 0, lost = 0 WHERE job = ?1"));
@@ -195,7 +202,7 @@ absl::StatusOr<bool> SqlJobStore::has_rivals(SqlConnection& connection) {
   }
   GW_ASSIGN_OR_RETURN(const SqlRows found,
                       connection.run("SELECT CASE WHEN min(owner) <> max(owner) OR min(priority) <> "
-                                     "max(priority) THEN 1 ELSE 0 END FROM jobs",
+                                     "max(priority) OR max(deadline) > 0 THEN 1 ELSE 0 END FROM jobs",
                                      {}));
   const std::lock_guard lock(rivals_mutex_);
   rivals_until_ = now + kHolds;

@@ -23,6 +23,7 @@ class SqlJobStore : public JobStore, protected SqlReader {
                      std::span<const TileRange> tiles) override;
   absl::Status add(std::int64_t job, std::span<const TileRange> tiles) override;
   absl::Status set_class(std::int64_t job, JobClass priority) override;
+  absl::Status set_deadline(std::int64_t job, absl::Time deadline) override;
   absl::Status retry(std::int64_t job) override;
   absl::Status suspend(std::int64_t job) override;
   absl::Status resume(std::int64_t job) override;

@@ -94,11 +94,12 @@ absl::StatusOr<std::vector<JobState>> report_jobs(SqlReader& reader, const std::
       reader.read(
           fmt::format("SELECT j.id, j.session, j.computes, s.address, j.server, j.held, :now - j.created, "
                       "count(CASE WHEN done_attempt > 0 AND done_at > :now - 60000000 THEN 1 END), "
-                      "j.priority, j.owner, {} "
+                      "j.priority, j.owner, j.deadline, coalesce(avg(CASE WHEN done_attempt > 0 THEN seconds "
+                      "END), 0), {} "
                       "FROM jobs j JOIN servers s ON s.id = j.server JOIN tiles t ON t.job = j.id "
                       "WHERE EXISTS (SELECT 1 FROM tiles WHERE job = j.id AND {}) "
                       "GROUP BY j.id, j.session, j.computes, s.address, j.server, j.held, j.created, "
-                      "j.priority, j.owner ORDER BY j.priority DESC, j.id",
+                      "j.priority, j.owner, j.deadline ORDER BY j.priority DESC, j.id",
                       kCounts, kOpen),
           {}));
   std::vector<JobState> jobs;
@@ -106,14 +107,17 @@ absl::StatusOr<std::vector<JobState>> report_jobs(SqlReader& reader, const std::
     const double seen_us = std::clamp(rows.real(i, 6), 1e6, kMinute_us);
     jobs.push_back({.id = rows.integer(i, 0),
                     .priority = static_cast<JobClass>(rows.integer(i, 8)),
+                    .deadline = rows.integer(i, 10) == 0 ? absl::InfiniteFuture()
+                                                         : absl::FromUnixMicros(rows.integer(i, 10)),
                     .owner = rows.text(i, 9),
                     .session = rows.text(i, 1),
                     .computes = rows.text(i, 2),
                     .server_address = rows.text(i, 3),
                     .own = rows.text(i, 4) == own_server,
                     .suspended = rows.integer(i, 5) != 0,
-                    .counts = counts_of(rows, i, 10),
-                    .tiles_per_second = rows.real(i, 7) / seen_us * 1e6});
+                    .counts = counts_of(rows, i, 12),
+                    .tiles_per_second = rows.real(i, 7) / seen_us * 1e6,
+                    .tile_seconds = rows.real(i, 11)});
   }
   return jobs;
 }

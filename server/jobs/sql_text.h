@@ -1,6 +1,7 @@
 // Parts of statements on the table tiles.
 #pragma once
 
+#include <absl/time/clock.h>
 #include <fmt/format.h>
 
 #include <string>
@@ -21,23 +22,38 @@ inline constexpr char kNoLease[] =
 inline constexpr char kAttempt[] =
     "job = ?1 AND number = ?2 AND ?3 > 0 AND ?3 IN (lease_attempt, twin_attempt)";
 
-// Before a statement that orders jobs: when each, each owner and each class last had a tile handed out or
-// done. A class that never had counts from its oldest job.
-inline constexpr char kServed[] =
-    "WITH served AS (SELECT id, owner, priority, created, (SELECT max(used_at) FROM ("
-    "SELECT max(done_at) AS used_at FROM tiles WHERE job = jobs.id AND done_attempt > 0 UNION ALL "
-    "SELECT max(lease_since) FROM tiles WHERE job = jobs.id AND lease_attempt > 0) AS uses) AS used_at "
-    "FROM jobs WHERE held = 0), "
-    "owners AS (SELECT owner, max(used_at) AS used_at FROM served GROUP BY owner), "
-    "classes AS (SELECT priority, coalesce(max(used_at), min(created)) AS used_at FROM served GROUP BY "
-    "priority) ";
-// Of jobs j that have joined their owner o and class c.
+// Before a statement that orders jobs: the class of each, and when it, its owner and its class last had a
+// tile handed out or done. A class that never had counts from its oldest job. A job whose deadline is as near
+// as all solvers need for what is left of it, with a fifth of that time lost otherwise, is of a class above
+// all.
+inline constexpr int kUrgent = static_cast<int>(JobClass::kInteractive) + 1;
+inline std::string served() {
+  return fmt::format(
+      "WITH solvers AS (SELECT count(DISTINCT lease_solver) AS n FROM tiles WHERE {0} AND lease_until > "
+      ":now), "
+      "served AS (SELECT id, owner, created, deadline, CASE WHEN deadline > 0 AND deadline - {1} < "
+      "(SELECT count(*) FROM tiles WHERE job = jobs.id AND {2}) * coalesce((SELECT avg(seconds) FROM (SELECT "
+      "seconds FROM tiles WHERE job = jobs.id AND {3} ORDER BY done_at DESC LIMIT 100) AS last), 1.0) * "
+      "1250000 "
+      "/ (SELECT CASE WHEN n > 1 THEN n ELSE 1 END FROM solvers) THEN {4} ELSE priority END AS priority, "
+      "(SELECT max(used_at) FROM ("
+      "SELECT max(done_at) AS used_at FROM tiles WHERE job = jobs.id AND {3} UNION ALL "
+      "SELECT max(lease_since) FROM tiles WHERE job = jobs.id AND {0}) AS uses) AS used_at "
+      "FROM jobs WHERE held = 0), "
+      "owners AS (SELECT owner, max(used_at) AS used_at FROM served GROUP BY owner), "
+      "classes AS (SELECT priority, coalesce(max(used_at), min(created)) AS used_at FROM served GROUP BY "
+      "priority) ",
+      kLeased, absl::ToUnixMicros(absl::Now()), kOpen, kDone, kUrgent);
+}
+// Of jobs j that have joined themselves s, their owner o and class c.
 inline constexpr char kJobsServed[] =
-    "jobs j JOIN owners o ON o.owner = j.owner JOIN classes c ON c.priority = j.priority";
+    "jobs j JOIN served s ON s.id = j.id JOIN owners o ON o.owner = s.owner JOIN classes c ON c.priority = "
+    "s.priority";
 inline std::string job_order(const JobStoreOptions& options) {
   return fmt::format(
-      "CASE WHEN c.used_at < :now - {} THEN 0 ELSE 1 END, j.priority DESC, coalesce(o.used_at, 0), j.id",
-      std::chrono::microseconds(options.class_waits).count());
+      "CASE WHEN c.used_at < :now - {} THEN 0 ELSE 1 END, s.priority DESC, "
+      "CASE WHEN s.priority = {} THEN s.deadline ELSE 0 END, coalesce(o.used_at, 0), j.id",
+      std::chrono::microseconds(options.class_waits).count(), kUrgent);
 }
 
 }  // namespace glasswing

@@ -12,7 +12,7 @@
 namespace glasswing {
 namespace {
 
-constexpr std::int64_t kSqliteSchemaVersion = 3;
+constexpr std::int64_t kSqliteSchemaVersion = 4;
 
 std::string sqlite_schema() {
   return fmt::format(
@@ -24,7 +24,8 @@ std::string sqlite_schema() {
       "computes TEXT NOT NULL, work BLOB NOT NULL, held INTEGER NOT NULL DEFAULT 0, created INTEGER NOT "
       "NULL, "
       "survey_tile INTEGER NOT NULL DEFAULT 0, survey_attempt INTEGER NOT NULL DEFAULT 0, "
-      "priority INTEGER NOT NULL DEFAULT 0, owner TEXT NOT NULL DEFAULT ''); "
+      "priority INTEGER NOT NULL DEFAULT 0, owner TEXT NOT NULL DEFAULT '', "
+      "deadline INTEGER NOT NULL DEFAULT 0); "
       "CREATE TABLE tiles (job INTEGER NOT NULL REFERENCES jobs ON DELETE CASCADE, number INTEGER NOT NULL, "
       "first INTEGER NOT NULL, count INTEGER NOT NULL, attempts INTEGER NOT NULL, "
       "failures INTEGER NOT NULL DEFAULT 0, lost INTEGER NOT NULL DEFAULT 0, quarantined INTEGER NOT NULL "
@@ -81,18 +82,24 @@ absl::StatusOr<SqlRows> run_in(Database& database, const std::string& sql, const
 // Adds what tables of an earlier version lack.
 absl::Status upgrade(Database& writer) {
   GW_ASSIGN_OR_RETURN(const SqlRows version, run_in(writer, "PRAGMA user_version", {}));
-  if (version.integer(0, 0) == 1) {
+  const std::int64_t from = version.integer(0, 0);
+  if (from == 0) return absl::OkStatus();  // there are none
+  if (from < 2) {
     GW_RETURN_IF_ERROR(
         writer.run("ALTER TABLE tiles ADD COLUMN unsolved_pixels INTEGER NOT NULL DEFAULT 0; "
                    "PRAGMA user_version = 2"));
   }
-  if (version.integer(0, 0) != 1 && version.integer(0, 0) != 2) return absl::OkStatus();
+  if (from < 3) {
+    GW_RETURN_IF_ERROR(writer.run(fmt::format(
+        "ALTER TABLE jobs ADD COLUMN priority INTEGER NOT NULL DEFAULT 0; "
+        "ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT ''; "
+        "DROP INDEX tiles_leased; CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}; "
+        "PRAGMA user_version = 3",
+        kLeased)));
+  }
+  if (from >= 4) return absl::OkStatus();
   return writer.run(
-      fmt::format("ALTER TABLE jobs ADD COLUMN priority INTEGER NOT NULL DEFAULT 0; "
-                  "ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT ''; "
-                  "DROP INDEX tiles_leased; CREATE INDEX tiles_leased ON tiles (job, lease_since) WHERE {}; "
-                  "PRAGMA user_version = 3",
-                  kLeased));
+      "ALTER TABLE jobs ADD COLUMN deadline INTEGER NOT NULL DEFAULT 0; PRAGMA user_version = 4");
 }
 
 class Writer : public SqlConnection {
@@ -216,7 +223,7 @@ std::string SqliteJobStore::next_tile(const std::string& open, const std::string
       "{}SELECT j.id, f.number FROM (SELECT id, (SELECT number FROM tiles t WHERE t.job = jobs.id AND {} "
       "ORDER BY failures, number LIMIT 1) AS number FROM jobs WHERE {}) f JOIN {} WHERE j.id = f.id AND "
       "f.number IS NOT NULL ORDER BY {} LIMIT 1",
-      kServed, free, open, kJobsServed, job_order(options_));
+      served(), free, open, kJobsServed, job_order(options_));
 }
 
 absl::StatusOr<SqlRows> SqliteJobStore::read(const std::string& sql, const SqlValues& values) {

@@ -82,6 +82,9 @@ class TimedJobStore final : public JobStore {
   absl::Status set_class(std::int64_t job, JobClass priority) override {
     return timed(kChange, [&] { return store_->set_class(job, priority); });
   }
+  absl::Status set_deadline(std::int64_t job, absl::Time deadline) override {
+    return timed(kChange, [&] { return store_->set_deadline(job, deadline); });
+  }
   absl::Status retry(std::int64_t job) override {
     return timed(kChange, [&] { return store_->retry(job); });
   }

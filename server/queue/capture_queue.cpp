@@ -95,18 +95,35 @@ void CaptureQueue::start() {
 
 // --- calls of people
 
+absl::Status CaptureQueue::check(const v1::QueueWish& wish) const {
+  GW_RETURN_IF_ERROR(check_wish(wish));
+  for (const std::string& image : images_of(wish)) {
+    if (!parts_.images.has(image))
+      return absl::InvalidArgumentError(fmt::format("picture \"{}\" has not been uploaded", image));
+  }
+  return wish.background().empty() ? absl::OkStatus() : Composites::check_installed();
+}
+
+void CaptureQueue::release(const v1::QueueWish& wish) {
+  const std::set<std::string> images = images_of(wish);
+  if (!images.empty()) parts_.images.release(images, parts_.sessions.photos());
+}
+
 absl::StatusOr<v1::QueueItem> CaptureQueue::add(const v1::AddQueueItemRequest& request,
                                                 const Caller& caller) {
-  GW_RETURN_IF_ERROR(check_wish(request.wish()));
+  GW_RETURN_IF_ERROR(check(request.wish()));
   v1::QueueItem item;
   item.set_state(v1::QUEUE_ITEM_STATE_WAITING);
   *item.mutable_wish() = request.wish();
   item.set_added(utc_now_rfc3339());
   item.set_added_by(caller.client);
-  const std::lock_guard lock(mutex_);
-  absl::StatusOr<v1::QueueItem> added =
-      store_.add(std::move(item), request.request_id(), event_of(caller.client, 0, "added"));
-  wake();
+  absl::StatusOr<v1::QueueItem> added;
+  {
+    const std::lock_guard lock(mutex_);
+    added = store_.add(std::move(item), request.request_id(), event_of(caller.client, 0, "added"));
+    wake();
+  }
+  if (added.ok()) parts_.images.use(images_of(request.wish()));
   return added;
 }
 
@@ -141,18 +158,24 @@ absl::StatusOr<v1::QueueItem> CaptureQueue::change_waiting(std::int64_t number, 
 
 absl::StatusOr<v1::QueueItem> CaptureQueue::edit(const v1::EditQueueItemRequest& request,
                                                  const Caller& caller) {
-  v1::QueueWish wish = request.wish();
+  v1::QueueWish wish = request.wish(), before;
   if (!wish.has_plan()) {
     GW_ASSIGN_OR_RETURN(*wish.mutable_plan(), [&]() -> absl::StatusOr<v1::Plan> {
       GW_ASSIGN_OR_RETURN(const v1::QueueItem item, find(request.number()));
       return item.wish().plan();
     }());
   }
-  GW_RETURN_IF_ERROR(check_wish(wish));
-  return change_waiting(request.number(), "edited", "edited", caller, [&](v1::QueueItem& item) {
-    *item.mutable_wish() = wish;
-    item.clear_approved_by();  // what was approved is not what would run
-  });
+  GW_RETURN_IF_ERROR(check(wish));
+  absl::StatusOr<v1::QueueItem> edited =
+      change_waiting(request.number(), "edited", "edited", caller, [&](v1::QueueItem& item) {
+        before = item.wish();
+        *item.mutable_wish() = wish;
+        item.clear_approved_by();  // what was approved is not what would run
+      });
+  if (!edited.ok()) return edited;
+  parts_.images.use(images_of(wish));
+  release(before);
+  return edited;
 }
 
 absl::StatusOr<v1::QueueItem> CaptureQueue::move(const v1::MoveQueueItemRequest& request,
@@ -171,7 +194,7 @@ absl::StatusOr<v1::QueueItem> CaptureQueue::move(const v1::MoveQueueItemRequest&
 }
 
 absl::Status CaptureQueue::remove(std::int64_t number, const Caller& caller) {
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
   GW_ASSIGN_OR_RETURN(const v1::QueueItem item, store_.find(number));
   if (item.state() == v1::QUEUE_ITEM_STATE_RUNNING) {
     return absl::FailedPreconditionError(
@@ -179,7 +202,10 @@ absl::Status CaptureQueue::remove(std::int64_t number, const Caller& caller) {
                                : fmt::format("{0} is being captured; cancel that first: glasswing cancel {1}",
                                              title(item), item.session()));
   }
-  return store_.remove(number, event_of(caller.client, number, "removed: " + title(item)));
+  GW_RETURN_IF_ERROR(store_.remove(number, event_of(caller.client, number, "removed: " + title(item))));
+  lock.unlock();
+  release(item.wish());
+  return absl::OkStatus();
 }
 
 absl::StatusOr<v1::QueueItem> CaptureQueue::run_now(std::int64_t number, const Caller& caller) {
@@ -319,6 +345,21 @@ absl::StatusOr<std::vector<v1::QueueEvent>> CaptureQueue::history(std::int64_t i
   return store_.history(item, 0, kMaxQueueEvents);
 }
 
+absl::StatusOr<PositionedFile> CaptureQueue::composite(const std::string& session) {
+  GW_RETURN_IF_ERROR(parts_.sessions.find(session).status());
+  absl::StatusOr<PositionedFile> file = PositionedFile::open(parts_.mattes.composite(session));
+  if (!absl::IsNotFound(file.status())) return file;
+  return absl::NotFoundError(fmt::format(
+      "session \"{}\" has no composite; items of the queue with --background make some", session));
+}
+
+std::set<std::string> CaptureQueue::images() {
+  const std::lock_guard lock(mutex_);
+  std::set<std::string> images;
+  for (const v1::QueueItem& item : store_.items()) images.merge(images_of(item.wish()));
+  return images;
+}
+
 void CaptureQueue::observe(std::function<void(const Event&)> observer) {
   const std::lock_guard lock(mutex_);
   observer_ = std::move(observer);
@@ -398,12 +439,15 @@ void CaptureQueue::follow(const v1::QueueItem& item, const std::stop_token& stop
       });
       return;
     case v1::SESSION_STATE_CAPTURED:
-      return session->solve_follows() ? is_captured(item) : is_done(item);
+      if (session->solve_follows()) return is_captured(item);
+      if (!item.wish().background().empty()) return has_failed(item, "its solve was cancelled; no composite");
+      return is_done(item);
     case v1::SESSION_STATE_SOLVING:
       is_captured(item);
+      date(item, *session);
       return says(item, session->reason());
     case v1::SESSION_STATE_DONE:
-      return is_done(item);
+      return is_solved(item, *session);
     case v1::SESSION_STATE_CANCELLED:
       return has_failed(item, "its session was cancelled");
     case v1::SESSION_STATE_FAILED:
@@ -703,6 +747,31 @@ void CaptureQueue::is_captured(const v1::QueueItem& item) {
     now.clear_waits_since();
   });
   if (stored.ok()) left_the_rig(item);
+}
+
+void CaptureQueue::date(const v1::QueueItem& item, const v1::Session& session) {
+  if (item.wish().deadline().empty() || dated_.contains(item.number())) return;
+  const std::vector<v1::Session> views(session.views().begin(), session.views().end());
+  for (const v1::Session& each : views.empty() ? std::vector{session} : views) {
+    const absl::Status dated = parts_.jobs.set_deadline(each.job(), time_of(item.wish().deadline()));
+    if (!dated.ok() && !absl::IsNotFound(dated)) return;  // NOT_FOUND: it is solved
+  }
+  dated_.insert(item.number());
+}
+
+void CaptureQueue::is_solved(const v1::QueueItem& item, const v1::Session& session) {
+  if (item.wish().background().empty()) return is_done(item);
+  if (has_rig(item)) return is_captured(item);  // and looked at again
+  std::vector<std::string> mattes;
+  for (const v1::Session& view : session.views()) mattes.push_back(view.name());
+  if (mattes.empty()) mattes.push_back(session.name());
+  const std::optional<absl::Status> made =
+      composites_.outcome(mattes, {item.wish().background().begin(), item.wish().background().end()});
+  if (!made) return says(item, "is composited");
+  if (!made->ok()) return has_failed(item, "solved, but not composited: " + std::string(made->message()));
+  const absl::Status noted =
+      update(item.number(), {item.state()}, "composited", [](v1::QueueItem& now) { now.clear_reason(); });
+  if (noted.ok()) is_done(item);
 }
 
 void CaptureQueue::is_done(const v1::QueueItem& item) {

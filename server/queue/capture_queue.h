@@ -21,6 +21,8 @@
 
 #include "server/capture/capture_runner.h"
 #include "server/events/session_events.h"
+#include "server/jobs/job_store.h"
+#include "server/queue/composites.h"
 #include "server/queue/queue_store.h"
 #include "server/rig/calibration_store.h"
 #include "server/rig/node_registry.h"
@@ -38,8 +40,12 @@ class CaptureQueue {
     RigLock& rig_lock;
     const NodeRegistry& nodes;
     const CalibrationStore& calibrations;
+    ImageFiles& images;
+    const MatteFiles& mattes;
+    JobStore& jobs;
   };
-  CaptureQueue(QueueStore& store, const Parts& parts) : parts_(parts), store_(store) {}
+  CaptureQueue(QueueStore& store, const Parts& parts)
+      : parts_(parts), store_(store), composites_(parts.mattes, parts.images) {}
   // Ends its thread; what it captures is left to the CaptureRunner, and goes on after a restart.
   ~CaptureQueue() = default;
 
@@ -65,6 +71,11 @@ class CaptureQueue {
   // Newest first.
   absl::StatusOr<std::vector<v1::QueueEvent>> history(std::int64_t item);
 
+  // The composite of a session, or of one of its views. NOT_FOUND: it has none.
+  absl::StatusOr<PositionedFile> composite(const std::string& session);
+  // That items name.
+  std::set<std::string> images();
+
   // Calls `observer` with what people want to be told of; it must be quick. One at a time; null: none.
   void observe(std::function<void(const Event&)> observer);
 
@@ -75,6 +86,10 @@ class CaptureQueue {
   absl::StatusOr<v1::QueueItem> change_waiting(std::int64_t number, const std::string& verb,
                                                const std::string& what, const Caller& caller,
                                                const Change& change);
+  // INVALID_ARGUMENT: the wish, or it names images that are not there.
+  absl::Status check(const v1::QueueWish& wish) const;
+  // What an item named no longer.
+  void release(const v1::QueueWish& wish);
   absl::StatusOr<v1::QueueItem> find_waiting(std::int64_t number, const std::string& verb) const;
   // Changes the item if it is in one of the states; `what` empty: history need not know.
   absl::Status update(std::int64_t number, std::initializer_list<v1::QueueItemState> in,
@@ -113,6 +128,9 @@ class CaptureQueue {
   void try_again(const v1::QueueItem& item, const std::string& why, const std::stop_token& stop);
 
   void is_captured(const v1::QueueItem& item);
+  // Gives the session's solve the item's deadline.
+  void date(const v1::QueueItem& item, const v1::Session& session);
+  void is_solved(const v1::QueueItem& item, const v1::Session& session);
   void is_done(const v1::QueueItem& item);
   void is_over(const v1::QueueItem& item);
   void has_failed(const v1::QueueItem& item, const std::string& why);
@@ -133,6 +151,8 @@ class CaptureQueue {
   std::condition_variable_any wake_;
 
   // Of the thread alone.
+  Composites composites_;
+  std::set<std::int64_t> dated_;   // items whose solves have their deadline
   std::set<std::int64_t> driven_;  // items whose capture this process began, or let go on
   std::map<std::int64_t, std::chrono::steady_clock::time_point> due_;  // when an item is tried again
 

@@ -19,6 +19,13 @@ absl::Status check_range(const char* field, double value, double high) {
   return absl::InvalidArgumentError(fmt::format("{} is {}; it must be 0 to {}", field, value, high));
 }
 
+absl::Status check_time(const char* field, const std::string& text) {
+  absl::Time time;
+  if (text.empty() || absl::ParseTime(absl::RFC3339_full, text, &time, nullptr)) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("{} is \"{}\"; it must be a time such as 2026-11-01T20:00:00Z", field, text));
+}
+
 }  // namespace
 
 absl::Time earliest_start(const v1::QueueWish& wish) {
@@ -26,6 +33,13 @@ absl::Time earliest_start(const v1::QueueWish& wish) {
   if (!wish.not_before().empty())
     (void)absl::ParseTime(absl::RFC3339_full, wish.not_before(), &time, nullptr);
   return time;
+}
+
+std::set<std::string> images_of(const v1::QueueWish& wish) {
+  std::set<std::string> images;
+  for (const v1::Photo& photo : wish.plan().photos()) images.insert(photo.file());
+  for (const auto& [monitor, image] : wish.background()) images.insert(image);
+  return images;
 }
 
 absl::StatusOr<std::string> session_name(const std::string& pattern, std::int64_t item, absl::Time start) {
@@ -46,13 +60,18 @@ absl::Status check_wish(const v1::QueueWish& wish) {
   constexpr std::int64_t kLongNumber = 1'000'000'000;  // of an item, so that the name never gets too long
   GW_RETURN_IF_ERROR(session_name(wish.session(), kLongNumber, absl::UnixEpoch()).status());
   GW_RETURN_IF_ERROR(check_plan(wish.plan()));
-  if (!wish.plan().photos().empty()) {
-    return absl::InvalidArgumentError(
-        "the plan shows photos, which are not kept for a queue; capture it at once: glasswing capture");
-  }
   if (wish.solve() && wish.plan().has_calibration()) {
     return absl::InvalidArgumentError(
         "the plan measures devices and holds no object; it can be captured, but not solved");
+  }
+  for (const auto& [monitor, image] : wish.background()) {
+    if (!monitor.empty()) GW_RETURN_IF_ERROR(check_name("monitor", monitor));
+  }
+  if (!wish.background().empty() && (!wish.solve() || wish.plan().has_ramp())) {
+    return absl::InvalidArgumentError(
+        wish.solve() ? "the plan is a video's; the queue composites stills: fetch its mattes, then glasswing "
+                       "composite"
+                     : "a background is for the composite of the solved session; ask for the solve too");
   }
   for (const std::string& tag : wish.tags()) GW_RETURN_IF_ERROR(check_name("tag", tag));
   for (const auto& [monitor, position_mm] : wish.rail_mm()) {
@@ -70,11 +89,10 @@ absl::Status check_wish(const v1::QueueWish& wish) {
   GW_RETURN_IF_ERROR(check_range("retry_wait_s", wish.retry_wait_s(), 86400));
   GW_RETURN_IF_ERROR(check_range("warm_up_s", wish.warm_up_s(), 86400));
   GW_RETURN_IF_ERROR(check_range("give_up_s", wish.give_up_s(), 1e7));
-  absl::Time time;
-  if (wish.not_before().empty() || absl::ParseTime(absl::RFC3339_full, wish.not_before(), &time, nullptr))
-    return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      fmt::format("not_before is \"{}\"; it must be a time such as 2026-11-01T20:00:00Z", wish.not_before()));
+  if (!wish.deadline().empty() && !wish.solve())
+    return absl::InvalidArgumentError("the deadline is the solve's; ask for the solve too");
+  GW_RETURN_IF_ERROR(check_time("deadline", wish.deadline()));
+  return check_time("not_before", wish.not_before());
 }
 
 v1::QueueWish copied_wish(v1::QueueWish wish) {

@@ -5,6 +5,7 @@
 #include <absl/time/time.h>
 
 #include <cstdint>
+#include <set>
 #include <string>
 
 #include "glasswing/v1/queue_service.pb.h"
@@ -13,6 +14,9 @@ namespace glasswing {
 
 // INVALID_ARGUMENT names the field and what it takes. What the rig must have is found when the item runs.
 absl::Status check_wish(const v1::QueueWish& wish);
+
+// The uploaded images that it names: its plan's photos and its backgrounds.
+std::set<std::string> images_of(const v1::QueueWish& wish);
 
 // The pattern with {item}, {date} and {time} filled in. INVALID_ARGUMENT: it holds other braces, or what
 // comes out is no session's name. Empty: empty.

@@ -11,6 +11,8 @@ class JobServiceImpl final : public v1::JobService::Service {
   explicit JobServiceImpl(Server& server) : server_(server) {}
   grpc::Status SetJobPriority(grpc::ServerContext*, const v1::SetJobPriorityRequest*,
                               v1::SetJobPriorityResponse*) override;
+  grpc::Status SetJobDeadline(grpc::ServerContext*, const v1::SetJobDeadlineRequest*,
+                              v1::SetJobDeadlineResponse*) override;
 
  private:
   Server& server_;

@@ -124,4 +124,21 @@ grpc::Status QueueServiceImpl::ListQueueHistory(grpc::ServerContext*,
   return grpc::Status::OK;
 }
 
+grpc::Status QueueServiceImpl::FetchComposite(grpc::ServerContext*, const v1::FetchCompositeRequest* request,
+                                              grpc::ServerWriter<v1::FetchCompositeResponse>* writer) {
+  GW_CHECK_LIMITS(*request);
+  const absl::StatusOr<PositionedFile> file = queue_.composite(request->session());
+  if (!file.ok()) return to_grpc(file.status());
+  const absl::StatusOr<std::uint64_t> size = file->size_bytes();
+  if (!size.ok()) return to_grpc(size.status());
+  v1::FetchCompositeResponse response;
+  for (std::uint64_t at = 0; at < *size; at += kChunkBytes) {
+    std::string& chunk = *response.mutable_chunk();
+    chunk.resize(std::min<std::uint64_t>(kChunkBytes, *size - at));
+    if (const absl::Status read = file->read_at(at, chunk); !read.ok()) return to_grpc(read);
+    if (!writer->Write(response)) break;
+  }
+  return grpc::Status::OK;
+}
+
 }  // namespace glasswing

@@ -34,6 +34,8 @@ class QueueServiceImpl final : public v1::QueueService::Service {
                             v1::ReleaseQueueResponse* response) override;
   grpc::Status ListQueueHistory(grpc::ServerContext*, const v1::ListQueueHistoryRequest*,
                                 v1::ListQueueHistoryResponse*) override;
+  grpc::Status FetchComposite(grpc::ServerContext*, const v1::FetchCompositeRequest*,
+                              grpc::ServerWriter<v1::FetchCompositeResponse>*) override;
 
  private:
   CaptureQueue& queue_;

@@ -9,6 +9,7 @@
 #include "core/file/file.h"
 #include "core/process/pause.h"
 #include "server/jobs/timed_job_store.h"
+#include "server/queue/queue_wish.h"
 
 namespace glasswing {
 namespace {
@@ -40,9 +41,13 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
   stores.problems = std::make_unique<Problems>();
   stores.problems->note_set_aside(data);
   GW_ASSIGN_OR_RETURN(stores.sessions, SessionStore::open(data));
-  GW_ASSIGN_OR_RETURN(stores.images, ImageFiles::open(data / "images", stores.sessions->photos()));
   GW_ASSIGN_OR_RETURN(stores.calibrations, CalibrationStore::open(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(stores.queue, QueueStore::open(data, *stores.problems));
+  std::optional<std::set<std::string>> images = stores.sessions->photos();
+  for (const v1::QueueItem& item : stores.queue->items()) {
+    if (images) images->merge(images_of(item.wish()));
+  }
+  GW_ASSIGN_OR_RETURN(stores.images, ImageFiles::open(data / "images", images));
   GW_ASSIGN_OR_RETURN(NodeNames names, NodeNames::open(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(const std::string id, server_id(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(
@@ -82,7 +87,10 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
                               .captures = captures_,
                               .rig_lock = rig_lock_,
                               .nodes = rig_,
-                              .calibrations = *stores_.calibrations}),
+                              .calibrations = *stores_.calibrations,
+                              .images = *stores_.images,
+                              .mattes = mattes_,
+                              .jobs = *stores_.jobs}),
       control_(*stores_.sessions, captures_, solves_),
       importer_(*stores_.sessions, rig_),
       replicator_(*stores_.sessions, rig_),
@@ -100,6 +108,7 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
                     }}),
       storage_(*stores_.sessions, rig_, mattes_, deleter_, options.storage) {
   rig_.set_call_time(options.node_call);
+  stores_.images->used_also_by([this] { return queue_.images(); });
 }
 
 absl::Status Server::take_up() {

@@ -300,6 +300,19 @@ absl::StatusOr<v1::Session> Catalogue::find_request(const std::string& request_i
   return first(std::move(query), "no session was made by this request");
 }
 
+absl::StatusOr<std::vector<v1::Session>> Catalogue::named(const std::string& begin) {
+  const std::lock_guard lock(mutex_);
+  Database::Query query = database_.query(rows_of("session") + "WHERE name >= ? AND name < ?");
+  query.bind(begin).bind(begin + "\x7f");  // which no name has
+  std::vector<v1::Session> sessions;
+  while (query.next()) {
+    absl::StatusOr<v1::Session> session = parsed(query);
+    if (session.ok() && session->deleted().empty()) sessions.push_back(*std::move(session));
+  }
+  GW_RETURN_IF_ERROR(query.status());
+  return sessions;
+}
+
 absl::StatusOr<std::vector<v1::Session>> Catalogue::listed(bool in_trash) {
   const std::lock_guard lock(mutex_);
   Database::Query query = database_.query(rows_of("session") + "ORDER BY id DESC");

@@ -69,6 +69,8 @@ class Catalogue {
   // what to do as its reason.
   absl::StatusOr<std::vector<v1::Session>> list() { return listed(false); }
   absl::StatusOr<std::vector<v1::Session>> trash() { return listed(true); }
+  // The readable ones whose names begin so, without the trash.
+  absl::StatusOr<std::vector<v1::Session>> named(const std::string& begin);
 
  private:
   Catalogue(Database database, std::filesystem::path path)

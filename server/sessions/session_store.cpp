@@ -7,6 +7,7 @@
 
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "server/sessions/series.h"
 #include "server/sessions/session_state.h"
 #include "server/sessions/verdict.h"
 #include "server/sessions/views.h"
@@ -227,8 +228,9 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
 }
 
 absl::StatusOr<v1::Session> SessionStore::judged(v1::Session session) {
-  if (session.views().empty() && !Verdicts::judges(session)) return session;  // without reading all others
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored, all_stored());
+  if (session.views().empty() && !Verdicts::judges(session)) return session;  // without reading any other
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored,
+                      catalogue_->named(series_of(capture_name(session))));
   enter_verdict(Verdicts(stored), stored, session);
   return session;
 }

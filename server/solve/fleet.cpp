@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <set>
+#include <span>
 
 #include "core/base/name.h"
 #include "core/base/time.h"
@@ -43,6 +45,25 @@ v1::FleetSolve described(const JobState& job) {
   const int left = job.counts.tiles - job.counts.done - job.counts.quarantined;
   if (!job.suspended && job.tiles_per_second > 0.0) solve.set_seconds_left(left / job.tiles_per_second);
   return solve;
+}
+
+// Whether the solves with deadlines end in time if each gets all solvers, the earliest first.
+void enter_deadlines(std::span<const JobState> jobs, size_t solvers, v1::GetFleetResponse& fleet) {
+  std::vector<size_t> order;
+  for (size_t i = 0; i < jobs.size(); ++i) {
+    if (jobs[i].deadline != absl::InfiniteFuture()) order.push_back(i);
+  }
+  std::ranges::stable_sort(order, {}, [&](size_t i) { return jobs[i].deadline; });
+  double busy_s = 0.0;
+  for (const size_t i : order) {
+    const JobState& job = jobs[i];
+    v1::FleetSolve& solve = *fleet.mutable_solves(static_cast<int>(i));
+    solve.set_deadline(absl::FormatTime(absl::RFC3339_sec, job.deadline, absl::UTCTimeZone()));
+    if (job.suspended || job.tile_seconds <= 0.0 || solvers == 0) continue;
+    const int left = job.counts.tiles - job.counts.done - job.counts.quarantined;
+    busy_s += left * job.tile_seconds / static_cast<double>(solvers);
+    solve.set_late_s(std::max(0.0, busy_s - absl::ToDoubleSeconds(job.deadline - absl::Now())));
+  }
 }
 
 }  // namespace
@@ -139,6 +160,7 @@ v1::GetFleetResponse Fleet::describe(const std::vector<RegisteredSolver>& solver
   if (heard) response.set_solver_heard(utc_rfc3339_ago(now - *heard));
   for (auto& [name, solver] : described_solvers) *response.add_solvers() = std::move(solver);
   for (const JobState& job : jobs) *response.add_solves() = described(job);
+  enter_deadlines(jobs, std::ranges::count_if(response.solvers(), &v1::FleetSolver::up), response);
   response.set_store(store);
   return response;
 }

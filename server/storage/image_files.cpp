@@ -102,11 +102,17 @@ void ImageFiles::use(const std::set<std::string>& names) {
   });
 }
 
+void ImageFiles::used_also_by(std::function<std::set<std::string>()> others) {
+  const std::lock_guard lock(mutex_);
+  others_ = std::move(others);
+}
+
 void ImageFiles::release(const std::set<std::string>& names,
                          const std::optional<std::set<std::string>>& used) {
   if (!used) return;
   const std::lock_guard lock(mutex_);
   used_ = *used;
+  if (others_) used_.merge(others_());
   for (const std::string& name : names) {
     const bool is_awaited = std::ranges::count(awaited_, name, &Awaited::name) > 0;
     if (!used_.contains(name) && !is_awaited && has(name)) remove(name);

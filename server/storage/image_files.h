@@ -1,6 +1,6 @@
-// The photos of plans below DATA/images, each named after its content. A photo belongs to the sessions whose
-// plans show it, and is removed with the last of them. Uploads not used by any session yet are kept while
-// they are among the newest.
+// The photos of plans, and the backgrounds of composites, below DATA/images, each named after its content. A
+// photo belongs to the sessions whose plans show it and to the items of the queue that name it, and is
+// removed with the last of them. Uploads not used yet are kept while they are among the newest.
 #pragma once
 
 #include <absl/status/status.h>
@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <list>
 #include <memory>
 #include <mutex>
@@ -58,8 +59,11 @@ class ImageFiles {
   absl::StatusOr<Upload> begin();
   bool has(const std::string& name) const;  // also false for an invalid name
   std::filesystem::path path(const std::string& name) const { return directory_ / name; }
-  // A session uses them from now on.
+  // A session, or an item of the queue, uses them from now on.
   void use(const std::set<std::string>& names);
+  // `others`: tells which ones more than sessions use, whenever some are released. It may not call this
+  // class.
+  void used_also_by(std::function<std::set<std::string>()> others);
   // A session that used them is gone. Removes those that are not `used` by others (absent: unknown) and were
   // not uploaded again.
   void release(const std::set<std::string>& names, const std::optional<std::set<std::string>>& used);
@@ -75,7 +79,8 @@ class ImageFiles {
 
   const std::filesystem::path directory_;
   std::mutex mutex_;
-  std::set<std::string> used_;  // by sessions; guarded by mutex_
+  std::set<std::string> used_;  // guarded by mutex_, as the next
+  std::function<std::set<std::string>()> others_;
   // Uploads for future sessions, oldest first; guarded by mutex_.
   std::list<Awaited> awaited_;
   std::int64_t awaited_bytes_ = 0;  // guarded by mutex_

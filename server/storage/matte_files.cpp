@@ -55,6 +55,10 @@ fs::path MatteFiles::draft(const std::string& session) const {
   return finished(session + std::string(kDraft));
 }
 
+fs::path MatteFiles::composite(const std::string& session) const {
+  return finished(session + "+composite");
+}
+
 std::map<std::string, fs::path> MatteFiles::drafts() const {
   std::map<std::string, fs::path> drafts;
   std::error_code error;
@@ -95,6 +99,7 @@ absl::Status MatteFiles::finish(const std::string& session) const {
   const bool had_file = fs::is_regular_file(file), had_frames = fs::is_directory(frames);
   std::error_code ignored;
   if (fs::exists(next_file)) {
+    fs::remove(composite(session), ignored);  // of the matte that is replaced
     GW_RETURN_IF_ERROR(rename_file(next_file, file));
     GW_RETURN_IF_ERROR(flush_directory(data_ / "mattes"));
     if (had_frames) fs::remove_all(frames, ignored);
@@ -118,7 +123,7 @@ std::vector<fs::path> MatteFiles::directories(const std::string& session) const 
 }
 
 std::vector<fs::path> MatteFiles::files(const std::string& session) const {
-  std::vector<fs::path> found = {finished(session), next(session), draft(session)};
+  std::vector<fs::path> found = {finished(session), next(session), draft(session), composite(session)};
   std::error_code error;
   for (const fs::path& directory : directories(session)) {
     for (fs::directory_iterator entry(directory, error), end; !error && entry != end; entry.increment(error))

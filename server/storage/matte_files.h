@@ -5,6 +5,8 @@
 //   mattes/SESSION+next.exr, mattes/SESSION+next/0000.exr
 //                             those of the current solve, which replace the above when it finishes
 //   mattes/SESSION+draft.exr  the newest draft, made while the session was captured; until a solve finishes
+//   mattes/SESSION+composite.exr
+//                             its object over pictures that an item of the queue named
 //   tiles/SESSION/            parts of the current solve, each named after the checksum of its bytes
 //   tiles/SESSION+put/        a matte solved elsewhere, while it arrives
 //
@@ -41,7 +43,8 @@ class MatteFiles {
   std::filesystem::path next(const std::string& session) const;
   std::filesystem::path next(const std::string& session, int frame) const;
   std::filesystem::path draft(const std::string& session) const;
-  // All existing ones, by session.
+  std::filesystem::path composite(const std::string& session) const;
+  // All existing drafts, by session.
   std::map<std::string, std::filesystem::path> drafts() const;
   // The directory exists when this returns OK.
   absl::StatusOr<std::filesystem::path> tiles(const std::string& session) const;

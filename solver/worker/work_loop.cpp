@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <functional>
@@ -40,6 +41,15 @@ using Stub = v1::WorkService::Stub;
 constexpr seconds kDeliveryGrace(10);
 // The limit on results kept for an unreachable server. Until then work for other servers continues.
 constexpr size_t kMaxPendingBytes = size_t{512} << 20;
+
+// Solves take turns, by tiles: opening a source measures the whole picture, which takes as long as some
+// tiles.
+constexpr size_t kMaxSources = 2;
+
+struct OpenSource {
+  std::int64_t job = 0;
+  std::shared_ptr<const SolveSource> source;
+};
 
 void wait(std::stop_token stop, milliseconds time) {
   std::mutex mutex;
@@ -145,8 +155,7 @@ class WorkLoop {
   std::mutex mutex_;
   std::map<std::string, std::unique_ptr<Stub>> owners_;  // by address; guarded by mutex_
   std::mutex source_mutex_;
-  std::int64_t source_job_ = 0;                // guarded by source_mutex_
-  std::shared_ptr<const SolveSource> source_;  // of that job; guarded by source_mutex_
+  std::vector<OpenSource> sources_;  // the last used one at the end; guarded by source_mutex_
   std::vector<std::future<void>> deliveries_;
   std::atomic<size_t> pending_bytes_ = 0;  // of their results
   bool reached_ = true;
@@ -188,11 +197,15 @@ absl::StatusOr<std::unique_ptr<OwnTile>> WorkLoop::claim(bool ahead) {
 
 absl::StatusOr<std::shared_ptr<const SolveSource>> WorkLoop::source_of(const v1::ClaimTileResponse& tile) {
   const std::lock_guard lock(source_mutex_);
-  if (source_ != nullptr && source_job_ == tile.lease().job()) return source_;
-  source_ = nullptr;
-  GW_ASSIGN_OR_RETURN(source_, SolveSource::open(tile, stop_));
-  source_job_ = tile.lease().job();
-  return source_;
+  const auto known = std::ranges::find(sources_, tile.lease().job(), &OpenSource::job);
+  if (known != sources_.end()) {
+    std::rotate(known, known + 1, sources_.end());
+    return sources_.back().source;
+  }
+  if (sources_.size() >= kMaxSources) sources_.erase(sources_.begin());
+  GW_ASSIGN_OR_RETURN(std::shared_ptr<const SolveSource> source, SolveSource::open(tile, stop_));
+  sources_.push_back({.job = tile.lease().job(), .source = std::move(source)});
+  return sources_.back().source;
 }
 
 template <typename T>

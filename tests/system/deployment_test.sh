@@ -83,7 +83,7 @@ glasswing export s "$work/s"
 (
   export GLASSWING_CERTIFICATE=$work/certificates/guest.pem GLASSWING_KEY=$work/certificates/guest.key
   glasswing show s >/dev/null || fail "a viewer cannot see the session"
-  refused 'DeleteSession is for the roles operator; "guest" has viewer' glasswing delete s --yes
+  refused 'DeleteSession is for the roles operator, deleter; "guest" has viewer' glasswing delete s --yes
 )
 grep -q 'audit refused rpc=SessionService/DeleteSession caller="guest" roles=viewer' "$work/server.log" || fail "the refusal is not in the log"
 grep -q 'audit rpc=SessionService/SolveSession caller="me" roles=operator' "$work/server.log" || fail "the caller of the solve is not in the log"

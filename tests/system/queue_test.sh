@@ -28,13 +28,19 @@ echo "== who may be asked for what"
 refused "--session must tell them apart" glasswing queue add "$plan" --session vase --times 2
 refused "braces" glasswing queue add "$plan" --session 'vase-{pose}'
 refused "--before ITEM, or --last" glasswing queue move 1
+refused "ask for the solve too" glasswing queue add "$plan" --background "$root/deploy/pictures/quilt.png"
 
 echo "== eight items, of which one cannot run"
 glasswing queue add "$plan" --session 'vase-{item}' --solve --times 3 >"$work/added"
 grep -q "the queue is paused" "$work/added" || fail "it does not say that nothing runs: $(cat "$work/added")"
 glasswing queue add "$work/nowhere.txtpb" --session impossible --retries 5 >/dev/null
-glasswing queue add "$plan" --session 'vase-{item}' --solve --times 3 --tag night >/dev/null
+# The queue keeps the pictures, not their paths.
+cp "$root/deploy/pictures/quilt.png" "$work/picture.png"
+{ cat "$plan" && echo 'photos { file: "picture.png" }'; } >"$work/photo.txtpb"
+glasswing queue add "$work/photo.txtpb" --session 'vase-{item}' --solve --times 3 --tag night >/dev/null
 glasswing queue duplicate 1 >/dev/null
+glasswing queue edit 8 --background "back=$work/picture.png" >/dev/null
+rm "$work/picture.png"
 glasswing queue move 7 --before 2 >/dev/null
 [[ $(glasswing queue list --tsv | awk -F'\t' 'NR > 1 { printf "%s ", $1 }') == "1 7 2 3 4 5 6 8 " ]] || fail "$(glasswing queue list)"
 glasswing queue start >/dev/null
@@ -58,7 +64,16 @@ for number in 1 2 3 5 6 7 8; do
 done
 glasswing sessions --tag night --tsv | grep -q vase-7 || fail "no tags: $(glasswing sessions)"
 glasswing queue history --tsv | grep -q "the queue.*failed: .*nowhere" || fail "$(glasswing queue history)"
+[[ $(glasswing show vase-7 --json | grep -c '"file": "xxh3') == 1 ]] || fail "no photo: $(glasswing show vase-7 --json)"
+
+echo "== the composite is the one that composite makes of the fetched matte"
+glasswing queue history --item 8 --tsv | grep -q "composited" || fail "$(glasswing queue history --item 8)"
 glasswing fetch vase-8 -o "$work/vase.exr"
+glasswing fetch vase-8 --composite -o "$work/composite.exr"
+glasswing convert "$root/deploy/pictures/quilt.png" -o "$work/quilt.tif" --linear --bits 16
+glasswing composite "$work/vase.exr" --background "$work/quilt.tif" --linear -o "$work/expected.exr"
+cmp "$work/composite.exr" "$work/expected.exr" || fail "the composite differs"
+refused "has no composite" glasswing fetch vase-1 --composite -o "$work/none.exr"
 
 echo "== whose tiles go first"
 refused "only one that is being solved has a priority" glasswing priority vase-8 batch

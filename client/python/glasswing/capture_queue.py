@@ -5,10 +5,13 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import enum
+import os
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-from glasswing.connection import Connection
+from glasswing import pictures
+from glasswing.connection import LONG_CALL_SECONDS, Connection
 from glasswing.errors import TimedOut
 from glasswing.plan import Plan
 from glasswing.v1 import queue_service_pb2 as pb
@@ -79,9 +82,10 @@ class CaptureQueue:
     """The queue of a rig; ``Rig.queue`` is it. Items are named by their numbers. NotFound: the queue has no such item. Refused:
     the item's state does not allow the call."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: Connection, upload: Callable[[Any], str], upload_photos: Callable[[Any], None]) -> None:
         self._connection = connection
         self._stub = connection.stub(QueueServiceStub)
+        self._upload, self._upload_photos = upload, upload_photos
 
     def add(
         self,
@@ -104,6 +108,8 @@ class CaptureQueue:
         warm_up: float = 0.0,
         give_up: float = 0.0,
         pause_after: bool = False,
+        background: Mapping[str, str | os.PathLike[str]] | None = None,
+        deadline: datetime.datetime | None = None,
     ) -> QueueItem:
         """Adds a capture to the end of the queue.
 
@@ -114,12 +120,16 @@ class CaptureQueue:
         where the capture before saw the rig drift or touched, also with ``steady``; and until ``not_before`` (a time without
         a zone is local). ``doctor`` tests the rig before it, and ``no_warnings`` makes a dry run: what they find counts as a
         capture that broke off. ``warm_up``: seconds for which the monitors are white before. ``give_up``: seconds to wait for people, until the next one runs; 0: for ever.
-        ``pause_after``: the queue pauses then.
+        ``pause_after``: the queue pauses then. ``background``: pictures by monitor ("": the first), over which the solved
+        matte is composited; ``composite`` has the result. ``deadline``: when the solve should be done.
         InvalidInput: the plan or another argument; the message names it.
         """
+        shown = plan.to_message()
+        self._upload_photos(shown)
         wish = pb.QueueWish(
             session=session,
-            plan=plan.to_message(),
+            plan=shown,
+            background={name: self._upload(pictures.read_picture(file)) for name, file in (background or {}).items()},
             solve=solve,
             tags=list(tags),
             note=note,
@@ -136,6 +146,7 @@ class CaptureQueue:
             warm_up_s=warm_up,
             give_up_s=give_up,
             pause_after=pause_after,
+            deadline=deadline.astimezone().isoformat() if deadline else "",
         )
         request = pb.AddQueueItemRequest(request_id=uuid.uuid4().hex, wish=wish)
         try:
@@ -143,6 +154,11 @@ class CaptureQueue:
         except TimedOut:  # the request id makes a retry safe if only the answer was lost
             answer = self._connection.call(self._stub.AddQueueItem, request)
         return QueueItem.from_message(answer.item)
+
+    def composite(self, session: str) -> bytes:
+        """The composite that an item with a ``background`` made of its session: an OpenEXR file. NotFound: it has none."""
+        request = pb.FetchCompositeRequest(session=session)
+        return b"".join(part.chunk for part in self._connection.stream(self._stub.FetchComposite, request, LONG_CALL_SECONDS))
 
     def hold(self, start: datetime.datetime, end: datetime.datetime, why: str = "") -> int:
         """Keeps the rig free for people: no item begins in that time, nor one that would not end before it. Returns the

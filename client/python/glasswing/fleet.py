@@ -65,6 +65,10 @@ class Solve:
     """"interactive", "normal" or "batch": whose tiles go first."""
     owner: str = ""
     """Who takes turns with others: "anna@lab3"."""
+    deadline: str = ""
+    """When it should be done, RFC 3339; empty: whenever."""
+    late: float | None = None
+    """By how many seconds it will be late at least; 0: in time; None: no deadline, or not known yet."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,4 +118,6 @@ def _solve(message: pb.FleetSolve) -> Solve:
         held=message.held,
         priority=message.priority or "normal",
         owner=message.owner,
+        deadline=message.deadline,
+        late=message.late_s if message.HasField("late_s") else None,
     )

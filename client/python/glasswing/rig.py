@@ -184,7 +184,7 @@ class Rig:
         self._nodes = connection.stub(NodeServiceStub)
         self._rig = connection.stub(RigServiceStub)
         self._sessions = connection.stub(SessionServiceStub)
-        self.queue = CaptureQueue(connection)
+        self.queue = CaptureQueue(connection, self.upload, self._upload_photos)
         """Captures that the server runs one after the other."""
 
     def __repr__(self) -> str:

@@ -144,7 +144,8 @@ TEST_F(Pki, WhatIsNoRequestMakesNothing) {
   } kCases[] = {
       {"rig", "rig: it must be ROLE:NAME or ROLE:NAME=HOST,HOST..."},
       {"admin:rig",
-       "\"admin\" is not a role; the roles are operator, viewer, server, display, camera, solver, console"},
+       "\"admin\" is not a role; the roles are operator, viewer, server, display, camera, solver, console, "
+       "planner, approver, runner, deleter"},
       {"server+:rig", "\"\" is not a role"},
       {"server+server:rig", "\"server\" is there twice"},
       {"server:", "the name is \"\""},

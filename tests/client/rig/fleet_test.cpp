@@ -64,6 +64,8 @@ class FleetCommand : public testing::Test {
     vase.set_quarantined(1);
     vase.set_tiles_per_second(1.25);
     vase.set_seconds_left(47.2);
+    vase.set_deadline("2026-11-01T20:00:00Z");
+    vase.set_late_s(237.0);
     v1::FleetSolve& bowl = *fleet().add_solves();
     bowl.set_session("bowl");
     bowl.set_method("ramp");
@@ -94,7 +96,7 @@ TEST_F(FleetCommand, ListsSolversAndSolves) {
   for (const char* words :
        {"2 of 3 solvers up, 1.25 tiles/s", "vase tile 12, vase tile 13 (twice)", "2.5 s",
         "vase tile 9: no light", "away", "refused", "it computes gaussian/1, the server gaussian/2", "40/100",
-        "50 s", "held", "surveying", "lab9:7440", "this one"}) {
+        "50 s", "late by 4 min", "held", "surveying", "lab9:7440", "this one"}) {
     EXPECT_THAT(outcome.out, HasSubstr(words));
   }
   EXPECT_THAT(outcome.out, Not(HasSubstr("no work")));

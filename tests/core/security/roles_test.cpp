@@ -158,6 +158,26 @@ TEST_F(Roles, EveryMethodAnswersItsRolesAndNoOther) {
   }
 }
 
+// Who may enqueue, approve, run and delete, each alone.
+TEST_F(Roles, PeopleMayWhatTheirRoleSaysAndLook) {
+  const std::map<std::string, std::string> kOwn{{"planner", "QueueService/AddQueueItem"},
+                                                {"approver", "QueueService/ApproveQueueItem"},
+                                                {"runner", "SessionService/CreateSession"},
+                                                {"deleter", "SessionService/DeleteSession"}};
+  for (const auto& [role, own] : kOwn) {
+    const auto channel = channel_with(fmt::format("URI:{}{}", kRoleUri, role));
+    EXPECT_EQ(call(channel, "SessionService/GetSession").error_code(), grpc::StatusCode::UNIMPLEMENTED)
+        << role;
+    for (const auto& [other, method] : kOwn) {
+      EXPECT_EQ(call(channel, method).error_code(),
+                role == other ? grpc::StatusCode::UNIMPLEMENTED : grpc::StatusCode::PERMISSION_DENIED)
+          << method << " by " << role;
+    }
+    EXPECT_EQ(call(channel, "RigService/ForgetCalibration").error_code(),
+              grpc::StatusCode::PERMISSION_DENIED);
+  }
+}
+
 TEST_F(Roles, WithoutACertificateOfThisLabNoMethodAnswers) {
   const std::string operator_role = fmt::format("URI:{}operator", kRoleUri);
   const MadeCertificate expired = make_certificate("old", &ca_, operator_role, 0);
@@ -220,7 +240,7 @@ TEST_F(Roles, RolesAddUpAndARefusalSaysWhichAreWanted) {
   EXPECT_EQ(call(both, "WorkService/ClaimTile").error_code(), grpc::StatusCode::UNIMPLEMENTED);
   EXPECT_EQ(call(both, "SessionService/GetSession").error_code(), grpc::StatusCode::UNIMPLEMENTED);
   EXPECT_EQ(call(both, "SessionService/DeleteSession").error_message(),
-            "SessionService/DeleteSession is for the roles operator; \"desk\" has viewer, "
+            "SessionService/DeleteSession is for the roles operator, deleter; \"desk\" has viewer, "
             "solver");
 }
 
@@ -259,8 +279,9 @@ TEST_F(Roles, WithALoginAConsoleMayWhatItsOwnerMay) {
           << access.method << " for a " << name;
     }
   }
-  EXPECT_EQ(call(channel, "SessionService/DeleteSession", {"viewer"}).error_message(),
-            "SessionService/DeleteSession is for the roles operator; \"berta (token 7a)\" has viewer");
+  EXPECT_EQ(
+      call(channel, "SessionService/DeleteSession", {"viewer"}).error_message(),
+      "SessionService/DeleteSession is for the roles operator, deleter; \"berta (token 7a)\" has viewer");
   EXPECT_EQ(call(channel, "SessionService/GetSession", {"ended"}).error_code(),
             grpc::StatusCode::UNAUTHENTICATED);
   EXPECT_EQ(call(channel, "SessionService/GetSession", {"viewer", "operator"}).error_code(),

@@ -282,6 +282,39 @@ TEST_P(JobContract, NoClassStarves) {
   EXPECT_GT(store_->jobs()->size(), 0u);  // it did not wait for the other's end
 }
 
+// Tiles take a second each of the one solver (result()).
+TEST_P(JobContract, ADeadlineGetsTheShareThatItNeeds) {
+  const auto in = [](double seconds) { return absl::Now() + absl::Seconds(seconds); };
+  const std::int64_t still = create(100, "s"), film = create(100, "f"), other = create(100, "o");
+  EXPECT_OK(store_->set_class(still, JobClass::kInteractive));
+  EXPECT_OK(store_->set_class(film, JobClass::kBatch));
+  EXPECT_TRUE(absl::IsNotFound(store_->set_deadline(other + 100, in(10))));
+  EXPECT_OK(store_->set_deadline(film, in(1000)));  // time enough for 100 tiles
+  EXPECT_EQ(next_sessions(*store_, 2), "ss");
+  EXPECT_OK(store_->set_deadline(film, in(100)));
+  EXPECT_EQ(next_sessions(*store_, 2), "ff");
+  EXPECT_OK(store_->set_deadline(other, in(50)));  // the earlier one first
+  EXPECT_EQ(next_sessions(*store_, 2), "oo");
+  const std::vector<JobState> jobs = store_->jobs().value();
+  for (const JobState& job : jobs)
+    EXPECT_EQ(job.deadline == absl::InfiniteFuture(), job.session == "s") << job.session;
+  EXPECT_OK(store_->set_deadline(other, absl::InfiniteFuture()));
+  EXPECT_OK(store_->set_deadline(film, in(1000)));
+  EXPECT_EQ(next_sessions(*store_, 2), "ss");
+}
+
+TEST_P(JobContract, NothingStarvesBesideADeadline) {
+  JobStoreOptions patient = options();
+  patient.class_waits = kShort;
+  open(patient);
+  const std::int64_t late = create(100'000, "l");
+  create(1, "n");
+  EXPECT_OK(store_->set_deadline(late, absl::Now() - absl::Hours(1)));
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  EXPECT_EQ(next_sessions(*store_, 1), "l");
+  while (next_sessions(*store_, 1) != "n") ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+}
+
 TEST_P(JobContract, OwnersTakeTurns) {
   const auto create_of = [&](const std::string& owner, const std::string& session) {
     const std::vector<TileRange> four(4, TileRange{0, 4});

@@ -94,6 +94,7 @@ class FakeStore final : public JobStore {
   }
   absl::Status add(std::int64_t, std::span<const TileRange>) override { return absl::NotFoundError("add"); }
   absl::Status set_class(std::int64_t, JobClass) override { return absl::NotFoundError("class"); }
+  absl::Status set_deadline(std::int64_t, absl::Time) override { return absl::NotFoundError("deadline"); }
   absl::Status retry(std::int64_t) override { return absl::NotFoundError("retry"); }
   absl::Status suspend(std::int64_t) override { return absl::NotFoundError("hold"); }
   absl::Status resume(std::int64_t) override { return absl::NotFoundError("release"); }

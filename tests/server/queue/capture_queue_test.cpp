@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "core/base/time.h"
+#include "core/image/image_file.h"
 #include "tests/faults/capture/rig.h"
 #include "tests/support/status.h"
 
@@ -216,6 +217,42 @@ TEST_F(CaptureQueueTest, WaitsForThePersonWhoPausedItsSession) {
   EXPECT_OK(rig_->server().control().resume(resume, kAnna));
   EXPECT_EQ(ended(b).state(), v1::QUEUE_ITEM_STATE_DONE);
   EXPECT_EQ(queue().find(a)->state(), v1::QUEUE_ITEM_STATE_DONE);
+}
+
+std::string upload(ImageFiles& images, std::uint16_t code) {
+  Image16 picture(4, 3);
+  std::ranges::fill(picture.samples, code);
+  ImageFiles::Upload upload = images.begin().value();
+  EXPECT_OK(upload.add(encode_png16(picture).value()));
+  return upload.finish().value();
+}
+
+TEST_F(CaptureQueueTest, KeepsTheImagesOfItsItems) {
+  const auto images = [this]() -> ImageFiles& { return rig_->server().images(); };
+  v1::QueueWish shown = wish("a"), missing = wish("b");
+  shown.set_solve(true);
+  const std::string photo = upload(images(), 1), background = upload(images(), 2),
+                    newer = upload(images(), 3);
+  shown.mutable_plan()->add_photos()->set_file(photo);
+  (*shown.mutable_background())["back"] = background;
+  const std::int64_t a = add(shown);
+  missing.mutable_plan()->add_photos()->set_file("xxh3-none");
+  v1::AddQueueItemRequest request;
+  *request.mutable_wish() = missing;
+  EXPECT_THAT(std::string(queue().add(request, kAnna).status().message()), HasSubstr("xxh3-none"));
+  start();  // nor does a restart lose them
+  EXPECT_TRUE(images().has(photo) && images().has(background));
+  images().release({photo, background}, std::set<std::string>());  // by a session that is deleted
+  EXPECT_TRUE(images().has(photo) && images().has(background));
+  v1::EditQueueItemRequest edit;
+  edit.set_number(a);
+  *edit.mutable_wish() = shown;
+  (*edit.mutable_wish()->mutable_background())["back"] = newer;
+  EXPECT_OK(queue().edit(edit, kAnna));
+  EXPECT_TRUE(images().has(photo) && images().has(newer));
+  EXPECT_FALSE(images().has(background));
+  EXPECT_OK(queue().remove(a, kAnna));
+  EXPECT_FALSE(images().has(photo) || images().has(newer));
 }
 
 TEST_F(CaptureQueueTest, WaitsWhileAnotherHasTheRig) {

@@ -37,6 +37,16 @@ TEST(QueueWish, GivesACopyANameOfItsOwn) {
   EXPECT_EQ(copied_wish(wish).session(), "");
 }
 
+TEST(QueueWish, NamesItsImages) {
+  v1::QueueWish wish = good_wish();
+  EXPECT_TRUE(images_of(wish).empty());
+  wish.mutable_plan()->add_photos()->set_file("a");
+  wish.mutable_plan()->add_photos()->set_file("b");
+  (*wish.mutable_background())["back"] = "b";
+  (*wish.mutable_background())["left"] = "c";
+  EXPECT_EQ(images_of(wish), (std::set<std::string>{"a", "b", "c"}));
+}
+
 TEST(QueueWish, RefusesWhatCouldNeverRun) {
   EXPECT_OK(check_wish(good_wish()));
   const auto refused = [](const std::string& word, const auto& spoil) {
@@ -49,7 +59,11 @@ TEST(QueueWish, RefusesWhatCouldNeverRun) {
   refused("braces", [](v1::QueueWish& wish) { wish.set_session("{object}"); });
   refused("session", [](v1::QueueWish& wish) { wish.set_session(std::string(60, 'x') + "{item}"); });
   refused("method", [](v1::QueueWish& wish) { wish.mutable_plan()->set_method("magic"); });
-  refused("photos", [](v1::QueueWish& wish) { wish.mutable_plan()->add_photos()->set_file("a.png"); });
+  refused("ask for the solve", [](v1::QueueWish& wish) { (*wish.mutable_background())["back"] = "a"; });
+  refused("monitor", [](v1::QueueWish& wish) {
+    wish.set_solve(true);
+    (*wish.mutable_background())["back=/etc/passwd"] = "a";
+  });
   refused("tag", [](v1::QueueWish& wish) { wish.add_tags("two words"); });
   refused("retries", [](v1::QueueWish& wish) { wish.set_retries(101); });
   refused("retry_wait_s", [](v1::QueueWish& wish) { wish.set_retry_wait_s(-1.0); });

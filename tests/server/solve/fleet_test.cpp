@@ -172,6 +172,31 @@ TEST_F(FleetTest, SolvesAreInTheStoresOrderWithTheTimeLeft) {
   EXPECT_EQ(fleet.solves(2).seconds_left(), 0.0);  // unknown rate
 }
 
+TEST_F(FleetTest, SaysWhetherDeadlinesAreMet) {
+  fleet_.claimed("a");
+  fleet_.claimed("b");  // two solvers
+  const auto job = [](std::int64_t id, int left, double due_s) {
+    JobState state{.id = id, .deadline = absl::Now() + absl::Seconds(due_s), .session = std::to_string(id)};
+    state.counts.tiles = left;
+    state.tile_seconds = 2.0;
+    return state;
+  };
+  std::vector<JobState> jobs{job(1, 100, 1000.0), job(2, 300, 240.0), job(3, 100, 50.0), job(4, 10, 50.0)};
+  jobs[3].deadline = absl::InfiniteFuture();
+  jobs.push_back(job(5, 10, 2000.0));
+  jobs.back().tile_seconds = 0.0;  // nothing is done yet
+  const v1::GetFleetResponse fleet = describe({}, jobs);
+  // The earliest first: 100 s, of which 50 are left; then 300 s more.
+  EXPECT_NEAR(fleet.solves(2).late_s(), 50.0, 1.0);
+  EXPECT_NEAR(fleet.solves(1).late_s(), 160.0, 1.0);
+  EXPECT_EQ(fleet.solves(0).late_s(), 0.0);  // 500 s of 1000
+  EXPECT_TRUE(fleet.solves(0).has_late_s());
+  EXPECT_EQ(fleet.solves(3).deadline(), "");
+  EXPECT_FALSE(fleet.solves(3).has_late_s());
+  EXPECT_NE(fleet.solves(4).deadline(), "");
+  EXPECT_FALSE(fleet.solves(4).has_late_s());
+}
+
 TEST_F(FleetTest, WhoHasLeftIsForgotten) {
   for (int i = 0; i < 1000; ++i) fleet_.claimed("job-" + std::to_string(i));
   fleet_.completed("stays", 1.0);

@@ -100,6 +100,11 @@ function Solvers({ solvers }: { solvers: readonly FleetSolverJson[] }) {
   );
 }
 
+function dueText(deadline: string, lateS: number | string | undefined): string {
+  if (lateS === undefined) return `due at ${deadline}`;
+  return Number(lateS) > 0 ? `late by ${secondsText(Number(lateS))}` : "in time";
+}
+
 function Solve({ solve }: { solve: FleetSolveJson }) {
   const {
     session = "",
@@ -143,6 +148,7 @@ function Solve({ solve }: { solve: FleetSolveJson }) {
         {tilesLeased} in progress
         {Number(solve.tilesPerSecond ?? 0) > 0 && `, ${rateText(solve.tilesPerSecond)} a second`}
         {left > 0 && `, ${secondsText(left)} left`}
+        {solve.deadline && `, ${dueText(solve.deadline, solve.lateS)}`}
         {failures > 0 && `, ${failures} failed attempts`}
         {quarantined > 0 && `, ${quarantined} tiles given up`}
       </span>
