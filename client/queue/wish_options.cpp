@@ -88,6 +88,8 @@ void add_wish_options(CLI::App& command, const std::shared_ptr<WishOptions>& opt
       .add_option("--give-up", wish.give_up_s,
                   "seconds to wait for people; then the next item runs; 0: for ever")
       ->check(CLI::Range(0.0, 1e7));
+  add_choice(command, "--retake-unusual,!--keep-unusual", wish.retake_unusual,
+             "when no other item is left, capture it once more if its figures are unusual for its series");
   add_choice(command, "--pause-after,!--no-pause-after", wish.pause_after, "pause the queue after it");
 }
 
@@ -119,6 +121,7 @@ absl::Status enter_wish(const Client& client, const WishOptions& options, v1::Qu
   if (options.no_warnings) wish.set_no_warnings(*options.no_warnings);
   if (options.warm_up_s) wish.set_warm_up_s(*options.warm_up_s);
   if (options.give_up_s) wish.set_give_up_s(*options.give_up_s);
+  if (options.retake_unusual) wish.set_retake_unusual(*options.retake_unusual);
   if (options.pause_after) wish.set_pause_after(*options.pause_after);
   return absl::OkStatus();
 }

@@ -18,7 +18,7 @@ struct WishOptions {
   std::optional<std::string> session, note, not_before, deadline;
   std::vector<std::string> tags, rail_mm, background;
   std::vector<double> exposure_ms;
-  std::optional<bool> solve, approval, doctor, no_warnings, steady, pause_after;
+  std::optional<bool> solve, approval, doctor, no_warnings, steady, retake_unusual, pause_after;
   std::optional<int> retries;
   std::optional<double> retry_wait_s, give_up_s, warm_up_s;
 };

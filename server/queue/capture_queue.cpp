@@ -830,7 +830,39 @@ void CaptureQueue::tell(const Event& event) {
   if (observer) observer(event);
 }
 
+bool CaptureQueue::retake_unusual() {
+  std::vector<v1::QueueItem> asking;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const v1::QueueItem& item : store_.items()) {
+      if (!has_ended(item)) return false;
+      if (item.state() == v1::QUEUE_ITEM_STATE_DONE && item.wish().retake_unusual()) asking.push_back(item);
+    }
+  }
+  bool any = false;
+  for (const v1::QueueItem& item : asking) {
+    const std::string why = unusual(item.session());  // its series has grown since
+    std::string copied;
+    if (!why.empty()) {
+      v1::AddQueueItemRequest copy;
+      copy.set_request_id(fmt::format("retake of {}", request_id(item)));
+      *copy.mutable_wish() = copied_wish(item.wish());
+      copy.mutable_wish()->clear_retake_unusual();
+      const absl::StatusOr<v1::QueueItem> added = add(copy, {.client = item.added_by(), .hold = ""});
+      copied = added.ok() ? fmt::format("; captured again as item {}", added->number())
+                          : fmt::format("; not captured again: {}", std::string(added.status().message()));
+      any = any || added.ok();
+    }
+    (void)update(item.number(), {item.state()}, why + copied, [&](v1::QueueItem& now) {
+      now.mutable_wish()->clear_retake_unusual();
+      now.set_reason(why + copied);
+    });
+  }
+  return any;
+}
+
 void CaptureQueue::tell_if_over() {
+  if (retake_unusual()) return;
   int done = 0;
   std::string failed, unusual;
   {

@@ -138,6 +138,8 @@ class CaptureQueue {
   void left_the_rig(const v1::QueueItem& item);
   void tell(const Event& event);
   void tell_if_over();
+  // Adds copies of items that are unusual and shall be captured again then. True: it added one.
+  bool retake_unusual();
   // "unusual: ..." of an outlier of its series (SessionVerdict).
   std::string unusual(const std::string& session);
 

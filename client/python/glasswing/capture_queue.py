@@ -107,6 +107,7 @@ class CaptureQueue:
         not_before: datetime.datetime | None = None,
         warm_up: float = 0.0,
         give_up: float = 0.0,
+        retake_unusual: bool = False,
         pause_after: bool = False,
         background: Mapping[str, str | os.PathLike[str]] | None = None,
         deadline: datetime.datetime | None = None,
@@ -120,6 +121,7 @@ class CaptureQueue:
         where the capture before saw the rig drift or touched, also with ``steady``; and until ``not_before`` (a time without
         a zone is local). ``doctor`` tests the rig before it, and ``no_warnings`` makes a dry run: what they find counts as a
         capture that broke off. ``warm_up``: seconds for which the monitors are white before. ``give_up``: seconds to wait for people, until the next one runs; 0: for ever.
+        ``retake_unusual``: when no other item is left, it is captured once more if its figures are unusual for its series.
         ``pause_after``: the queue pauses then. ``background``: pictures by monitor ("": the first), over which the solved
         matte is composited; ``composite`` has the result. ``deadline``: when the solve should be done.
         InvalidInput: the plan or another argument; the message names it.
@@ -145,6 +147,7 @@ class CaptureQueue:
             not_before=not_before.astimezone().isoformat() if not_before else "",
             warm_up_s=warm_up,
             give_up_s=give_up,
+            retake_unusual=retake_unusual,
             pause_after=pause_after,
             deadline=deadline.astimezone().isoformat() if deadline else "",
         )

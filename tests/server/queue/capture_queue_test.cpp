@@ -186,6 +186,33 @@ TEST_F(CaptureQueueTest, RunsOneNowAndStopsAfterOne) {
   EXPECT_THAT(history(0), HasSubstr("paused: as wished after item 1"));
 }
 
+TEST_F(CaptureQueueTest, CapturesAgainWhatIsUnusual) {
+  for (int i = 0; i < 6; ++i) {
+    v1::QueueWish one = wish("a-{item}");
+    one.set_retake_unusual(true);
+    one.set_approval(i == 5);
+    add(one);
+  }
+  run();
+  until(5, [](const v1::QueueItem& item) { return has_ended(item); });
+  {
+    SessionStore::Edit edit = rig_->server().sessions().edit();
+    v1::Session session = edit.find_any("a-3").value();
+    session.set_refused_count(session.step_count());
+    ASSERT_OK(edit.change(session));
+  }
+  start();
+  EXPECT_OK(queue().approve(6, kAnna));
+  ended(6);
+  const v1::QueueItem again = ended(7);
+  EXPECT_EQ(again.session(), "a-3-7");
+  EXPECT_EQ(again.state(), v1::QUEUE_ITEM_STATE_DONE);
+  EXPECT_FALSE(again.wish().retake_unusual());
+  EXPECT_THAT(history(3), HasSubstr("unusual: "));
+  EXPECT_THAT(queue().find(3)->reason(), HasSubstr("; captured again as item 7"));
+  EXPECT_EQ(sessions().size(), 7u);
+}
+
 TEST_F(CaptureQueueTest, TriesAgainByItsRule) {
   // Nothing of this rig is calibrated.
   v1::QueueWish strict = wish("a");

@@ -11,6 +11,7 @@ const kConditions = {
   steady: "Wait for one if the rig changed in the capture before",
   doctor: "Test the rig before",
   noWarnings: "Wait until a dry run warns of nothing",
+  retakeUnusual: "Capture it again at the end if it is unusual",
   pauseAfter: "Pause the queue after it",
 } as const;
 
