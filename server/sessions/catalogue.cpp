@@ -2,6 +2,7 @@
 
 #include <absl/strings/ascii.h>
 #include <absl/strings/escaping.h>
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_join.h>
 #include <absl/strings/str_split.h>
 #include <absl/time/time.h>
@@ -18,6 +19,7 @@
 namespace glasswing {
 namespace {
 
+constexpr const char* kBeyondNames = "\x7f";                         // follows all characters of names
 constexpr const char* kAfterSession = ", note, tags, copies, name";  // the columns that parsed() reads
 
 std::string rows_of(const char* session_column) {
@@ -120,6 +122,9 @@ absl::StatusOr<std::unique_ptr<Catalogue>> Catalogue::open(const std::filesystem
   GW_RETURN_IF_ERROR(database.run(
       "CREATE TABLE IF NOT EXISTS sessions (id INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT UNIQUE NOT NULL, "
       "request_id TEXT NOT NULL, session BLOB NOT NULL)"));
+  GW_RETURN_IF_ERROR(database.run(
+      "CREATE TABLE IF NOT EXISTS qualities (session TEXT PRIMARY KEY, poor_fit REAL NOT NULL, error_px REAL "
+      "NOT NULL, width_px REAL NOT NULL)"));
   GW_RETURN_IF_ERROR(add_columns(database));
   GW_RETURN_IF_ERROR(protect_rows(database, "sessions", kCatalogueColumns));
   absl::Status whole = database.check_structure();
@@ -252,6 +257,7 @@ absl::StatusOr<v1::Session> Catalogue::finished(const std::string& name) {
 
 absl::Status Catalogue::remove(const std::string& name) {
   const std::lock_guard lock(mutex_);
+  GW_RETURN_IF_ERROR(database_.query("DELETE FROM qualities WHERE session = ?").bind(name).finish());
   return database_.query("DELETE FROM sessions WHERE name = ?").bind(name).finish();
 }
 
@@ -300,10 +306,37 @@ absl::StatusOr<v1::Session> Catalogue::find_request(const std::string& request_i
   return first(std::move(query), "no session was made by this request");
 }
 
+absl::Status Catalogue::keep_quality(const std::string& name, const MatteQuality& quality) {
+  const std::lock_guard lock(mutex_);
+  return database_.query("INSERT OR REPLACE INTO qualities VALUES (?, ?, ?, ?)")
+      .bind(name)
+      .bind(quality.poor_fit)
+      .bind(quality.error_px)
+      .bind(quality.width_px)
+      .finish();
+}
+
+absl::StatusOr<std::map<std::string, MatteQuality>> Catalogue::qualities(const std::string& begin) {
+  const std::lock_guard lock(mutex_);
+  Database::Query query = database_.query(
+      "SELECT session, poor_fit, error_px, width_px FROM qualities WHERE session >= ? AND session < ?");
+  query.bind(begin).bind(begin + kBeyondNames);
+  std::map<std::string, MatteQuality> qualities;
+  while (query.next()) {
+    MatteQuality& quality = qualities[query.text(0)];
+    const bool read = absl::SimpleAtod(query.text(1), &quality.poor_fit) &&
+                      absl::SimpleAtod(query.text(2), &quality.error_px) &&
+                      absl::SimpleAtod(query.text(3), &quality.width_px);
+    if (!read) qualities.erase(query.text(0));
+  }
+  GW_RETURN_IF_ERROR(query.status());
+  return qualities;
+}
+
 absl::StatusOr<std::vector<v1::Session>> Catalogue::named(const std::string& begin) {
   const std::lock_guard lock(mutex_);
   Database::Query query = database_.query(rows_of("session") + "WHERE name >= ? AND name < ?");
-  query.bind(begin).bind(begin + "\x7f");  // which no name has
+  query.bind(begin).bind(begin + kBeyondNames);
   std::vector<v1::Session> sessions;
   while (query.next()) {
     absl::StatusOr<v1::Session> session = parsed(query);

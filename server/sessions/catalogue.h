@@ -6,12 +6,14 @@
 #include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
 
 #include "glasswing/v1/session_service.pb.h"
+#include "server/sessions/matte_quality.h"
 #include "server/storage/database.h"
 
 namespace glasswing {
@@ -51,6 +53,10 @@ class Catalogue {
   absl::Status keep_finished(const v1::Session& session);
   absl::Status drop_finished(const std::string& name);
   absl::StatusOr<v1::Session> finished(const std::string& name);
+  // Of its finished matte; replaces an earlier one. Not covered by the row's checksum.
+  absl::Status keep_quality(const std::string& name, const MatteQuality& quality);
+  // Of the sessions whose names begin so.
+  absl::StatusOr<std::map<std::string, MatteQuality>> qualities(const std::string& begin);
   // With its note, tags and replicas.
   absl::Status remove(const std::string& name);
   // NOT_FOUND: "there is no session ...", or it is in the trash. DATA_LOSS: its record is damaged.

@@ -199,7 +199,8 @@ absl::StatusOr<v1::Session> SessionStore::find_request(const std::string& reques
 absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessionsRequest& request) {
   GW_RETURN_IF_ERROR(matches({}, request).status());  // also where there is no session
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored, all_stored());
-  const Verdicts verdicts(stored);
+  GW_ASSIGN_OR_RETURN(auto qualities, catalogue_->qualities(""));
+  const Verdicts verdicts(stored, std::move(qualities));
   std::vector<v1::Session> sessions;
   std::set<std::string> summed;
   for (const v1::Session& each : stored) {
@@ -229,9 +230,10 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
 
 absl::StatusOr<v1::Session> SessionStore::judged(v1::Session session) {
   if (session.views().empty() && !Verdicts::judges(session)) return session;  // without reading any other
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored,
-                      catalogue_->named(series_of(capture_name(session))));
-  enter_verdict(Verdicts(stored), stored, session);
+  const std::string series = series_of(capture_name(session));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored, catalogue_->named(series));
+  GW_ASSIGN_OR_RETURN(auto qualities, catalogue_->qualities(series));
+  enter_verdict(Verdicts(stored, std::move(qualities)), stored, session);
   return session;
 }
 

@@ -107,6 +107,9 @@ class SessionStore {
   absl::StatusOr<v1::Session> find_request(const std::string& request_id);
   // The photos that any session's plan shows, also in the trash. Absent: unknown, since a record is damaged.
   std::optional<std::set<std::string>> photos();
+  absl::Status keep_quality(const std::string& name, const MatteQuality& quality) {
+    return catalogue_->keep_quality(name, quality);
+  }
   // The session with its verdict, and those of its views.
   absl::StatusOr<v1::Session> judged(v1::Session session);
   // Newest first, without plans, with allowed actions and verdicts; views only in the sum of all.

@@ -23,7 +23,7 @@ struct Measure {
   double least;     // a difference below this is never unusual, whatever the spread
   bool both_sides;  // little is as unusual as much
   // Absent: the session has no such figure.
-  std::optional<double> (*of)(const v1::Session& session);
+  std::optional<double> (*of)(const v1::Session& session, const MatteQuality* quality);  // null: unknown
 };
 
 bool is_solved(const v1::Session& session) {
@@ -39,36 +39,55 @@ std::optional<double> of_pixels(const v1::Session& session, std::int64_t count, 
   return static_cast<double>(count) / static_cast<double>(all);
 }
 
+std::optional<double> of_quality(const MatteQuality* quality, double MatteQuality::*figure) {
+  return quality == nullptr ? std::nullopt : std::optional(quality->*figure);
+}
+std::optional<double> known(std::optional<double> figure) {
+  return figure && *figure > 0.0 ? figure : std::nullopt;
+}
+
 constexpr Measure kMeasures[] = {
     {"of the steps shown again", true, 0.05, false,
-     [](const v1::Session& s) { return of_steps(s, s.retaken_count()); }},
+     [](const v1::Session& s, const MatteQuality*) { return of_steps(s, s.retaken_count()); }},
     {"of the steps' frames rejected for their pixels", true, 0.01, false,
-     [](const v1::Session& s) { return of_steps(s, s.refused_count()); }},
+     [](const v1::Session& s, const MatteQuality*) { return of_steps(s, s.refused_count()); }},
     {"of the steps proven by time alone", true, 0.01, false,
-     [](const v1::Session& s) { return of_steps(s, s.time_proven_count()); }},
+     [](const v1::Session& s, const MatteQuality*) { return of_steps(s, s.time_proven_count()); }},
     {"s of capture for a step", false, 0.05, false,
-     [](const v1::Session& s) -> std::optional<double> {
+     [](const v1::Session& s, const MatteQuality*) -> std::optional<double> {
        const std::optional<double> any = of_steps(s, 1);
        return any ? std::optional(*any * s.capture_seconds()) : std::nullopt;
      }},
     {"changes of the rig", false, 0.5, false,
-     [](const v1::Session& s) -> std::optional<double> {
+     [](const v1::Session& s, const MatteQuality*) -> std::optional<double> {
        if (s.frames_taken() == 0) return std::nullopt;
        return static_cast<double>(s.rig_changes_size());
      }},
     {"of the pixels show the object", true, 0.02, true,
-     [](const v1::Session& s) { return of_pixels(s, s.object_pixel_count(), s.pixel_count()); }},
+     [](const v1::Session& s, const MatteQuality*) {
+       return of_pixels(s, s.object_pixel_count(), s.pixel_count());
+     }},
     {"of the object's pixels flagged", true, 0.02, false,
-     [](const v1::Session& s) { return of_pixels(s, s.flagged_pixel_count(), s.object_pixel_count()); }},
+     [](const v1::Session& s, const MatteQuality*) {
+       return of_pixels(s, s.flagged_pixel_count(), s.object_pixel_count());
+     }},
+    {"of the object's pixels fitted worse than their noise", true, 0.02, false,
+     [](const v1::Session&, const MatteQuality* q) { return of_quality(q, &MatteQuality::poor_fit); }},
+    {"px of predicted error of the footprints", false, 0.01, false,
+     [](const v1::Session&, const MatteQuality* q) { return known(of_quality(q, &MatteQuality::error_px)); }},
+    {"px of blur of the footprints", false, 0.25, false,
+     [](const v1::Session&, const MatteQuality* q) { return known(of_quality(q, &MatteQuality::width_px)); }},
     {"of the pixels not solved", true, 0.01, false,
-     [](const v1::Session& s) { return of_pixels(s, s.unsolved_pixel_count(), s.pixel_count()); }},
+     [](const v1::Session& s, const MatteQuality*) {
+       return of_pixels(s, s.unsolved_pixel_count(), s.pixel_count());
+     }},
     {"warnings of the matte", false, 0.5, false,
-     [](const v1::Session& s) -> std::optional<double> {
+     [](const v1::Session& s, const MatteQuality*) -> std::optional<double> {
        if (!is_solved(s)) return std::nullopt;
        return static_cast<double>(s.matte_warnings_size());
      }},
     {"of the object's pixels not known as well as the plan asks", true, 0.02, false,
-     [](const v1::Session& s) -> std::optional<double> {
+     [](const v1::Session& s, const MatteQuality*) -> std::optional<double> {
        if (s.adapted().empty()) return std::nullopt;
        return 1.0 - s.adapted().rbegin()->known_share();
      }},
@@ -113,10 +132,16 @@ bool Verdicts::judges(const v1::Session& session) {
           session.state() == v1::SESSION_STATE_DONE);
 }
 
-Verdicts::Verdicts(std::span<const v1::Session> sessions) {
+Verdicts::Verdicts(std::span<const v1::Session> sessions, std::map<std::string, MatteQuality> qualities)
+    : qualities_(std::move(qualities)) {
   for (const v1::Session& session : sessions) {
     if (judges(session)) series_[key_of(session)].push_back(session);
   }
+}
+
+const MatteQuality* Verdicts::quality_of(const v1::Session& session) const {
+  const auto known = qualities_.find(session.name());
+  return known == qualities_.end() || !is_solved(session) ? nullptr : &known->second;
 }
 
 v1::SessionVerdict Verdicts::of(const v1::Session& session) const {
@@ -132,11 +157,11 @@ v1::SessionVerdict Verdicts::of(const v1::Session& session) const {
   verdict.set_others(static_cast<int>(others.size()));
   std::string text;
   for (const Measure& measure : kMeasures) {
-    const std::optional<double> value = measure.of(session);
+    const std::optional<double> value = measure.of(session, quality_of(session));
     if (!value) continue;
     std::vector<double> values;
     for (const v1::Session* other : others) {
-      if (const std::optional<double> its = measure.of(*other)) values.push_back(*its);
+      if (const std::optional<double> its = measure.of(*other, quality_of(*other))) values.push_back(*its);
     }
     const v1::QualityMeasure& compared = *verdict.add_measures() =
         compare(measure, *value, std::move(values));

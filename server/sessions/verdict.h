@@ -1,5 +1,5 @@
 // How good a captured session is, beside the others of its series with the same plan. From figures that its
-// capture and solve have; nothing is measured for it.
+// capture, its solve and its matte have.
 #pragma once
 
 #include <map>
@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "glasswing/v1/session.pb.h"
+#include "server/sessions/matte_quality.h"
 
 namespace glasswing {
 
@@ -16,8 +17,9 @@ class Verdicts {
   // At least as many others tell what is usual.
   static constexpr size_t kFewest = 4;
 
-  // Of all sessions, which must have their plans.
-  explicit Verdicts(std::span<const v1::Session> sessions);
+  // Of all sessions, which must have their plans; `qualities`: of their mattes, by session.
+  explicit Verdicts(std::span<const v1::Session> sessions,
+                    std::map<std::string, MatteQuality> qualities = {});
 
   // False: the session is not captured, or measured devices.
   static bool judges(const v1::Session& session);
@@ -25,6 +27,10 @@ class Verdicts {
   v1::SessionVerdict of(const v1::Session& session) const;
 
  private:
+  // Null: unknown.
+  const MatteQuality* quality_of(const v1::Session& session) const;
+
+  std::map<std::string, MatteQuality> qualities_;
   std::map<std::string, std::vector<v1::Session>> series_;  // captured ones, by series and plan
 };
 

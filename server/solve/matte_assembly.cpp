@@ -12,6 +12,7 @@
 #include "core/matte/packed_matte.h"
 #include "server/sessions/session_state.h"
 #include "server/solve/join_tiles.h"
+#include "server/solve/sampled_quality.h"
 #include "server/solve/verified_mattes.h"
 
 namespace glasswing {
@@ -81,12 +82,13 @@ absl::Status MatteAssembly::finish(const std::string& name) {
   if (!counts.rests()) return absl::OkStatus();
   absl::Status made;
   std::vector<std::string> warnings;
+  std::optional<MatteQuality> quality;  // not of a video
   if (counts.quarantined > 0) {
     GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
     name_quarantined(tiles, session);
     made = not_solved(session);
   } else {
-    made = assemble(session, warnings);
+    made = assemble(session, warnings, quality);
   }
   if (absl::IsUnavailable(made)) return made;
   SessionStore::Edit edit = stores_.sessions.edit();
@@ -103,6 +105,7 @@ absl::Status MatteAssembly::finish(const std::string& name) {
   *settled.mutable_quarantined() = session.quarantined();
   count_tiles(counts, settled);
   if (made.ok()) settled.mutable_matte_warnings()->Assign(warnings.begin(), warnings.end());
+  if (made.ok() && quality) GW_RETURN_IF_ERROR(stores_.sessions.keep_quality(name, *quality));
   return settle(edit, std::move(settled), made);
 }
 
@@ -114,7 +117,8 @@ void MatteAssembly::answers_again(const std::string& name) {
   edit.show(*now);
 }
 
-absl::Status MatteAssembly::assemble(const v1::Session& session, std::vector<std::string>& warnings) {
+absl::Status MatteAssembly::assemble(const v1::Session& session, std::vector<std::string>& warnings,
+                                     std::optional<MatteQuality>& quality) {
   if (!is_solved_by_frames(session)) {
     const auto made = [&]() -> absl::Status {
       GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
@@ -126,6 +130,7 @@ absl::Status MatteAssembly::assemble(const v1::Session& session, std::vector<std
         // As a client will read it. A matte that could be fetched is not replaced by one that cannot.
         GW_RETURN_IF_ERROR(VerifiedMattes().open(unfinished).status());
         GW_RETURN_IF_ERROR(note_warnings_of(file, warnings));
+        GW_ASSIGN_OR_RETURN(quality, sampled_quality(file));
         return place_file_durably(unfinished, stores_.mattes.next(session.name()));
       }();
       std::error_code ignored;

@@ -4,11 +4,13 @@
 
 #include <absl/status/status.h>
 
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "server/sessions/matte_quality.h"
 #include "server/solve/session_queue.h"
 #include "server/solve/solve_clock.h"
 #include "server/solve/solve_session.h"
@@ -27,9 +29,10 @@ class MatteAssembly {
   void run(std::stop_token stop);
   // Also OK if tiles are still awaited. UNAVAILABLE: the job store does not answer; try again.
   absl::Status finish(const std::string& name);
-  // Joins a session's tiles, which are all done, and records the warnings of their mattes.
+  // Joins a session's tiles, which are all done, and records the warnings of their mattes and the quality.
   // FAILED_PRECONDITION: some of its frames were rejected.
-  absl::Status assemble(const v1::Session& session, std::vector<std::string>& warnings);
+  absl::Status assemble(const v1::Session& session, std::vector<std::string>& warnings,
+                        std::optional<MatteQuality>& quality);
   absl::Status note_warnings_of_frames(v1::Session session, std::vector<std::string>& warnings) const;
   // The job store, for which the session waited, answers.
   void answers_again(const std::string& name);

@@ -20,6 +20,7 @@
 #include "server/sessions/archive_facts.h"
 #include "server/sessions/session_state.h"
 #include "server/solve/join_tiles.h"
+#include "server/solve/sampled_quality.h"
 #include "server/solve/tile_sizes.h"
 
 namespace glasswing {
@@ -328,6 +329,9 @@ absl::StatusOr<v1::Session> SolveRunner::put(const v1::PutMatteRequest& header, 
     (void)cancel(edit, session, std::string(placed.message()));
     return placed;
   }
+  GW_ASSIGN_OR_RETURN(const PositionedFile file, PositionedFile::open(stores_.mattes.next(session.name())));
+  GW_ASSIGN_OR_RETURN(const MatteQuality quality, sampled_quality(file));
+  GW_RETURN_IF_ERROR(stores_.sessions.keep_quality(session.name(), quality));
   fault_point("matte put");
   session.set_state(v1::SESSION_STATE_DONE);
   session.set_matte_ready(true);

@@ -4,6 +4,8 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <map>
+#include <set>
 
 #include "core/file/file.h"
 #include "server/storage/database.h"
@@ -219,6 +221,26 @@ TEST_F(CatalogueTest, TheFinishedSessionIsKeptBesideTheOneThatGoesOn) {
   EXPECT_EQ(catalogue_->find("a")->method(), "alpha");
   ASSERT_OK(catalogue_->drop_finished("a"));
   EXPECT_TRUE(absl::IsNotFound(catalogue_->finished("a").status()));
+}
+
+TEST_F(CatalogueTest, FindsSeriesByTheirNames) {
+  for (const char* name : {"vas", "vase", "vase-1", "vase.left", "vases", "vat"}) {
+    v1::Session session;
+    session.set_name(name);
+    if (session.name() == "vases") session.set_deleted("2026-11-05T12:00:00Z");
+    ASSERT_OK(catalogue_->insert(session, ""));
+    ASSERT_OK(catalogue_->keep_quality(name, {.poor_fit = 0.5, .error_px = 0.1, .width_px = 1.0 / 3.0}));
+  }
+  ASSERT_OK(catalogue_->remove("vase-1"));
+  reopen();
+  std::set<std::string> names;
+  const std::vector<v1::Session> found = catalogue_->named("vase").value();
+  for (const v1::Session& session : found) names.insert(session.name());
+  EXPECT_EQ(names, (std::set<std::string>{"vase", "vase.left"}));
+  const std::map<std::string, MatteQuality> qualities = catalogue_->qualities("vase").value();
+  EXPECT_EQ(qualities.size(), 3u);  // also of the trash
+  EXPECT_EQ(qualities.count("vase-1"), 0u);
+  EXPECT_NEAR(qualities.at("vase").width_px, 1.0 / 3.0, 1e-12);
 }
 
 TEST(SessionSearch, EveryConditionHasToHold) {

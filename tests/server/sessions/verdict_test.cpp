@@ -42,6 +42,24 @@ TEST(Verdict, AnOutlierIsFiveSpreadsFromTheMedian) {
   EXPECT_FALSE(verdicts.of(session(6, 0)).outlier());  // better than usual
 }
 
+TEST(Verdict, JudgesTheMattesErrorAndBlur) {
+  const std::vector<v1::Session> others = series();
+  std::map<std::string, MatteQuality> qualities;
+  for (const v1::Session& other : others)
+    qualities[other.name()] = {.poor_fit = 0.01, .error_px = 0.1, .width_px = 2.0};
+  qualities["vase-6"] = {.poor_fit = 0.5, .error_px = 0.3, .width_px = 2.2};
+  EXPECT_EQ(Verdicts(others, qualities).of(session(6, 8)).text(),
+            "50 % of the object's pixels fitted worse than their noise, usually 1 %; 0.3 px of predicted "
+            "error of the "
+            "footprints, usually 0.1");
+  qualities["vase-6"] = {.poor_fit = 0.01, .error_px = 0.0, .width_px = 2.3};  // out of focus, error unknown
+  EXPECT_EQ(Verdicts(others, qualities).of(session(6, 8)).text(),
+            "2.3 px of blur of the footprints, usually 2");
+  v1::Session captured = session(6, 0);
+  captured.set_state(v1::SESSION_STATE_CAPTURED);  // again: that was its former matte
+  EXPECT_FALSE(Verdicts(others, qualities).of(captured).outlier());
+}
+
 TEST(Verdict, LittleOfTheObjectIsAsUnusualAsMuch) {
   const std::vector<v1::Session> others = series();
   for (const int pixels : {370, 430}) {
