@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "client/cli/camera_argument.h"
 #include "client/cli/rig_view.h"
 #include "client/plans/photo.h"
 #include "core/base/status.h"

@@ -58,7 +58,7 @@ absl::Status set_priority(const Client& client, const std::string& session, cons
   return call(server, &v1::JobService::Stub::SetJobPriority, request).status();
 }
 
-absl::Status set_deadline(const Client& client, const std::string& session, const std::string& deadline) {
+absl::Status set_job_deadline(const Client& client, const std::string& session, const std::string& deadline) {
   v1::SetJobDeadlineRequest request;
   request.set_session(session);
   request.set_deadline(deadline);
@@ -95,7 +95,7 @@ absl::Status solve(const Client& client, SolveArguments arguments) {
   if (!arguments.priority.empty())
     GW_RETURN_IF_ERROR(set_priority(client, arguments.session, arguments.priority));
   if (!arguments.deadline.empty())
-    GW_RETURN_IF_ERROR(set_deadline(client, arguments.session, arguments.deadline));
+    GW_RETURN_IF_ERROR(set_job_deadline(client, arguments.session, arguments.deadline));
   if (arguments.watch) return follow_to_outcome(client, arguments.session, Goal::kDone);
   print_session(started.session(), client.json);
   return absl::OkStatus();

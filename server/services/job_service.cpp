@@ -47,7 +47,7 @@ absl::Status set_priority(Server& server, const v1::SetJobPriorityRequest& reque
                     [&](std::int64_t job) { return server.jobs().set_class(job, priority); });
 }
 
-absl::Status set_deadline(Server& server, const v1::SetJobDeadlineRequest& request) {
+absl::Status set_job_deadline(Server& server, const v1::SetJobDeadlineRequest& request) {
   absl::Time deadline = absl::InfiniteFuture();
   const bool is_time = request.deadline().empty() ||
                        absl::ParseTime(absl::RFC3339_full, request.deadline(), &deadline, nullptr);
@@ -71,7 +71,7 @@ grpc::Status JobServiceImpl::SetJobPriority(grpc::ServerContext*, const v1::SetJ
 grpc::Status JobServiceImpl::SetJobDeadline(grpc::ServerContext*, const v1::SetJobDeadlineRequest* request,
                                             v1::SetJobDeadlineResponse*) {
   GW_CHECK_LIMITS(*request);
-  return to_grpc(set_deadline(server_, *request));
+  return to_grpc(set_job_deadline(server_, *request));
 }
 
 }  // namespace glasswing

@@ -11,6 +11,7 @@
 #include "core/base/status.h"
 #include "core/method/methods.h"
 #include "core/pattern/plan.h"
+#include "server/sessions/session_state.h"
 
 namespace glasswing {
 
