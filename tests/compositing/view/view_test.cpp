@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "compositing/view/contact_sheet.h"
-#include "compositing/view/footprint_picture.h"
 #include "compositing/view/matte_panels.h"
 #include "compositing/view/sampled_matte.h"
 #include "core/file/file.h"
