@@ -236,8 +236,9 @@ void add_explain_command(CLI::App& app, DaemonOptions& daemon) {
   command.add_option("y", arguments->y, "row, from 0")->required();
   command.add_option("--set", arguments->settings,
                      "solve the pixel's row with this option, NAME=VALUE, and say what the matte has");
-  command.add_option("--picture", arguments->picture,
-                     "write where on the monitor that gives it most light the pixel's light comes from (PNG)");
+  command.add_option(
+      "--picture", arguments->picture,
+      "write where on the monitor that gives it most light the pixel's light comes from (PNG)");
 }
 
 }  // namespace glasswing

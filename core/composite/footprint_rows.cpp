@@ -69,9 +69,8 @@ std::uint16_t FootprintRows::add_gaussians(std::vector<Mode> modes, int channel,
   int count = 0;
   for (size_t t = 0; t < tiles_.size(); ++t) {
     const auto own = std::ranges::equal_range(modes, static_cast<std::int32_t>(t), {}, &Mode::texture);
-    const auto others = std::ranges::stable_partition(own, [](const Mode& mode) {
-      return mode.weight > 0.0f && FootprintTiles::is_wide_round(mode);
-    });
+    const auto others = std::ranges::stable_partition(
+        own, [](const Mode& mode) { return mode.weight > 0.0f && FootprintTiles::is_wide_round(mode); });
     count += tiles_[t].add_sum({own.begin(), others.begin()}, channel, row.words);
     for (const Mode& mode : others) count += add(mode, channel, false, x, row);
   }

@@ -256,8 +256,8 @@ int FootprintTiles::add_sum(std::span<const Mode> modes, int channel, std::vecto
   for (const Mode& mode : modes) parts_.push_back(place(mode));
   std::ranges::stable_sort(parts_, {}, &Placement::level);
   for (auto begin = parts_.begin(); begin != parts_.end();) {
-    const auto end = std::find_if(begin, parts_.end(),
-                                  [level = begin->level](const Placement& part) { return part.level != level; });
+    const auto end = std::find_if(
+        begin, parts_.end(), [level = begin->level](const Placement& part) { return part.level != level; });
     add_level_sum({begin, end}, channel);
     highest_level_ = std::max(highest_level_, begin->level);
     begin = end;

@@ -37,8 +37,8 @@ class FootprintTiles {
   int add(const Mode& mode, int channel, std::vector<std::uint16_t>& words);
   // The same for an upright box (kBoxFootprint), on the picture itself.
   int add_box(const Mode& mode, int channel, std::vector<std::uint16_t>& words);
-  // The same for Gaussians with is_wide_round(), such as a pyramid's, which overlap: their weights of a level's
-  // samples are summed first, so that each sample is read once.
+  // The same for Gaussians with is_wide_round(), such as a pyramid's, which overlap: their weights of a
+  // level's samples are summed first, so that each sample is read once.
   int add_sum(std::span<const Mode> modes, int channel, std::vector<std::uint16_t>& words);
   static bool is_wide_round(const Mode& mode) {
     return mode.xx_px2 >= 1.0f && mode.xx_px2 == mode.yy_px2 && mode.xy_px2 == 0.0f;

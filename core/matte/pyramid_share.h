@@ -13,7 +13,7 @@
 namespace glasswing {
 
 struct PyramidShare {
-  std::int64_t object = 0, pixels = 0;  // of the object, and those of them with pyramids
+  std::int64_t object = 0, pixels = 0;    // of the object, and those of them with pyramids
   double light = 0.0, in_pyramids = 0.0;  // weights of all footprints of the object, and of its pyramids
 
   PyramidShare& operator+=(const PyramidShare& other);

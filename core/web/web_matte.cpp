@@ -148,7 +148,8 @@ class Writer {
 
   void put_pixel(int x, int y) {
     for (size_t c = 0; c < kChannels; ++c) {
-      const double light = std::max<double>(matte_.foreground_of_gaussians(x, y, static_cast<int>(c)), 0.0) / web_.foreground_scale;
+      const double light = std::max<double>(matte_.foreground_of_gaussians(x, y, static_cast<int>(c)), 0.0) /
+                           web_.foreground_scale;
       int code = static_cast<int>(std::lround(255.0 * srgb_of_linear(static_cast<float>(light))));
       if (code < kDark) code &= ~3;  // noise, which an eye does not see there
       put(kRed + c, code - light_[c]);

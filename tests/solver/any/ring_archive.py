@@ -1,0 +1,78 @@
+"""An archive by brute force: a defocused lens before a monitor. A pixel of the camera sees a ring of the monitor around its own
+place there, by exact sums over the monitor's flat pixels."""
+
+import json
+import pathlib
+import struct
+import zlib
+
+import numpy as np
+
+WIDTH, HEIGHT = 128, 96  # of the monitor
+WEIGHT, FOREGROUND = 0.6, 0.02
+SWEEPS = ((0, 4.0), (90, 4.0), (45, 4.0), (-45, 4.0))  # degrees, sigma in px
+STEP_PX = 3.0
+
+
+def write_png16(path: pathlib.Path, light: np.ndarray) -> None:
+    codes = np.round(65535 * np.clip(light, 0, 1)).astype(">u2")
+    lines = b"".join(b"\0" + row.tobytes() for row in codes)
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", light.shape[1], light.shape[0], 16, 2, 0, 0, 0)), (b"IDAT", zlib.compress(lines)), (b"IEND", b"")]
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks))
+
+
+def ring(x: float, y: float, radius: float = 12.0, width: float = 1.5) -> np.ndarray:
+    """The shares of the monitor's pixels, height x width, which sum to 1."""
+    samples = 5  # across a pixel
+    at = (np.arange(samples) + 0.5) / samples
+    u = (np.arange(WIDTH)[:, None] + at).ravel() - x
+    v = (np.arange(HEIGHT)[:, None] + at).ravel() - y
+    light = np.exp(-0.5 * ((np.hypot(u, v[:, None]) - radius) / width) ** 2)
+    light = light.reshape(HEIGHT, samples, WIDTH, samples).sum((1, 3))
+    return light / light.sum()
+
+
+def rings(columns: int, rows: int, margin_px: float = 20.0) -> np.ndarray:
+    """(rows, columns, HEIGHT, WIDTH): of each pixel, evenly spread over the monitor."""
+    place = lambda i, count, side: margin_px + (i + 0.5) / count * (side - 2 * margin_px)
+    return np.stack([np.stack([ring(place(i, columns, WIDTH), place(j, rows, HEIGHT)) for i in range(columns)])
+                     for j in range(rows)]).astype(np.float32)
+
+
+def stimuli() -> list[tuple[dict, np.ndarray]]:
+    """Stimuli and what the monitor shows of them, gray."""
+    x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    shown = [({"kind": "solid", "colour": [light] * 3, "panel": "back"}, np.full((HEIGHT, WIDTH), float(light))) for light in (0, 1)]
+    for degrees, sigma in SWEEPS:
+        phi = np.radians(degrees)
+        along = x * np.cos(phi) + y * np.sin(phi)
+        for r in np.arange(along.min() - 3 * sigma, along.max() + 3 * sigma, STEP_PX):
+            stripe = {"kind": "gauss_stripe", "phi_deg": degrees, "r_px": r, "sigma_px": sigma, "peak": 1.0, "colour": [1, 1, 1], "panel": "back"}
+            shown.append((stripe, np.exp(-((along - r) ** 2) / (2 * sigma**2))))
+    return shown
+
+
+def write_archive(folder: pathlib.Path, seen: np.ndarray, noise_sd: float = 0.005) -> None:
+    """`seen`: (rows, columns, HEIGHT, WIDTH) shares. The outermost pixels of the camera's picture see the monitor without the
+    object."""
+    rows, columns = seen.shape[:2]
+    random = np.random.default_rng(1)
+    straight = (np.arange(rows)[:, None] * HEIGHT // rows, np.arange(columns)[None] * WIDTH // columns)
+    border = np.ones((rows, columns), bool)
+    border[:, 1:-1] = False
+    frames = []
+    folder.mkdir(parents=True)
+    for number, (stimulus, shown) in enumerate(stimuli()):
+        through = (seen.reshape(rows * columns, -1) @ shown.astype(np.float32).ravel()).reshape(rows, columns)
+        views = {True: np.where(border, shown[straight], FOREGROUND + WEIGHT * through)}
+        if stimulus["kind"] == "solid":
+            views[False] = shown[straight]
+        for is_object, light in views.items():
+            name = f"{'obj' if is_object else 'bg'}_{number:03}.png"
+            noisy = light[..., None] * np.ones(3) + noise_sd * random.standard_normal((rows, columns, 3))
+            write_png16(folder / name, noisy)
+            frames.append({"file": name, "object": is_object, "stimulus": stimulus})
+    manifest = {"scene": "ring", "monitor": {"back": {"width": WIDTH, "height": HEIGHT}}, "image": {"width": columns, "height": rows},
+                "sensor": {"read_noise_sd": max(noise_sd, 1e-5)}, "frames": frames}
+    (folder / "manifest.json").write_text(json.dumps(manifest))
