@@ -4,7 +4,6 @@ place there, by exact sums over the monitor's flat pixels."""
 import json
 import pathlib
 import struct
-import zlib
 
 import numpy as np
 
@@ -14,12 +13,15 @@ SWEEPS = ((0, 4.0), (90, 4.0), (45, 4.0), (-45, 4.0))  # degrees, sigma in px
 STEP_PX = 3.0
 
 
-def write_png16(path: pathlib.Path, light: np.ndarray) -> None:
-    codes = np.round(65535 * np.clip(light, 0, 1)).astype(">u2")
-    lines = b"".join(b"\0" + row.tobytes() for row in codes)
-    chunks = [(b"IHDR", struct.pack(">IIBBBBB", light.shape[1], light.shape[0], 16, 2, 0, 0, 0)), (b"IDAT", zlib.compress(lines)), (b"IEND", b"")]
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks))
+def write_frame(path: pathlib.Path, light: np.ndarray) -> None:
+    """A plain TIFF, as docs/archive.md has it: height x width x 3."""
+    height, width, _ = light.shape
+    pixels = np.round(65535 * np.clip(light, 0, 1)).astype("<u2").tobytes()
+    short, long, bits_at = 3, 4, 200
+    entries = [(256, long, 1, width), (257, long, 1, height), (258, short, 3, bits_at), (259, short, 1, 1), (262, short, 1, 2),
+               (273, long, 1, 256), (274, short, 1, 1), (277, short, 1, 3), (278, long, 1, height), (279, long, 1, len(pixels)), (284, short, 1, 1)]
+    head = struct.pack("<2sHIH", b"II", 42, 8, len(entries)) + b"".join(struct.pack("<HHII", *entry) for entry in entries)
+    path.write_bytes((head.ljust(bits_at, b"\0") + struct.pack("<3H", 16, 16, 16)).ljust(256, b"\0") + pixels)
 
 
 def ring(x: float, y: float, radius: float = 12.0, width: float = 1.5) -> np.ndarray:
@@ -69,9 +71,9 @@ def write_archive(folder: pathlib.Path, seen: np.ndarray, noise_sd: float = 0.00
         if stimulus["kind"] == "solid":
             views[False] = shown[straight]
         for is_object, light in views.items():
-            name = f"{'obj' if is_object else 'bg'}_{number:03}.png"
+            name = f"{'obj' if is_object else 'bg'}_{number:03}.tiff"
             noisy = light[..., None] * np.ones(3) + noise_sd * random.standard_normal((rows, columns, 3))
-            write_png16(folder / name, noisy)
+            write_frame(folder / name, noisy)
             frames.append({"file": name, "object": is_object, "stimulus": stimulus})
     manifest = {"scene": "ring", "monitor": {"back": {"width": WIDTH, "height": HEIGHT}}, "image": {"width": columns, "height": rows},
                 "sensor": {"read_noise_sd": max(noise_sd, 1e-5)}, "frames": frames}

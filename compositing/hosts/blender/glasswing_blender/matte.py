@@ -115,7 +115,8 @@ _HEAD = 9  # numbers before a pyramid's coefficients
 
 
 def _end(numbers):
-    """The length of a row's pyramids: x + 1, channel, texture, F', noise, prior, n, left, top, then n of place and weight."""
+    """The length of a row's pyramids: x + 1, channel, texture, F', noise, prior, n, left, top, n steps from
+    place to place, n weights."""
     end = 0
     while end < len(numbers) and numbers[end]:
         end += _HEAD + 2 * int(numbers[end + 6])
@@ -131,11 +132,12 @@ def _replaced(pyramids, modes, foreground):
     for row, numbers in pyramids.items():
         while len(numbers):
             x, channel, texture, more_foreground, _, _, count, left, top = numbers[:_HEAD]
-            place, weight = numbers[_HEAD : _HEAD + 2 * int(count)].reshape(-1, 2).T
+            step, weight = numbers[_HEAD : _HEAD + 2 * int(count)].reshape(2, -1)
+            place = np.cumsum(step.astype(np.int64))
             numbers = numbers[_HEAD + 2 * int(count) :]
             at = row, int(x) - 1, int(channel)
             foreground[at] += more_foreground
-            level, inside = np.divmod(place.astype(np.int64), 1 << 20)
+            level, inside = np.divmod(place, 1 << 20)
             round_ones = level < _LEVELS
             scale = 2.0 ** level[round_ones]
             own = {"weight": weight[round_ones],

@@ -174,14 +174,15 @@ export function pyramidsOf(numbers: Float32Array, width: number): Map<number, Py
     if (!whole || x! > width || channel! > 2 || at + kPyramidHead + 2 * count! > numbers.length)
       throw new NotAMatte("its pyramids have values that are invalid in a matte");
     at += kPyramidHead;
+    let place = 0;
     const coefficients = Array.from({ length: count! }, (_, i) => {
-      const place = numbers[at + 2 * i]!;
+      place += numbers[at + i]!;
       const level = Math.floor(place / kPlaceSide ** 2);
       return {
         level,
         column: Math.floor(left! / 2 ** level) + Math.floor((place % kPlaceSide ** 2) / kPlaceSide),
         row: Math.floor(top! / 2 ** level) + (place % kPlaceSide),
-        weight: numbers[at + 2 * i + 1]!,
+        weight: numbers[at + count! + i]!,
       };
     });
     at += 2 * count!;
