@@ -4,9 +4,10 @@ import os
 import pathlib
 import re
 import subprocess
+import sys
 import tempfile
+import types
 import unittest
-import warnings
 
 import numpy as np
 import ring_archive
@@ -14,6 +15,7 @@ import ring_archive
 import glasswing
 
 BIN = pathlib.Path(os.environ["GLASSWING_BIN"])
+ROOT = pathlib.Path(__file__).resolve().parents[3]
 NOISE = 0.005
 
 
@@ -66,6 +68,18 @@ class HeldTest(unittest.TestCase):
         known = np.isfinite(errors)
         self.assertGreater(known.mean(), 0.5)
         self.assertLess(np.nanmax(errors), 0.1)
+
+    def test_blenders_add_on_shows_it(self):
+        addon = types.ModuleType("glasswing_blender")  # without its panels, which need Blender
+        addon.__path__ = [str(ROOT / "compositing/hosts/blender/glasswing_blender")]
+        sys.modules["glasswing_blender"] = addon
+        from glasswing_blender import compositor, matte
+
+        x, y = np.meshgrid(np.arange(ring_archive.WIDTH), np.arange(ring_archive.HEIGHT))
+        picture = np.stack([0.5 + 0.5 * np.sin(0.3 * x + phase) * np.sin(0.2 * y) for phase in range(3)], -1).astype(np.float32)
+        exact = self.matte.composite({"back": picture}, exact=True)
+        shown = compositor.Compositor(matte.read_matte(self.folder / "ring.exr")).composite([picture])
+        self.assertLess(np.sqrt(np.mean((shown - exact) ** 2)), 0.002)
 
     def test_explain_tells_the_choice_and_draws_it(self):
         picture = self.folder / "footprint.png"
