@@ -79,7 +79,7 @@ class HeldTest(unittest.TestCase):
         picture = np.stack([0.5 + 0.5 * np.sin(0.3 * x + phase) * np.sin(0.2 * y) for phase in range(3)], -1).astype(np.float32)
         exact = self.matte.composite({"back": picture}, exact=True)
         shown = compositor.Compositor(matte.read_matte(self.folder / "ring.exr")).composite([picture])
-        self.assertLess(np.sqrt(np.mean((shown - exact) ** 2)), 0.002)
+        self.assertLess(abs(shown - exact)[:, 1:-1].max(), 0.002)
 
     def test_explain_tells_the_choice_and_draws_it(self):
         picture = self.folder / "footprint.png"
