@@ -28,11 +28,15 @@ def ring(x: float, y: float, radius: float = 12.0, width: float = 1.5) -> np.nda
     """The shares of the monitor's pixels, height x width, which sum to 1."""
     samples = 5  # across a pixel
     at = (np.arange(samples) + 0.5) / samples
-    u = (np.arange(WIDTH)[:, None] + at).ravel() - x
-    v = (np.arange(HEIGHT)[:, None] + at).ravel() - y
+    reach = radius + 6 * width
+    left, right = max(0, int(x - reach)), min(WIDTH, int(x + reach) + 1)
+    top, bottom = max(0, int(y - reach)), min(HEIGHT, int(y + reach) + 1)
+    u = (np.arange(left, right)[:, None] + at).ravel() - x
+    v = (np.arange(top, bottom)[:, None] + at).ravel() - y
     light = np.exp(-0.5 * ((np.hypot(u, v[:, None]) - radius) / width) ** 2)
-    light = light.reshape(HEIGHT, samples, WIDTH, samples).sum((1, 3))
-    return light / light.sum()
+    shares = np.zeros((HEIGHT, WIDTH))
+    shares[top:bottom, left:right] = light.reshape(bottom - top, samples, right - left, samples).sum((1, 3))
+    return shares / shares.sum()
 
 
 def rings(columns: int, rows: int, margin_px: float = 20.0) -> np.ndarray:
