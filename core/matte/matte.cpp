@@ -102,7 +102,7 @@ float Matte::foreground_of_gaussians(int x, int y, int channel) const {
 }
 
 void Matte::drop_pyramids() {
-  const std::string lost = lost_text(pyramid_share(*this), "modes");
+  const std::string lost = has_pyramids() ? lost_text(pyramid_share(*this), "modes") : "";
   for (const auto& [key, _] : pyramids_) flags_[key / kChannels] |= kFlagPoorFit;
   pyramids_.clear();
   if (metadata.footprint() != kPyramidFootprint) return;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <mutex>
 
 #include "core/base/status.h"
@@ -31,7 +32,12 @@ PyramidShare pyramid_share(const Matte& matte) {
           for (const Coefficient& own : pyramid.coefficients)
             share.in_pyramids += static_cast<double>(own.weight);
         }
-        for (const Mode& mode : matte.gaussians(x, y, c)) share.light += static_cast<double>(mode.weight);
+        const auto add = [&](const Mode& mode) { share.light += static_cast<double>(mode.weight); };
+        if (matte.pyramids(x, y, c).empty()) {
+          std::ranges::for_each(matte.modes(x, y, c), add);
+        } else {
+          std::ranges::for_each(matte.gaussians(x, y, c), add);
+        }
       }
       share.pixels += has;
     }
