@@ -1,26 +1,36 @@
 #include "solver/explain_command.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <numeric>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/base/status.h"
 #include "core/cli/help.h"
+#include "core/footprint/matte_transport.h"
+#include "core/image/image_file.h"
 #include "core/import/mapped_archive.h"
 #include "core/method/methods.h"
 #include "solver/gaussian/stack_solver.h"
 #include "solver/method/brightness_drift.h"
 #include "solver/method/linear_stack.h"
+#include "solver/methods.h"
+#include "solver/worker/parallel_solve.h"
 
 namespace glasswing {
 namespace {
 
 struct Explain {
-  std::string archive;
+  std::string archive, picture;
+  std::vector<std::string> settings;
   int x = 0, y = 0;
 };
 
@@ -88,6 +98,76 @@ void print_lane(const StackSolver::Explained& lane, const std::vector<SweptMonit
   }
 }
 
+// What the matte holds of one channel's light from one monitor, and why.
+std::string choice_text(const Matte& matte, int x, int channel, int texture) {
+  double light = 0.0;
+  int modes = 0;
+  for (const Mode& mode : matte.modes(x, 0, channel)) {
+    if (mode.texture != texture || !(mode.weight > 0.0f)) continue;
+    light += static_cast<double>(mode.weight);
+    ++modes;
+  }
+  const std::span<const PyramidFootprint> all = matte.pyramids(x, 0, channel);
+  const auto own = std::ranges::find(all, texture, &PyramidFootprint::texture);
+  if (own == all.end()) {
+    return fmt::format("Gaussians: {} modes with a light of {:.5f}; {}", modes, light,
+                       (matte.flags(x, 0) & kFlagPoorFit) != 0
+                           ? "the pixel is a poor fit, which no pyramid explains better"
+                           : "the samples do not speak for a pyramid");
+  }
+  std::array<int, kPyramidLevels> counts{};
+  double in_pyramid = 0.0, kept = 0.0;
+  for (const Coefficient& coefficient : own->coefficients) {
+    const bool is_mode = coefficient.level >= kPyramidLevels;
+    (is_mode ? kept : in_pyramid) += static_cast<double>(coefficient.weight);
+    if (!is_mode) ++counts[static_cast<size_t>(coefficient.level)];
+  }
+  return fmt::format(
+      "pyramid: {} coefficients ({} of sigma 1, 2, 4, 8, 16 px) with {:.1f} % of a light of {:.5f}; by the "
+      "evidence of the samples the other {:.1f} % stay in {} Gaussians; F {:+.5f}",
+      std::accumulate(counts.begin(), counts.end(), 0), fmt::join(counts, ", "),
+      100.0 * in_pyramid / (in_pyramid + kept), in_pyramid + kept, 100.0 * kept / (in_pyramid + kept), modes,
+      own->foreground);
+}
+
+// The pixel as the matte has it: solves its row.
+absl::Status explain_matte(const Explain& arguments, const MappedArchive& archive) {
+  MethodOptions options;
+  for (const std::string& setting : arguments.settings) {
+    GW_ASSIGN_OR_RETURN(const auto option, parse_setting(setting));
+    options[option.first] = option.second;
+  }
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method("gaussian", options));
+  GW_ASSIGN_OR_RETURN(const Matte matte, solve_archive(*method, archive, 0, nullptr, true,
+                                                       RowRange{.first = arguments.y, .count = 1}));
+  const int x = arguments.x;
+  std::vector<double> light(matte.metadata.monitors_size());
+  std::cout << "in the matte:\n";
+  for (int c = 0; c < kChannels; ++c) {
+    for (int t = 0; t < matte.metadata.monitors_size(); ++t) {
+      double own = 0.0;
+      for (const Mode& mode : matte.gaussians(x, 0, c)) own += mode.texture == t ? mode.weight : 0.0f;
+      if (!(own > 0.0)) continue;
+      light[t] += own;
+      std::cout << fmt::format("{} on monitor {}: {}\n", kChannelNames[c], matte.metadata.monitors(t).name(),
+                               choice_text(matte, x, c, t));
+    }
+  }
+  if (arguments.picture.empty()) return absl::OkStatus();
+  const auto brightest = static_cast<int>(std::ranges::max_element(light) - light.begin());
+  RadianceImage picture = footprint_picture(matte, x, 0, brightest);
+  const float most = std::ranges::max(picture.samples);
+  if (!(most > 0.0f)) {
+    return absl::FailedPreconditionError(
+        fmt::format("pixel {}, {} sees no monitor, so {} is not written", x, arguments.y, arguments.picture));
+  }
+  for (float& sample : picture.samples) sample /= most;
+  GW_RETURN_IF_ERROR(write_radiance(arguments.picture, picture, Encoding::kDisplay));
+  std::cout << fmt::format("{}: its footprint on monitor {}, the brightest place white\n", arguments.picture,
+                           matte.metadata.monitors(brightest).name());
+  return absl::OkStatus();
+}
+
 absl::Status explain(const Explain& arguments) {
   GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(arguments.archive));
   const v1::CaptureManifest& manifest = archive->manifest();
@@ -131,7 +211,8 @@ absl::Status explain(const Explain& arguments) {
   if (lanes.empty())
     std::cout << fmt::format("pixel {}, {}: the object changes nothing here\n", arguments.x, arguments.y);
   for (const StackSolver::Explained& lane : lanes) print_lane(lane, monitors, manifest);
-  return absl::OkStatus();
+  return arguments.settings.empty() && arguments.picture.empty() ? absl::OkStatus()
+                                                                 : explain_matte(arguments, *archive);
 }
 
 }  // namespace
@@ -144,10 +225,20 @@ void add_explain_command(CLI::App& app, DaemonOptions& daemon) {
                                     GW_RETURN_IF_ERROR(explain(*arguments));
                                     return 0;
                                   });
-  command.footer("Example:\n  glasswing-solver explain out/archives/crystal 64 52");
+  command.footer(
+      "With --set footprints=any it says for each channel whether the matte has Gaussians or a pyramid "
+      "(docs/footprints.md), of how many coefficients, and how much light they have.\n\n"
+      "Examples:\n"
+      "  glasswing-solver explain out/archives/crystal 64 52\n"
+      "  glasswing-solver explain out/archives/vase 64 52 --set footprints=any --picture footprint.png");
   command.add_option("archive", arguments->archive, "folder with manifest.json")->required();
   command.add_option("x", arguments->x, "column of the camera's picture, from 0")->required();
   command.add_option("y", arguments->y, "row, from 0")->required();
+  command.add_option("--set", arguments->settings,
+                     "solve the pixel's row with this option, NAME=VALUE, and say what the matte has");
+  command.add_option(
+      "--picture", arguments->picture,
+      "write where on the monitor that gives it most light the pixel's light comes from (PNG)");
 }
 
 }  // namespace glasswing

@@ -26,6 +26,7 @@
 #include "core/image/image.h"
 #include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
+#include "core/matte/pyramid_share.h"
 #include "core/rays/match_rays.h"
 #include "core/rays/ray_file.h"
 #include "core/rays/surroundings.h"
@@ -87,12 +88,16 @@ Floats mapped(const Floats& values, float (*function)(float)) {
 // An immutable matte, so that arrays can view it and threads can composite it concurrently.
 class NativeMatte {
  public:
-  explicit NativeMatte(Matte matte) {
-    if (matte.metadata.footprint() == kPyramidFootprint) {
-      whole_ = matte;
-      matte.drop_pyramids();
+  explicit NativeMatte(Matte matte) : matte_(std::move(matte)) {
+    // One F for composites, matrices and readers of the array.
+    for (int y = 0; matte_.has_pyramids() && y < matte_.height_px(); ++y) {
+      for (int x = 0; x < matte_.width_px(); ++x) {
+        for (int c = 0; c < kChannels; ++c) {
+          matte_.foreground(x, y)[c] = matte_.foreground_of_gaussians(x, y, c);
+          for (PyramidFootprint& pyramid : matte_.pyramids(x, y, c)) pyramid.foreground = 0.0f;
+        }
+      }
     }
-    matte_ = std::move(matte);
   }
   static std::unique_ptr<NativeMatte> decode(std::string_view bytes) {
     return std::make_unique<NativeMatte>(value_of(decode_matte(bytes, Pyramids::kKept)));
@@ -108,6 +113,7 @@ class NativeMatte {
 
   // Not const, since a const Matte returns pixels by value.
   Matte& matte() { return matte_; }
+  const Matte& matte() const { return matte_; }
 
   // `thread_count`: 0 uses all cores; the result does not depend on it.
   RadianceImage composite(std::vector<RadianceImage> backgrounds, bool exact, int thread_count) const {
@@ -116,8 +122,12 @@ class NativeMatte {
     return value_of(prepared(thread_count).composite(backgrounds, thread_count));
   }
 
-  // With the footprints of any shape, which are left out of `matte_`.
-  const Matte& whole() const { return whole_ ? *whole_ : matte_; }
+  // For those who use modes alone.
+  Matte modes() const {
+    Matte modes = matte_;
+    modes.drop_pyramids();
+    return modes;
+  }
 
   RadianceImage error(std::vector<RadianceImage> backgrounds, int thread_count) const {
     fit(backgrounds);
@@ -140,7 +150,6 @@ class NativeMatte {
   }
 
   Matte matte_;
-  std::optional<Matte> whole_;
   mutable std::mutex mutex_;
   mutable std::optional<FastCompositor> prepared_;
 };
@@ -216,7 +225,7 @@ py::array_t<Value> array_of(std::vector<Value> values) {
 // The values, errors, columns and row starts of the matrix of a channel; no errors: None.
 py::tuple transport_of(const NativeMatte& self, int channel, bool errors, int thread_count) {
   TransportMatrix matrix = without_gil([&] {
-    const MatteTransport transport = value_of(MatteTransport::create(self.whole()));
+    const MatteTransport transport = value_of(MatteTransport::create(self.matte()));
     return value_of(transport.matrix(channel, errors, thread_count));
   });
   const py::object sd = matrix.errors.size() == matrix.values.size()
@@ -228,7 +237,7 @@ py::tuple transport_of(const NativeMatte& self, int channel, bool errors, int th
 
 Floats from_monitor(const NativeMatte& self, int texture, const std::optional<Floats>& picture,
                     int thread_count) {
-  const Matte& matte = self.whole();
+  const Matte& matte = self.matte();
   RadianceImage shone(matte.width_px(), matte.height_px());
   if (picture) {
     shone = image_of(*picture);
@@ -239,6 +248,25 @@ Floats from_monitor(const NativeMatte& self, int texture, const std::optional<Fl
     return value_of(composite_from_monitor(
         matte, texture, resized(shone, matte.width_px(), matte.height_px()), thread_count));
   }));
+}
+
+// Where a pixel's light from a monitor comes from.
+Floats footprint_of_pixel(const NativeMatte& self, int x, int y, int texture) {
+  return array_of(without_gil([&] { return footprint_picture(self.matte(), x, y, texture); }));
+}
+
+// Pixels that have pyramids: height x width.
+py::array_t<bool> has_pyramid(const NativeMatte& self) {
+  const Matte& matte = self.matte();
+  py::array_t<bool> has({matte.height_px(), matte.width_px()});
+  auto pixels = has.mutable_unchecked<2>();
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      pixels(y, x) = false;
+      for (int c = 0; c < kChannels; ++c) pixels(y, x) = pixels(y, x) || !matte.pyramids(x, y, c).empty();
+    }
+  }
+  return has;
 }
 
 // Arrays that mattes and rays share; `pixels_of` finds the pixels of a Python object.
@@ -280,6 +308,11 @@ void bind_matte(py::module_& module) {
   matte.def("error", &error_of);
   matte.def("transport", &transport_of);
   matte.def("from_monitor", &from_monitor);
+  matte.def("footprint", &footprint_of_pixel);
+  matte.def_property_readonly("has_pyramid", &has_pyramid);
+  matte.def("lost_text", [](const NativeMatte& self, const std::string& holders) {
+    return lost_text(pyramid_share(self.matte()), holders);
+  });
 }
 
 // Immutable, as NativeMatte.
@@ -343,12 +376,12 @@ void bind_rays(py::module_& module) {
   rays.def_static("match", [](NativeMatte& one, NativeMatte& other, const std::string& geometry,
                               const std::vector<std::string>& poses) {
     return std::make_unique<NativeRays>(without_gil(
-        [&] { return value_of(match_rays(one.matte(), other.matte(), geometry_of(geometry), poses)); }));
+        [&] { return value_of(match_rays(one.modes(), other.modes(), geometry_of(geometry), poses)); }));
   });
   rays.def_static("far_light", [](NativeMatte& matte, const std::string& geometry, const std::string& pose,
                                   double object_depth_mm) {
     return std::make_unique<NativeRays>(without_gil([&] {
-      return value_of(far_light_rays(matte.matte(), geometry_of(geometry), pose, object_depth_mm));
+      return value_of(far_light_rays(matte.modes(), geometry_of(geometry), pose, object_depth_mm));
     }));
   });
   rays.def("write", [](const NativeRays& self, const std::string& path) {

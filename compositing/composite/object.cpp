@@ -53,6 +53,9 @@ void ObjectInFront::take(Matte& rows) {
     for (int x = 0; x < rows.width_px(); ++x) {
       if (!coverage_.empty()) coverage_.at(x, top + y, 0) = rows.coverage(x, y);
       for (float& light : rows.foreground(x, y)) light *= foreground_gain_;
+      for (int c = 0; c < kChannels; ++c) {
+        for (PyramidFootprint& own : rows.pyramids(x, y, c)) own.foreground *= foreground_gain_;
+      }
     }
   }
 }

@@ -11,6 +11,7 @@
 #include "core/cli/output_file.h"
 #include "core/cli/progress.h"
 #include "core/file/mapped_file.h"
+#include "core/matte/pyramid_share.h"
 
 namespace glasswing {
 namespace {
@@ -26,6 +27,7 @@ std::string text_of(const ExrWindow& window) {
 absl::Status deliver(const CommandLine& command_line, const DeliverArguments& arguments) {
   GW_RETURN_IF_ERROR(check_edit_output(arguments.output));
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> file, MappedFile::open(arguments.matte));
+  GW_RETURN_IF_ERROR(in_file(arguments.matte, tell_lost(file->bytes(), "delivery files")));
   UnfinishedFile written(arguments.output);
   absl::StatusOr<Delivery> delivery;
   {

@@ -9,8 +9,9 @@
 #include "compositing/picture/picture.h"
 #include "core/base/status.h"
 #include "core/cli/output_file.h"
-#include "core/matte/matte_file.h"
+#include "core/file/mapped_file.h"
 #include "core/matte/matte_rounding.h"
+#include "core/matte/pyramid_share.h"
 
 namespace glasswing {
 
@@ -29,9 +30,20 @@ absl::Status check_edit_output(const std::string& output) {
   return check_output_file(output, {".exr", kStandardOutput});
 }
 
-absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments) {
+absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments, Pyramids pyramids) {
   GW_RETURN_IF_ERROR(check_edit_output(arguments.output));
-  return read_matte(arguments.matte);
+  return read_for_edit(arguments.matte, pyramids);
+}
+
+absl::StatusOr<Matte> read_for_edit(const std::string& file, Pyramids pyramids) {
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> mapped, MappedFile::open(file));
+  absl::StatusOr<Matte> matte = decode_matte(mapped->bytes(), Pyramids::kKept);
+  if (!matte.ok()) return in_file(file, matte.status());
+  if (pyramids == Pyramids::kDropped) {
+    tell_lost(pyramid_share(*matte), "matte edits other than crop, flip and join");
+    matte->drop_pyramids();
+  }
+  return matte;
 }
 
 void print_edited(const CommandLine& command_line, const std::string& output, int width_px, int height_px,

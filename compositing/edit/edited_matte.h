@@ -10,7 +10,7 @@
 #include <string>
 
 #include "core/cli/command_line.h"
-#include "core/matte/matte.h"
+#include "core/matte/matte_file.h"
 
 namespace glasswing {
 
@@ -34,8 +34,10 @@ CLI::App& add_edit_command(CLI::App& matte, CommandLine& command_line, const std
 }
 
 // Reads the matte of an edit; checks for later failures first. INVALID_ARGUMENT: the output's name does not
-// end in .exr. NOT_FOUND: its directory does not exist. Errors name the file.
-absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments);
+// end in .exr. NOT_FOUND: its directory does not exist. Errors name the file. Pyramids that an edit drops are
+// told (core/matte/pyramid_share.h).
+absl::StatusOr<Matte> read_for_edit(const EditArguments& arguments, Pyramids pyramids = Pyramids::kDropped);
+absl::StatusOr<Matte> read_for_edit(const std::string& file, Pyramids pyramids = Pyramids::kDropped);
 absl::Status check_edit_output(const std::string& output);
 
 // Whether an edit creates digits below the errors, which are then dropped (core/matte/matte_rounding.h).

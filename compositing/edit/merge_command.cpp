@@ -51,10 +51,10 @@ absl::Status merge(const CommandLine& command_line, const MergeArguments& argume
   GW_RETURN_IF_ERROR(check_edit_output(arguments.output));
   if (!arguments.ids.empty()) GW_RETURN_IF_ERROR(check_output_file(arguments.ids, {".exr"}));
   std::vector<ObjectShares> objects;  // as the mattes
-  GW_ASSIGN_OR_RETURN(Matte all, read_matte(arguments.mattes.back()));
+  GW_ASSIGN_OR_RETURN(Matte all, read_for_edit(arguments.mattes.back()));
   if (!arguments.ids.empty()) add_in_front(arguments.mattes.back(), all, objects);
   for (size_t i = arguments.mattes.size() - 1; i-- > 0;) {
-    GW_ASSIGN_OR_RETURN(const Matte front, read_matte(arguments.mattes[i]));
+    GW_ASSIGN_OR_RETURN(const Matte front, read_for_edit(arguments.mattes[i]));
     absl::StatusOr<Matte> both = merged(front, all);
     if (!both.ok()) return in_file(arguments.mattes[i], both.status());
     all = *std::move(both);

@@ -100,16 +100,18 @@ absl::StatusOr<Matte> crop_matte(std::string_view file, const MatteRegion& regio
   GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(file));
   GW_RETURN_IF_ERROR(check_region(region, outline.width_px, outline.height_px));
   Matte part(0, 0, region.width_px, region.height_px, outline.modes_per_channel, outline.colourless);
-  GW_RETURN_IF_ERROR(for_rows_of_matte(file, [&](const Matte& rows) {
-    for (int row = 0; row < rows.height_px(); ++row) {
-      const int y = rows.y0_px() - outline.y0_px + row - region.y_px;
-      if (y < 0 || y >= region.height_px) continue;
-      for (int x = 0; x < region.width_px; ++x) part.copy_pixel(rows, region.x_px + x, row, x, y);
-    }
-    return absl::OkStatus();
-  }));
+  GW_RETURN_IF_ERROR(for_blocks_of_matte(
+      file, 1,
+      [&](const Matte& rows) {
+        for (int row = 0; row < rows.height_px(); ++row) {
+          const int y = rows.y0_px() - outline.y0_px + row - region.y_px;
+          if (y < 0 || y >= region.height_px) continue;
+          for (int x = 0; x < region.width_px; ++x) part.copy_pixel(rows, region.x_px + x, row, x, y);
+        }
+        return absl::OkStatus();
+      },
+      Pyramids::kKept));
   part.metadata = outline.metadata;
-  part.drop_pyramids();
   part.metadata.set_width_px(region.width_px);
   part.metadata.set_height_px(region.height_px);
   shift_mosaic(part.metadata, region.x_px, region.y_px);

@@ -45,7 +45,7 @@ absl::Status resize(const CommandLine& command_line, const ReshapeArguments& arg
 }
 
 absl::Status flip(const CommandLine& command_line, const ReshapeArguments& arguments) {
-  GW_ASSIGN_OR_RETURN(const Matte matte, read_for_edit(arguments));
+  GW_ASSIGN_OR_RETURN(const Matte matte, read_for_edit(arguments, Pyramids::kKept));
   return write_edited(command_line, arguments.output, flipped(matte, arguments.to == "y"),
                       "flip " + arguments.to);
 }

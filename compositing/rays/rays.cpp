@@ -10,6 +10,7 @@
 #include "core/cli/output_file.h"
 #include "core/file/file.h"
 #include "core/matte/matte_file.h"
+#include "core/matte/pyramid_share.h"
 #include "core/rays/match_rays.h"
 #include "core/rays/ray_file.h"
 
@@ -22,6 +23,14 @@ struct RaysArguments {
   std::string geometry, output;
   double object_depth_mm = 0.0;
 };
+
+// Rays are made of modes alone.
+absl::StatusOr<Matte> read_modes(const RaysArguments& arguments, const std::string& name) {
+  GW_ASSIGN_OR_RETURN(Matte matte, arguments.read(name, arguments.output, Pyramids::kKept));
+  tell_lost(pyramid_share(matte), "rays");
+  matte.drop_pyramids();
+  return matte;
+}
 
 // A pose that was calibrated with the monitor elsewhere on its rail is a different pose.
 absl::Status check_positions(const Matte& matte, const v1::RigGeometry& geometry, const std::string& name) {
@@ -44,8 +53,7 @@ absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
         fmt::format("there are {} mattes; rays take two, at two depths, or one", arguments.mattes.size()));
   }
   std::vector<std::string> poses = arguments.poses;
-  GW_ASSIGN_OR_RETURN(const Matte one,
-                      arguments.read(arguments.mattes[0], arguments.output, Pyramids::kDropped));
+  GW_ASSIGN_OR_RETURN(const Matte one, read_modes(arguments, arguments.mattes[0]));
   if (!poses.empty() && poses.size() != arguments.mattes.size()) {
     return absl::InvalidArgumentError(
         fmt::format("--poses has {} names; there are {} mattes, and it must have one "
@@ -64,8 +72,7 @@ absl::StatusOr<RayMatte> rays_of(const RaysArguments& arguments) {
   }
   if (arguments.object_depth_mm > 0.0)
     return absl::InvalidArgumentError("--object-depth is for one matte; two determine directions");
-  GW_ASSIGN_OR_RETURN(const Matte other,
-                      arguments.read(arguments.mattes[1], arguments.output, Pyramids::kDropped));
+  GW_ASSIGN_OR_RETURN(const Matte other, read_modes(arguments, arguments.mattes[1]));
   if (poses.empty()) poses = {one.metadata.session(), other.metadata.session()};
   GW_RETURN_IF_ERROR(check_positions(one, geometry, poses[0]));
   GW_RETURN_IF_ERROR(check_positions(other, geometry, poses[1]));

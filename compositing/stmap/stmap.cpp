@@ -11,6 +11,7 @@
 #include "core/base/status.h"
 #include "core/cli/output_file.h"
 #include "core/file/mapped_file.h"
+#include "core/matte/pyramid_share.h"
 
 namespace glasswing {
 namespace {
@@ -22,6 +23,7 @@ struct StmapArguments {
 
 absl::Status write_stmap(const CommandLine& command_line, const StmapArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte, MappedFile::open(arguments.matte));
+  GW_RETURN_IF_ERROR(in_file(arguments.matte, tell_lost(matte->bytes(), "STMaps")));
   StmapChoice choice{.monitor = arguments.monitor, .path = arguments.path};
   if (!arguments.channel.empty())
     choice.channel =

@@ -17,17 +17,20 @@ absl::StatusOr<SampledMatte> sample_matte(std::string_view file, std::int64_t ma
             outline.modes_per_channel, outline.colourless);
   matte.metadata = outline.metadata;
   std::mutex mutex;
-  GW_RETURN_IF_ERROR(for_blocks_of_matte(file, 0, [&](const Matte& rows) {
-    const int top = rows.y0_px() - outline.y0_px;
-    for (int y = (step - top % step) % step; y < rows.height_px(); y += step) {
-      for (int x = 0; x < rows.width_px(); x += step)
-        matte.copy_pixel(rows, x, y, x / step, (top + y) / step);
-    }
-    const PixelCount count = count_pixels(rows);
-    const std::lock_guard lock(mutex);
-    sampled.pixels += count;
-    return absl::OkStatus();
-  }));
+  GW_RETURN_IF_ERROR(for_blocks_of_matte(
+      file, 0,
+      [&](const Matte& rows) {
+        const int top = rows.y0_px() - outline.y0_px;
+        const PixelCount count = count_pixels(rows);
+        const std::lock_guard lock(mutex);  // pyramids are not in arrays
+        for (int y = (step - top % step) % step; y < rows.height_px(); y += step) {
+          for (int x = 0; x < rows.width_px(); x += step)
+            matte.copy_pixel(rows, x, y, x / step, (top + y) / step);
+        }
+        sampled.pixels += count;
+        return absl::OkStatus();
+      },
+      Pyramids::kKept));
   return sampled;
 }
 

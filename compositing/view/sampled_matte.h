@@ -18,7 +18,8 @@ struct SampledMatte {
   PixelCount pixels;     // of the whole
 };
 
-// Reads a matte's file a few rows at a time, `step` by sampling_step(). Errors are those of decode_matte().
+// Reads a matte's file, pyramids included, a few rows at a time, `step` by sampling_step(). Errors are those
+// of decode_matte().
 absl::StatusOr<SampledMatte> sample_matte(std::string_view file, std::int64_t max_pixels);
 
 }  // namespace glasswing

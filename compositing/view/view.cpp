@@ -11,7 +11,6 @@
 #include "compositing/picture/picture.h"
 #include "compositing/view/commands.h"
 #include "compositing/view/contact_sheet.h"
-#include "compositing/view/footprint_picture.h"
 #include "compositing/view/matte_panels.h"
 #include "compositing/view/sampled_matte.h"
 #include "core/base/scanner.h"
@@ -22,9 +21,11 @@
 #include "core/composite/stmap.h"
 #include "core/file/file.h"
 #include "core/file/mapped_file.h"
+#include "core/footprint/matte_transport.h"
 #include "core/image/image_file.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/matte_notes.h"
+#include "core/matte/pyramid_share.h"
 
 namespace glasswing {
 namespace {
@@ -138,6 +139,7 @@ absl::Status view(const CommandLine& command_line, const ViewArguments& argument
     if (!picture.ok()) return in_file(arguments.matte, picture.status());
     return write_picture(command_line, arguments.output, *picture);
   }
+  GW_RETURN_IF_ERROR(in_file(arguments.matte, tell_lost(file->bytes(), "sheets")));
   const absl::StatusOr<SampledMatte> sampled =
       sample_matte(file->bytes(), arguments.only.empty() ? kMaxSheetPixels : 0);
   if (!sampled.ok()) return in_file(arguments.matte, sampled.status());

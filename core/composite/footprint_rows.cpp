@@ -43,9 +43,7 @@ void FootprintRows::prepare(const Matte& matte, int y, FootprintRow& row) {
     PixelTiles& pixel = row.tiles[x];
     if (!matte.pyramids(x, y, 0).empty() || !matte.pyramids(x, y, 1).empty() ||
         !matte.pyramids(x, y, 2).empty()) {
-      for (int c = 0; c < kChannels; ++c) {
-        for (const Mode& mode : matte.gaussians(x, y, c)) pixel.own[c] += add(mode, c, false, x, row);
-      }
+      for (int c = 0; c < kChannels; ++c) pixel.own[c] = add_gaussians(matte.gaussians(x, y, c), c, x, row);
       continue;
     }
     const auto modes = [&](int c, size_t m) -> const Mode& { return matte.modes(x, y, c)[m]; };
@@ -64,6 +62,19 @@ void FootprintRows::prepare(const Matte& matte, int y, FootprintRow& row) {
     }
   }
   row.words.resize(row.words.size() + kTileWidth);  // padding that evaluate_tiles() may read
+}
+
+std::uint16_t FootprintRows::add_gaussians(std::vector<Mode> modes, int channel, int x, FootprintRow& row) {
+  std::ranges::stable_sort(modes, {}, &Mode::texture);
+  int count = 0;
+  for (size_t t = 0; t < tiles_.size(); ++t) {
+    const auto own = std::ranges::equal_range(modes, static_cast<std::int32_t>(t), {}, &Mode::texture);
+    const auto others = std::ranges::stable_partition(
+        own, [](const Mode& mode) { return mode.weight > 0.0f && FootprintTiles::is_wide_round(mode); });
+    count += tiles_[t].add_sum({own.begin(), others.begin()}, channel, row.words);
+    for (const Mode& mode : others) count += add(mode, channel, false, x, row);
+  }
+  return static_cast<std::uint16_t>(count);
 }
 
 std::uint16_t FootprintRows::add(const Mode& mode, int channel, bool shared, int x, FootprintRow& row) {

@@ -59,6 +59,8 @@ class FootprintRows {
   void report(std::vector<FootprintTexture>& textures) const;
 
  private:
+  // Those of a channel with pyramids.
+  std::uint16_t add_gaussians(std::vector<Mode> modes, int channel, int x, FootprintRow& row);
   std::uint16_t add(const Mode& mode, int channel, bool shared, int x, FootprintRow& row);
 
   const bool boxes_;

@@ -37,6 +37,12 @@ class FootprintTiles {
   int add(const Mode& mode, int channel, std::vector<std::uint16_t>& words);
   // The same for an upright box (kBoxFootprint), on the picture itself.
   int add_box(const Mode& mode, int channel, std::vector<std::uint16_t>& words);
+  // The same for Gaussians with is_wide_round(), such as a pyramid's, which overlap: their weights of a
+  // level's samples are summed first, so that each sample is read once.
+  int add_sum(std::span<const Mode> modes, int channel, std::vector<std::uint16_t>& words);
+  static bool is_wide_round(const Mode& mode) {
+    return mode.xx_px2 >= 1.0f && mode.xx_px2 == mode.yy_px2 && mode.xy_px2 == 0.0f;
+  }
   // True if the box covers so few pixels that a summed-area table would not be faster.
   static bool is_small_box(const Mode& mode);
 
@@ -47,6 +53,7 @@ class FootprintTiles {
   struct Placement {
     int level = 0;
     double x = 0, y = 0, xx = 0, xy = 0, yy = 0;  // in samples of the level; xx, xy, yy: B
+    float weight = 0.0f;
   };
   // Weights of consecutive samples from `first` on.
   struct Taps {
@@ -64,6 +71,7 @@ class FootprintTiles {
   void sample(double centre, Gaussian gaussian, double reach, int extent, Taps& taps) const;
   void integrate(double centre, double variance, int extent, Taps& taps) const;
   void add_product(const PyramidShape::Level& level, double weight, int channel);
+  void add_level_sum(std::span<const Placement> parts, int channel);
   void add_oriented(const Placement& placed, double weight, int channel);
   // A footprint on the picture itself, narrow along u for each v: x and y, or the other way round.
   struct Thin {
@@ -86,6 +94,8 @@ class FootprintTiles {
   Taps across_, down_;
   RowCuts cuts_;
   std::vector<Tap> thin_;
+  std::vector<Placement> parts_;
+  std::vector<float> sum_;
   std::vector<std::uint16_t>* words_ = nullptr;
   int count_ = 0;
 };

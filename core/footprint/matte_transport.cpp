@@ -336,4 +336,18 @@ absl::StatusOr<RadianceImage> composite_from_monitor(const Matte& matte, int tex
   return picture;
 }
 
+RadianceImage footprint_picture(const Matte& matte, int x, int y, int texture) {
+  const Size monitor = size_of(matte, texture);
+  RadianceImage picture(monitor.width_px, monitor.height_px);
+  for (int c = 0; c < kChannels; ++c) {
+    for (const Mode& mode : lit_modes(matte, x, y, c)) {
+      if (mode.texture != texture) continue;
+      for_pixels(mode, has_boxes(matte), monitor, [&](int u, int v, double share) {
+        picture.at(u, v, c) += static_cast<float>(mode.weight * share);
+      });
+    }
+  }
+  return picture;
+}
+
 }  // namespace glasswing

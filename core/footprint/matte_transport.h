@@ -68,4 +68,9 @@ class MatteTransport {
 absl::StatusOr<RadianceImage> composite_from_monitor(const Matte& matte, int texture,
                                                      const RadianceImage& shone, int thread_count = 0);
 
+// Where on a monitor a pixel's light comes from, as a picture of the monitor's size: the share of each of its
+// pixels in the light of matte pixel (x, y), counted from the tile's corner, by channel; Gaussians, boxes and
+// pyramids alike. Sums to the weights, less what lies beyond the monitor's edge.
+RadianceImage footprint_picture(const Matte& matte, int x, int y, int texture);
+
 }  // namespace glasswing

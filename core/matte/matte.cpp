@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/matte/pyramid_share.h"
+
 namespace glasswing {
 
 Matte::Matte(int x0_px, int y0_px, int width_px, int height_px, int modes_per_channel, bool colourless)
@@ -100,13 +102,12 @@ float Matte::foreground_of_gaussians(int x, int y, int channel) const {
 }
 
 void Matte::drop_pyramids() {
+  const std::string lost = has_pyramids() ? lost_text(pyramid_share(*this), "modes") : "";
   for (const auto& [key, _] : pyramids_) flags_[key / kChannels] |= kFlagPoorFit;
   pyramids_.clear();
   if (metadata.footprint() != kPyramidFootprint) return;
   metadata.clear_footprint();
-  metadata.add_warnings(
-      "pixels whose light no few Gaussians describe are shown by their closest Gaussians, and flagged; only "
-      "glasswing composite shows them as measured");
+  if (!lost.empty()) metadata.add_warnings(lost);
 }
 
 PixelCount count_pixels(const Matte& matte) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/base/checksum.h"
 
@@ -209,14 +210,20 @@ std::vector<float> MatteBlock::pyramid_row(const Matte& matte, int y, std::vecto
                                        own.prior_sd, static_cast<float>(own.coefficients.size()),
                                        static_cast<float>(left), static_cast<float>(top)});
         bool fits = std::ssize(numbers) + 2 * std::ssize(own.coefficients) <= room;
+        std::vector<std::pair<int, float>> places;
         for (const Coefficient& at : own.coefficients) {
           const bool mode = at.level >= kPyramidLevels;
           const int column = mode ? 0 : at.column - (left >> at.level),
                     row = mode ? 0 : at.row - (top >> at.level);
           fits = fits && column < kPlaceSide && row < kPlaceSide;
-          numbers.push_back(static_cast<float>(at.level * kPlaces + column * kPlaceSide + row));
-          numbers.push_back(at.weight);
+          places.emplace_back(at.level * kPlaces + column * kPlaceSide + row, at.weight);
         }
+        // Small steps deflate better, as do weights among themselves.
+        std::ranges::sort(places);
+        int before_it = 0;
+        for (const auto& [place, _] : places)
+          numbers.push_back(static_cast<float>(place - std::exchange(before_it, place)));
+        for (const auto& [_, weight] : places) numbers.push_back(weight);
         if (fits) continue;
         numbers.resize(before);
         left_out.push_back(x);
@@ -269,19 +276,17 @@ void MatteBlock::give_pyramids(Matte& matte, int y, int rows) const {
         matte.coverage(x, y + row) = NAN;  // refused by the check of pixels
         break;
       }
-      for (int i = 0; i < count; ++i) {
-        const int place = whole(16 * kPlaces);
+      for (int i = 0, place = 0; i < count; ++i) {
+        const int step = whole(16 * kPlaces);
+        if (step < 0 || place + step >= 16 * kPlaces) own.texture = -1;
+        if (own.texture >= 0) place += step;
         const int level = place / kPlaces;
-        if (level >= kPyramidLevels) {
-          own.coefficients.push_back({.level = level, .weight = value()});
-          continue;
-        }
-        own.coefficients.push_back({.level = level,
-                                    .column = (left >> level) + place % kPlaces / kPlaceSide,
-                                    .row = (top >> level) + place % kPlaceSide,
-                                    .weight = value()});
-        if (place < 0) own.texture = -1;
+        own.coefficients.push_back({.level = level});
+        if (level >= kPyramidLevels) continue;
+        own.coefficients.back().column = (left >> level) + place % kPlaces / kPlaceSide;
+        own.coefficients.back().row = (top >> level) + place % kPlaceSide;
       }
+      for (Coefficient& coefficient : own.coefficients) coefficient.weight = value();
       matte.add_pyramid(x, y + row, channel, std::move(own));
     }
   }

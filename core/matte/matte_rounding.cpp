@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "core/matte/covariance_axes.h"
 
@@ -57,6 +58,22 @@ void round_mode(Mode& mode, const Errors& errors) {
   mode.centre_sd_px = two_digits(mode.centre_sd_px);
 }
 
+// To multiples of a sixteenth of the noise: what rounding takes from one coefficient, the next one gets, so
+// that it moves light by less than a step.
+void round_pyramid(PyramidFootprint& pyramid) {
+  if (!(pyramid.noise_sd > 0.0f)) return;
+  const double step = step_of(double{pyramid.noise_sd});
+  std::ranges::sort(pyramid.coefficients, {},
+                    [](const Coefficient& own) { return std::tuple(own.level, own.column, own.row); });
+  double left = 0.0;
+  for (Coefficient& own : pyramid.coefficients) {
+    const double wanted = double{own.weight} + left;
+    own.weight = static_cast<float>(std::max(nearest(wanted, step), 0.0));
+    left = wanted - double{own.weight};
+  }
+  std::erase_if(pyramid.coefficients, [](const Coefficient& own) { return !(own.weight > 0.0f); });
+}
+
 // The smaller of known errors.
 float smaller(float a, float b) {
   return a > 0.0f && b > 0.0f ? std::min(a, b) : std::max(a, b);
@@ -78,6 +95,7 @@ void round_to_errors(Matte& matte) {
         }
       }
       for (int c = 0; c < channels; ++c) {
+        for (PyramidFootprint& pyramid : matte.pyramids(x, y, c)) round_pyramid(pyramid);
         for (Mode& mode : matte.modes(x, y, c)) {
           if (!(mode.weight > 0.0f)) continue;
           round_mode(mode, {.weight = mode.weight_sd > 0.0f ? mode.weight_sd : least.weight,

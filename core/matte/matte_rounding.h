@@ -13,6 +13,8 @@
 // A covariance has no error in the file. A fit of a Gaussian finds each width as well as the centre along the
 // same axis, so an entry's error is taken as 2 lambda s, here with s at most lambda / 128, since xx and yy
 // are rounded up and xy towards 0: then xx yy >= xy^2 holds as before.
+//
+// A pyramid's coefficients become multiples of the largest power of two <= its noise / 16.
 #pragma once
 
 #include "core/matte/matte.h"

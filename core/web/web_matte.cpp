@@ -6,9 +6,11 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "core/footprint/fill.h"
+#include "core/footprint/mode_reduction.h"
 #include "core/image/image_file.h"
 #include "core/matte/covariance_axes.h"
 
@@ -16,6 +18,7 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kMostFootprints = 255;  // of a pixel: its number of them is a byte
+constexpr int kMostOfPyramid = 48;       // footprints, of a channel
 constexpr double kPlaces = 65536.0;      // that a number of 16 bits tells apart
 constexpr double kBeside = 1.06;         // of the monitor's longer side: room for footprints beyond it
 constexpr int kDark = 16;                // of 255, a code of F
@@ -87,11 +90,30 @@ bool is_alike(const Footprint& a, const Mode& b) {
          turn * (a.axes.wide_px - a.axes.narrow_px) <= 0.15 * a.axes.narrow_px + 0.05;
 }
 
+// Those that a channel's light is shown by: of a pyramid, a smaller number of Gaussians that have its light.
+std::vector<Mode> modes_of(const Matte& matte, int x, int y, int channel) {
+  if (matte.pyramids(x, y, channel).empty()) {
+    const std::span<const Mode> own = matte.modes(x, y, channel);
+    return {own.begin(), own.end()};
+  }
+  std::vector<Mode> modes = matte.gaussians(x, y, channel);
+  const auto light = [&] {
+    return std::accumulate(modes.begin(), modes.end(), 0.0,
+                           [](double sum, const Mode& mode) { return sum + double{mode.weight}; });
+  };
+  const double whole = light();
+  reduce_modes(modes, kMostOfPyramid, false);
+  std::erase_if(modes, [](const Mode& mode) { return !(mode.weight >= kWeightUnit); });
+  const double left = light();
+  for (Mode& mode : modes) mode.weight *= static_cast<float>(whole / left);
+  return modes;
+}
+
 std::vector<Footprint> footprints_of(const Matte& matte, int x, int y) {
   std::vector<Footprint> found;
   for (int c = 0; c < kChannels; ++c) {
     const size_t channel = c;
-    for (const Mode& mode : matte.modes(x, y, c)) {
+    for (const Mode& mode : modes_of(matte, x, y, c)) {
       if (!(mode.weight >= kWeightUnit)) continue;
       auto shared = std::ranges::find_if(
           found, [&](const Footprint& each) { return each.weight[channel] == 0.0 && is_alike(each, mode); });
@@ -126,7 +148,8 @@ class Writer {
 
   void put_pixel(int x, int y) {
     for (size_t c = 0; c < kChannels; ++c) {
-      const double light = std::max<double>(matte_.foreground(x, y)[c], 0.0) / web_.foreground_scale;
+      const double light = std::max<double>(matte_.foreground_of_gaussians(x, y, static_cast<int>(c)), 0.0) /
+                           web_.foreground_scale;
       int code = static_cast<int>(std::lround(255.0 * srgb_of_linear(static_cast<float>(light))));
       if (code < kDark) code &= ~3;  // noise, which an eye does not see there
       put(kRed + c, code - light_[c]);
@@ -273,8 +296,10 @@ absl::StatusOr<WebMatte> encode_web_matte(const Matte& whole) {
   while (web.unit_px * kPlaces < kBeside * side_px) web.unit_px *= 2.0;
   web.origin_px = -std::floor(0.5 * (web.unit_px * kPlaces - side_px));
   for (int y = 0; y < matte.height_px(); ++y) {
-    for (int x = 0; x < matte.width_px(); ++x)
-      web.foreground_scale = std::max<double>(web.foreground_scale, std::ranges::max(matte.foreground(x, y)));
+    for (int x = 0; x < matte.width_px(); ++x) {
+      for (int c = 0; c < kChannels; ++c)
+        web.foreground_scale = std::max<double>(web.foreground_scale, matte.foreground_of_gaussians(x, y, c));
+    }
   }
   Writer writer(matte, web);
   for (int y = 0; y < matte.height_px(); ++y) {

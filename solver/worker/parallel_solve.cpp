@@ -65,7 +65,9 @@ void remove_fall_off(const Shading& shading, int column_step, Matte& matte) {
           for (float* const light : {&pyramid.foreground, &pyramid.noise_sd, &pyramid.prior_sd})
             *light /= static_cast<float>(camera);
           for (Coefficient& own : pyramid.coefficients) {
-            const Mode mode = mode_of(own, pyramid.texture);
+            const Mode mode = own.level < kPyramidLevels
+                                  ? mode_of(own, pyramid.texture)
+                                  : matte.modes(x, y, c)[static_cast<size_t>(own.level - kPyramidLevels)];
             own.weight /=
                 static_cast<float>(camera * shading.monitor(pyramid.texture, static_cast<double>(mode.x_px),
                                                             static_cast<double>(mode.y_px)));

@@ -28,12 +28,32 @@ struct Kind {
   double sigma_px, ratio;  // of the wider axis; ratio to the narrower one
   int modes;
   bool boxes;
+  bool any = false;  // a tenth of the lens has footprints of any shape
 };
-constexpr std::array<Kind, 5> kKinds{{{"narrow", 0.4, 1.0, 1, false},
+constexpr std::array<Kind, 6> kKinds{{{"narrow", 0.4, 1.0, 1, false},
                                       {"wide", 8.0, 1.0, 1, false},
                                       {"oriented", 4.0, 2.0, 1, false},
                                       {"two modes, oriented", 2.0, 2.0, 2, false},
-                                      {"boxes", 4.0, 1.0, 1, true}}};
+                                      {"boxes", 4.0, 1.0, 1, true},
+                                      {"any shape", 4.0, 1.0, 1, false, true}}};
+
+// A ring of radius 12 px: a circle of 40 Gaussians of sigma 1, and 40 of sigma 2 px.
+PyramidFootprint ring(const Mode& mode) {
+  constexpr int kAround = 40;
+  PyramidFootprint pyramid{.texture = mode.texture, .noise_sd = 0.005f, .prior_sd = 0.01f};
+  for (int i = 0; i < 2 * kAround; ++i) {
+    const int level = i % 2;
+    const double angle = std::numbers::pi * i / kAround, step = std::ldexp(2.0, level);
+    const auto place = [&](float centre, double away) {
+      return std::max(0, static_cast<int>((static_cast<double>(centre) + 12.0 * away) / step));
+    };
+    pyramid.coefficients.push_back({.level = level,
+                                    .column = place(mode.x_px, std::cos(angle)),
+                                    .row = place(mode.y_px, std::sin(angle)),
+                                    .weight = mode.weight / (2 * kAround)});
+  }
+  return pyramid;
+}
 
 // A lens over a third of the picture, `width` x `height` px as the monitor. Channels differ, as through
 // glass; around it the monitor is seen directly. Has all rows, or this many of them, evenly spread.
@@ -46,6 +66,7 @@ Matte lens(const Kind& kind, int width, int height, int rows) {
   monitor.set_width_px(width);
   monitor.set_height_px(height);
   if (kind.boxes) matte.metadata.set_footprint(std::string(kBoxFootprint));
+  if (kind.any) matte.metadata.set_footprint(std::string(kPyramidFootprint));
   const double radius = std::sqrt(static_cast<double>(width) * height / 3.0 / std::numbers::pi);
   for (int row = 0; row < rows; ++row) {
     const double y = (row + 0.5) * height / rows;
@@ -74,6 +95,7 @@ Matte lens(const Kind& kind, int width, int height, int rows) {
                       .xy_px2 = static_cast<float>(kind.ratio > 1.0 ? cosine * sine * (u - v) : 0.0),
                       .yy_px2 = static_cast<float>(sine * sine * u + cosine * cosine * v)};
         }
+        if (kind.any && (x + 3 * row) % 10 == 0) matte.add_pyramid(x, row, c, ring(modes[0]));
       }
     }
   }

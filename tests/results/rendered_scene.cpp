@@ -98,6 +98,23 @@ Photograph RenderedScene::photograph(const std::string& name) const {
   return photograph;
 }
 
+Photograph RenderedScene::white() const {
+  const std::string& panel = manifest_.monitors(0).name();
+  const auto frame = std::ranges::find_if(manifest_.frames(), [&](const v1::Frame& each) {
+    const v1::Stimulus& shown = each.stimulus();
+    return each.object() && shown.kind() == "solid" && (shown.panel().empty() || shown.panel() == panel) &&
+           std::ranges::all_of(shown.colour(), [](double light) { return light == 1.0; });
+  });
+  Photograph photograph{.name = "white",
+                        .backgrounds = std::vector<RadianceImage>(manifest_.monitors_size()),
+                        .seen = picture(directory_ / frame->file()),
+                        .bare = {}};
+  photograph.backgrounds[0] =
+      RadianceImage(manifest_.monitors(0).width_px(), manifest_.monitors(0).height_px());
+  std::ranges::fill(photograph.backgrounds[0].samples, 1.0f);
+  return photograph;
+}
+
 const Image16& RenderedScene::recorded(int frame) const {
   const auto known = recorded_.find(frame);
   if (known != recorded_.end()) return known->second;

@@ -42,6 +42,8 @@ class RenderedScene {
   const v1::CaptureManifest& manifest() const { return manifest_; }
   std::vector<std::string> photograph_names() const;
   Photograph photograph(const std::string& name) const;
+  // White on the first monitor: a frame that was recorded for solving.
+  Photograph white() const;
   // The frames of a capture that the method needs: their parts summed, then degraded. A frame without parts
   // is its pattern as the camera sees it without the object.
   absl::StatusOr<FrameStack> stack(const Method& method, const SynthesizedCapture& capture,

@@ -34,7 +34,8 @@ class Modes:
     """The footprints of all pixels, as arrays of H x W x 3 x M: rows, columns, channels, modes.
 
     An unused mode has weight 0. The widths of a footprint are the square roots of the eigenvalues of
-    [[xx, xy], [xy, yy]]. The arrays are read-only views into the matte: copy one to change it.
+    [[xx, xy], [xy, yy]]. The arrays are read-only views into the matte: copy one to change it. Where ``Matte.any_shape`` is
+    true they are only the closest Gaussians.
     """
 
     weight: _Floats
@@ -114,6 +115,28 @@ class Matte(Pixels):
     def modes(self) -> Modes:
         """The footprints: where on the monitors the light came from."""
         return Modes(**{field.name: getattr(self._native, field.name) for field in dataclasses.fields(Modes)})
+
+    @property
+    def any_shape(self) -> npt.NDArray[np.bool_]:
+        """H x W: where a channel has a footprint of any shape (docs/footprints.md), which ``footprint()`` reads."""
+        return self._native.has_pyramid
+
+    def footprint(self, column: int, row: int, monitor: str | None = None) -> Picture:
+        """Where on a monitor a pixel's light comes from: h x w x 3, the share of each of its pixels, by channel.
+
+        It sums to the weight of the pixel's footprints on that monitor, less what lies beyond its edge; times a picture of
+        linear light and summed, it is what the pixel sees of it. All kinds of footprints are read: modes, boxes and those of
+        any shape. ``monitor``: default: the first. Releases the GIL.
+
+        InvalidInput: the matte has no such monitor or pixel.
+        """
+        name = self.monitors[0] if monitor is None else monitor
+        if name not in self.monitors:
+            raise InvalidInput(f'there is no monitor "{name}"; this matte has: {", ".join(self.monitors)}')
+        height, width = self.coverage.shape
+        if not (0 <= column < width and 0 <= row < height):
+            raise InvalidInput(f"there is no pixel {column}, {row}; this matte has {width}x{height}")
+        return self._native.footprint(column, row, self.monitors.index(name)).view(Picture)
 
     def _repr_png_(self) -> bytes:
         """What notebooks show: F plus half of the light that white monitors would contribute, with coverage as alpha."""

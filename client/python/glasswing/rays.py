@@ -14,6 +14,7 @@ import dataclasses
 import enum
 import math
 import os
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -30,6 +31,12 @@ from glasswing.v1 import rays_pb2
 _Floats = npt.NDArray[np.float32]
 _Doubles = npt.NDArray[np.float64]
 _MAX_DEPTH_MM = 1e7
+
+
+def _tell_lost(*mattes: Matte) -> None:
+    for matte in mattes:
+        if lost := matte._native.lost_text("rays"):
+            warnings.warn(lost, stacklevel=3)
 
 
 def read_geometry(path: str | os.PathLike[str]) -> rays_pb2.RigGeometry:
@@ -167,8 +174,9 @@ class Rays(Pixels):
         their sessions. Releases the GIL.
 
         InvalidInput: the mattes differ in size, contain boxes or do not match the geometry's camera, or their monitors are
-        in one plane. NotFound: no such pose.
+        in one plane. NotFound: no such pose. Footprints of any shape are not in rays: a warning says how much they show.
         """
+        _tell_lost(one, other)
         names = list(poses or (one.metadata.session, other.metadata.session))
         return cls(NativeRays.match(one._native, other._native, geometry.SerializeToString(), names))
 
@@ -185,6 +193,7 @@ class Rays(Pixels):
 
         ``object_depth_mm``: its distance along the camera's axis. Other arguments, and errors: as for ``match()``.
         """
+        _tell_lost(matte)
         name = pose or matte.metadata.session
         return cls(NativeRays.far_light(matte._native, geometry.SerializeToString(), name, object_depth_mm))
 

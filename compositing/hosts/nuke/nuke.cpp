@@ -12,6 +12,7 @@
 #include "core/cli/output_file.h"
 #include "core/file/file.h"
 #include "core/file/mapped_file.h"
+#include "core/matte/pyramid_share.h"
 
 namespace glasswing {
 namespace {
@@ -26,6 +27,7 @@ absl::Status write_nuke_script(const CommandLine& command_line, const NukeArgume
         "{} contains rays, which glasswing composite shows; Nuke scripts need mattes", arguments.matte));
   }
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte, MappedFile::open(arguments.matte));
+  GW_RETURN_IF_ERROR(in_file(arguments.matte, tell_lost(matte->bytes(), "Nuke scripts")));
   const absl::StatusOr<NukeScript> script =
       nuke_script(matte->bytes(), std::filesystem::absolute(arguments.matte).lexically_normal().string());
   if (!script.ok()) return in_file(arguments.matte, script.status());

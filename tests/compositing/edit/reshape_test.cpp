@@ -119,16 +119,19 @@ TEST(Flipped, TheCompositeIsFlipped) {
   }
 }
 
-TEST(Crop, KeepsModesAloneAndFlagsPixelsThatHadPyramids) {
+TEST(Crop, KeepsPyramids) {
   Matte matte = random_object(8, 6, 2, 11);
   matte.metadata.set_footprint(std::string(kPyramidFootprint));
   matte.add_pyramid(4, 2, 1, {.noise_sd = 0.01f, .prior_sd = 0.01f, .coefficients = {{.weight = 0.2f}}});
   const Matte part =
       crop_matte(encode_matte(matte).value(), {.x_px = 3, .y_px = 1, .width_px = 4, .height_px = 4}).value();
-  EXPECT_EQ(part.flags(1, 1) & kFlagPoorFit, kFlagPoorFit);
-  EXPECT_EQ(part.flags(2, 1) & kFlagPoorFit, matte.flags(5, 2) & kFlagPoorFit);
-  EXPECT_EQ(part.metadata.footprint(), "");
-  EXPECT_OK(decode_matte(encode_matte(part).value()));
+  EXPECT_EQ(part.flags(1, 1), matte.flags(4, 2));
+  ASSERT_EQ(part.pyramids(1, 1, 1).size(), 1u);
+  EXPECT_EQ(part.pyramids(1, 1, 1)[0].coefficients[0].weight, 0.2f);
+  const Matte read = decode_matte(encode_matte(part).value(), Pyramids::kKept).value();
+  EXPECT_EQ(read.pyramids(1, 1, 1).size(), 1u);
+  EXPECT_EQ(seen(part).at(1, 1, 1), seen(matte).at(4, 2, 1));
+  EXPECT_EQ(flipped(matte, true).pyramids(4, 3, 1).size(), 1u);
 }
 
 TEST(Crop, TheCompositeIsCropped) {

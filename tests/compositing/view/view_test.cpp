@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "compositing/view/contact_sheet.h"
-#include "compositing/view/footprint_picture.h"
 #include "compositing/view/matte_panels.h"
 #include "compositing/view/sampled_matte.h"
 #include "core/file/file.h"
@@ -64,39 +63,6 @@ MattePanel panel_of(const Matte& matte, const std::string& name) {
   }
   ADD_FAILURE() << "no panel " << name;
   return {};
-}
-
-// Sums over flat pixels: a Gaussian's light is all on the monitor, around its centre; a pyramid stands for
-// it.
-TEST(FootprintPicture, ShowsWhereLightComesFrom) {
-  Matte matte = a_matte();
-  const auto sums = [](const RadianceImage& picture) {
-    std::array<double, 3> sum{};  // light, and its mean place
-    for (int y = 0; y < picture.height_px; ++y) {
-      for (int x = 0; x < picture.width_px; ++x) {
-        const double light = picture.at(x, y, 1);
-        sum[0] += light, sum[1] += light * (x + 0.5), sum[2] += light * (y + 0.5);
-      }
-    }
-    return std::array{sum[0], sum[1] / sum[0], sum[2] / sum[0]};
-  };
-  const RadianceImage gaussian = footprint_picture(matte, 10, 6, 0);
-  ASSERT_EQ(gaussian.width_px, kWidth * kStep_px);
-  ASSERT_EQ(gaussian.height_px, kHeight * kStep_px);
-  const auto [light, x_px, y_px] = sums(gaussian);
-  EXPECT_NEAR(light, 0.5, 1e-3);
-  EXPECT_NEAR(x_px, 105.0, 1e-2);
-  EXPECT_NEAR(y_px, 65.0, 1e-2);
-  const RadianceImage elsewhere = footprint_picture(matte, 10, 6, 1);
-  EXPECT_EQ(*std::ranges::max_element(elsewhere.samples), 0.0f);
-  // Half the mode, and a Gaussian of sigma 2 px at 42, 22.
-  matte.add_pyramid(10, 6, 1,
-                    {.coefficients = {{.level = kPyramidLevels, .weight = 0.25f},
-                                      {.level = 1, .column = 10, .row = 5, .weight = 0.25f}}});
-  const auto [both, both_x_px, both_y_px] = sums(footprint_picture(matte, 10, 6, 0));
-  EXPECT_NEAR(both, 0.5, 1e-3);
-  EXPECT_NEAR(both_x_px, 0.5 * (105.0 + 42.0), 1e-2);
-  EXPECT_NEAR(both_y_px, 0.5 * (65.0 + 22.0), 1e-2);
 }
 
 TEST(SampledMatte, HasEveryNthPixelAndTheCountOfAll) {

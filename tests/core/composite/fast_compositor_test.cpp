@@ -160,6 +160,37 @@ INSTANTIATE_TEST_SUITE_P(Sigmas, Widths,
                          testing::Values(0.0, 0.01, 0.1, 0.3, 0.5, 0.6, 1.0, 1.5, 2.2, 3.3, 7.0, 20.0, 60.0,
                                          300.0));
 
+// Coefficients of all levels that overlap, some beyond the edge, beside a mode that is kept.
+TEST(FastCompositor, PyramidsAreTheExactOnes) {
+  Random random(4);
+  Matte matte = matte_of(12, 8, [&](Random& own) {
+    return oriented(uniform(own, 0.0, kWidth), uniform(own, 0.0, kHeight), 3.0, 1.0, 0.5);
+  });
+  matte.metadata.set_footprint(std::string(kPyramidFootprint));
+  for (int y = 0; y < 8; ++y) {
+    for (int x = 0; x < 12; x += 2) {
+      for (int c = 0; c < kChannels; ++c) {
+        PyramidFootprint pyramid{.foreground = 0.01f,
+                                 .coefficients = {{.level = kPyramidLevels, .weight = 0.3f}}};
+        const double around_x = uniform(random, 0.0, kWidth), around_y = uniform(random, 0.0, kHeight);
+        for (int i = 0; i < 50; ++i) {
+          const int level = i % kPyramidLevels;
+          const double step = std::ldexp(2.0, level);
+          pyramid.coefficients.push_back(
+              {.level = level,
+               .column = static_cast<int>(std::max(0.0, around_x + uniform(random, -15.0, 15.0)) / step),
+               .row = static_cast<int>(std::max(0.0, around_y + uniform(random, -15.0, 15.0)) / step),
+               .weight = static_cast<float>(uniform(random, 0.0, 0.03))});
+        }
+        matte.add_pyramid(x, y, c, pyramid);
+      }
+    }
+  }
+  for (const RadianceImage& picture :
+       {noise(kWidth, kHeight), waves(kWidth, kHeight), even(kWidth, kHeight, 1.0f)})
+    EXPECT_LE(error_of(matte, {picture}), kMaxRms);
+}
+
 TEST(FastCompositor, PointsAreTheirPixels) {
   const RadianceImage picture = noise(kWidth, kHeight);
   Matte matte = matte_of(30, 20, [](Random& random) {

@@ -114,6 +114,34 @@ TEST(MatteTransport, HoldsPyramids) {
   EXPECT_LT(largest_difference(matte), kTolerance);
 }
 
+// Its sum with a picture is the exact composite, less F, of all kinds of footprints.
+TEST(FootprintPicture, TimesAPictureIsWhatThePixelSees) {
+  for (const std::string_view kind : {std::string_view(), kBoxFootprint, kPyramidFootprint}) {
+    Matte matte = some_matte(kind);
+    if (kind == kPyramidFootprint) {
+      matte.add_pyramid(4, 3, 1,
+                        {.texture = 0,
+                         .foreground = 0.1f,
+                         .coefficients = {{.level = 0, .column = 5, .row = 4, .weight = 0.3f},
+                                          {.level = kPyramidLevels, .weight = 0.1f},
+                                          {.level = 2, .column = 1, .row = 1, .weight = 0.6f}}});
+    }
+    const std::vector<RadianceImage> pictures = pictures_for(matte);
+    const RadianceImage seen = composite(matte, pictures, 1).value();
+    for (const auto& [x, y] : {std::pair(4, 3), std::pair(0, 0), std::pair(12, 8)}) {
+      for (int c = 0; c < kChannels; ++c) {
+        double light = matte.foreground_of_gaussians(x, y, c);
+        for (int t = 0; t < 2; ++t) {
+          const RadianceImage shares = footprint_picture(matte, x, y, t);
+          for (size_t i = c; i < shares.samples.size(); i += kChannels)
+            light += static_cast<double>(shares.samples[i] * pictures[t].samples[i]);
+        }
+        EXPECT_NEAR(light, seen.at(x, y, c), kTolerance) << kind << " " << x << ", " << y;
+      }
+    }
+  }
+}
+
 TEST(MatteTransport, TransposedIsThePictureFromTheMonitor) {
   Matte matte = some_matte();
   for (int t = 0; t < 2; ++t) {  // channels that leak into each other

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <map>
+#include <numbers>
 
 #include "core/footprint/fill.h"
 #include "core/rays/cube.h"
@@ -17,7 +18,7 @@ std::map<std::string, std::string> planes_of(const WebMatte& web) {
   std::map<std::string, std::string> planes;
   size_t at = 0;
   for (const WebPlane& plane : web.planes) {
-    std::string bytes(1000, '\0');
+    std::string bytes(5000, '\0');
     uLongf size = bytes.size();
     EXPECT_EQ(uncompress(reinterpret_cast<Bytef*>(bytes.data()), &size,
                          reinterpret_cast<const Bytef*>(web.bytes.data() + at), plane.bytes),
@@ -41,6 +42,21 @@ std::vector<int> numbers_of(const std::string& low, const std::string& high) {
     numbers.push_back(value & 0xffff);
   }
   return numbers;
+}
+
+// The sum of a channel's weights by pixel.
+std::vector<int> light_of_pixels(const std::map<std::string, std::string>& planes,
+                                 const std::string& channel) {
+  const std::string &low = planes.at(channel + "_low"), &high = planes.at(channel + "_high");
+  std::vector<int> sums, last(255);
+  size_t i = 0;
+  for (const char count : planes.at("count")) {
+    int sum = 0;
+    for (size_t slot = 0; slot < static_cast<unsigned char>(count); ++slot, ++i)
+      sum += last[slot] = (last[slot] + numbers_of(low.substr(i, 1), high.substr(i, 1)).front()) & 0xffff;
+    sums.push_back(sum);
+  }
+  return sums;
 }
 
 TEST(WebMatte, HolesAreFilledAsByMatteFill) {
@@ -74,6 +90,32 @@ TEST(WebMatte, HoldsWhatTheMatteHas) {
   EXPECT_EQ(numbers_of(planes.at("red_low"), planes.at("red_high")).front(), 128);
   EXPECT_EQ(numbers_of(planes.at("green_low"), planes.at("green_high")).front(), 256);
   EXPECT_EQ(numbers_of(planes.at("blue_low"), planes.at("blue_high")).front(), 384);
+}
+
+// A pyramid's many coefficients become fewer footprints that have all of its light, to half a unit of weight
+// each.
+TEST(WebMatte, HoldsPyramids) {
+  Matte matte = a_matte();
+  matte.metadata.set_footprint(std::string(kPyramidFootprint));
+  PyramidFootprint ring{.foreground = 0.2f};
+  constexpr int kCoefficients = 120;
+  for (int i = 0; i < kCoefficients; ++i) {
+    const double angle = 2.0 * std::numbers::pi * i / kCoefficients;
+    ring.coefficients.push_back({.column = static_cast<int>(50 + 6 * std::cos(angle)),
+                                 .row = static_cast<int>(100 + 6 * std::sin(angle)),
+                                 .weight = 0.5f / kCoefficients});
+  }
+  matte.add_pyramid(2, 2, 0, ring);
+  const WebMatte web = encode_web_matte(matte).value(), before = encode_web_matte(a_matte()).value();
+  const auto added = static_cast<double>(web.footprint_count - before.footprint_count);
+  EXPECT_GT(added, 8);
+  EXPECT_LT(added, kCoefficients / 2.0);
+  const auto planes = planes_of(web), plain = planes_of(before);
+  const size_t pixel = 2 * kWidth + 2;
+  const auto red = light_of_pixels(planes, "red");
+  EXPECT_NEAR(red[pixel] * kWeightUnit, 0.5, 0.5 * kWeightUnit * added);
+  EXPECT_EQ(red[pixel + 1], light_of_pixels(plain, "red")[pixel + 1]);
+  EXPECT_NE(planes.at("red"), plain.at("red"));  // F
 }
 
 TEST(WebMatte, AnglesAreThoseOfTheWideAxis) {

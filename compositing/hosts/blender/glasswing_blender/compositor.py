@@ -134,6 +134,10 @@ class Compositor:
             found["out"].append(used)
             for name in ("weight", "x", "y", "xx", "xy", "yy"):
                 found[name].append(mode[name].ravel()[used].astype(np.float64))
+        if self._matte.more:
+            used = self._matte.more["texture"] == texture
+            for name, of in found.items():
+                of.append(self._matte.more[name][used])
         f = {name: np.concatenate(of) for name, of in found.items()}
         pyramid = self._pyramids[texture]
         last = len(pyramid.sizes) - 1

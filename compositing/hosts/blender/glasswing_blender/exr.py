@@ -111,8 +111,10 @@ def _unpacked(packed, part, rows):
     return raw.reshape(rows, part.line_bytes)
 
 
-def read_parts(path, wanted=lambda name: True):
-    """[(Part, {channel: (height, width) float32})] for the parts whose name is wanted; for the others, {}."""
+def read_parts(path, wanted=lambda name: True, each_line=None):
+    """[(Part, {channel: (height, width) float32})] for the parts whose name is wanted; for the others, {}.
+
+    `each_line`: {name of a part that is not wanted: called with each of its lines' row and its float32 numbers}."""
     with open(path, "rb") as file:
         reader = _Bytes(file.read())
     magic, version = struct.unpack("<Ii", reader.take(8))
@@ -133,12 +135,17 @@ def read_parts(path, wanted=lambda name: True):
         packed = reader.take(size)
         if not 0 <= number < len(parts):
             raise NotAnExr(f"lines of part {number}, of {len(parts)}")
-        if lines[number] is None:
-            continue
         part = parts[number]
+        each = (each_line or {}).get(part.name)
+        if lines[number] is None and each is None:
+            continue
         first = line - part.top
         if not 0 <= first < part.height:
             raise NotAnExr(f"line {line} is not in the picture")
         rows = min(part.chunk_lines, part.height - first)
+        if lines[number] is None:
+            for row, raw in enumerate(_unpacked(packed, part, rows), first):
+                each(row, raw.view("<f4"))
+            continue
         lines[number][first : first + rows] = _unpacked(packed, part, rows)
     return [(part, {} if data is None else part.planes(data)) for part, data in zip(parts, lines)]

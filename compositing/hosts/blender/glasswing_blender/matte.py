@@ -32,6 +32,9 @@ class Matte:
     # By monitor the matrix from its primaries to the camera's channels, and its inverse; None: they are the same.
     crosstalk: tuple[list[np.ndarray], np.ndarray] | None = None
     warnings: list[str] = field(default_factory=list)
+    # Footprints of any shape (docs/footprints.md), as Gaussians in place of modes: arrays by name, as those of modes, and
+    # "out": 3 * pixel + channel.
+    more: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def height(self):
@@ -62,7 +65,9 @@ class Matte:
 
 def read_matte(path):
     """Raises OSError, or ValueError that says what is wrong with the file."""
-    parts = exr.read_parts(path, lambda name: name == "foreground" or re.fullmatch(r"mode\d+", name))
+    pyramids = {}
+    parts = exr.read_parts(path, lambda name: name == "foreground" or re.fullmatch(r"mode\d+", name),
+                           {"pyramid": lambda row, numbers: pyramids.update({row: numbers[: _end(numbers)].copy()})})
     if "glasswing:rays" in parts[0][0].text:
         raise ValueError(f"{path} contains rays, which the 3D Viewport's panel puts into a scene; this needs a matte")
     text = parts[0][0].text.get("glasswing")
@@ -71,8 +76,8 @@ def read_matte(path):
     metadata = json.loads(text)
     if metadata.get("format_version") != 1:
         raise ValueError(f"{path} has format {metadata.get('format_version')}; this add-on reads 1")
-    if metadata.get("footprint", "gaussian") not in ("", "gaussian", "box"):
-        raise ValueError(f"{path} has footprints of the kind \"{metadata['footprint']}\"; gaussian and box are supported")
+    if metadata.get("footprint", "gaussian") not in ("", "gaussian", "box", "pyramid"):
+        raise ValueError(f"{path} has footprints of the kind \"{metadata['footprint']}\"; gaussian, box and pyramid are supported")
     planes = {part.name: _whole(part, of, metadata) for part, of in parts if of}
     if "foreground" not in planes:
         raise ValueError(f"{path} has no part \"foreground\"")
@@ -88,8 +93,10 @@ def read_matte(path):
         monitors = [Monitor(each.get("name", ""), each["width_px"], each["height_px"]) for each in metadata["monitors"]]
         modes = [{name: layer(part, name) for name in _LAYERS} for part in sorted(planes) if part != "foreground"]
         front = planes["foreground"]
+        foreground = layer("foreground", "F")
+        more = _replaced(pyramids, modes, foreground)
         return Matte(
-            foreground=layer("foreground", "F"),
+            foreground=foreground,
             coverage=front["foreground.coverage.Y"],
             flags=front["foreground.flags.Y"].astype(np.uint8),
             modes=modes,
@@ -97,9 +104,55 @@ def read_matte(path):
             is_box=metadata.get("footprint") == "box",
             crosstalk=_crosstalk(metadata, len(monitors)),
             warnings=metadata.get("warnings", []),
+            more=more,
         )
     except KeyError as error:
         raise ValueError(f"{path} lacks {error.args[0]}") from None
+
+
+_LEVELS = 5  # of pyramids
+_HEAD = 9  # numbers before a pyramid's coefficients
+
+
+def _end(numbers):
+    """The length of a row's pyramids: x + 1, channel, texture, F', noise, prior, n, left, top, n steps from
+    place to place, n weights."""
+    end = 0
+    while end < len(numbers) and numbers[end]:
+        end += _HEAD + 2 * int(numbers[end + 6])
+    if end > len(numbers):
+        raise ValueError("its pyramids are longer than their row")
+    return end
+
+
+def _replaced(pyramids, modes, foreground):
+    """Takes the modes for which pyramids stand out of `modes`, adds to F, and returns Matte.more."""
+    width = foreground.shape[1]
+    found = {name: [] for name in ("out", *_LAYERS)}
+    for row, numbers in pyramids.items():
+        while len(numbers):
+            x, channel, texture, more_foreground, _, _, count, left, top = numbers[:_HEAD]
+            step, weight = numbers[_HEAD : _HEAD + 2 * int(count)].reshape(2, -1)
+            place = np.cumsum(step.astype(np.int64))
+            numbers = numbers[_HEAD + 2 * int(count) :]
+            at = row, int(x) - 1, int(channel)
+            foreground[at] += more_foreground
+            level, inside = np.divmod(place, 1 << 20)
+            round_ones = level < _LEVELS
+            scale = 2.0 ** level[round_ones]
+            own = {"weight": weight[round_ones],
+                   "x": scale * (2 * (left // scale + inside[round_ones] // 1024) + 1),
+                   "y": scale * (2 * (top // scale + inside[round_ones] % 1024) + 1),
+                   "xx": scale**2, "xy": 0 * scale, "yy": scale**2}
+            kept = [(modes[int(l) - _LEVELS], w) for l, w in zip(level[~round_ones], weight[~round_ones])]
+            for name in own:
+                found[name].append(np.append(own[name], [w if name == "weight" else mode[name][at] for mode, w in kept]))
+            found["texture"].append(np.full(int(count), texture))
+            found["out"].append(np.full(int(count), (row * width + at[1]) * 3 + at[2]))
+            for mode in modes:
+                if mode["texture"][at] == texture:
+                    mode["weight"][at] = 0
+    return {name: np.concatenate(of) for name, of in found.items()} if found["out"] else {}
 
 
 def _whole(part, planes, metadata):

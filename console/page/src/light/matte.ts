@@ -135,8 +135,8 @@ function readMetadata(exr: Exr): MatteMetadata {
   const monitors = metadata.monitors ?? [];
   if (monitors.length === 0 || !monitors.every(({ width_px, height_px }) => width_px > 0 && height_px > 0))
     throw new NotAMatte("its header names no monitors with sizes");
-  if (!["", "gaussian", "box"].includes(metadata.footprint ?? ""))
-    throw new NotAMatte(`its footprints are "${metadata.footprint}"; they must be gaussian or box`);
+  if (!["", "gaussian", "box", "pyramid"].includes(metadata.footprint ?? ""))
+    throw new NotAMatte(`its footprints are "${metadata.footprint}"; they must be gaussian, box or pyramid`);
   return { ...metadata, monitors };
 }
 
@@ -144,16 +144,52 @@ function readMetadata(exr: Exr): MatteMetadata {
 class ModeList {
   values = new Float32Array(1 << 16);
   count = 0;
-  add(lines: Float32Array[], at: number): void {
+  add(layer: (layer: number) => number): void {
     if ((this.count + 1) * kStride > this.values.length) {
       const longer = new Float32Array(this.values.length * 2);
       longer.set(this.values);
       this.values = longer;
     }
-    for (let layer = 0; layer < kStride; ++layer)
-      this.values[this.count * kStride + layer] = lines[layer]![at]!;
+    for (let l = 0; l < kStride; ++l) this.values[this.count * kStride + l] = layer(l);
     ++this.count;
   }
+}
+
+/** A channel's light of one monitor that no few Gaussians describe (docs/footprints.md): stands for its modes there. */
+interface Pyramid {
+  texture: number;
+  foreground: number;
+  coefficients: { level: number; column: number; row: number; weight: number }[];
+}
+const kPyramidLevels = 5;
+const kPlaceSide = 1024;
+const kPyramidHead = 9;
+
+/** A row's, by 3 x + channel. NotAMatte: numbers that no row has. */
+export function pyramidsOf(numbers: Float32Array, width: number): Map<number, Pyramid[]> {
+  const all = new Map<number, Pyramid[]>();
+  for (let at = 0; at < numbers.length && numbers[at] !== 0;) {
+    const [x, channel, texture, foreground, , , count, left, top] = numbers.subarray(at, at + kPyramidHead);
+    const whole = [x, channel, texture, count, left, top].every((value) => Number.isInteger(value) && value! >= 0);
+    if (!whole || x! > width || channel! > 2 || at + kPyramidHead + 2 * count! > numbers.length)
+      throw new NotAMatte("its pyramids have values that are invalid in a matte");
+    at += kPyramidHead;
+    let place = 0;
+    const coefficients = Array.from({ length: count! }, (_, i) => {
+      place += numbers[at + i]!;
+      const level = Math.floor(place / kPlaceSide ** 2);
+      return {
+        level,
+        column: Math.floor(left! / 2 ** level) + Math.floor((place % kPlaceSide ** 2) / kPlaceSide),
+        row: Math.floor(top! / 2 ** level) + (place % kPlaceSide),
+        weight: numbers[at + count! + i]!,
+      };
+    });
+    at += 2 * count!;
+    const key = 3 * (x! - 1) + channel!;
+    all.set(key, [...(all.get(key) ?? []), { texture: texture!, foreground: foreground!, coefficients }]);
+  }
+  return all;
 }
 
 /** The position of each layer in a part's lines. NotAMatte names a missing one. */
@@ -180,14 +216,20 @@ const kForeground = 1;
 const kFirstMode = 2;
 const kRowsAtOnce = 16;
 
-/** `report` gets the fraction that is done. */
+/**
+ * `report` gets the fraction that is done. `any`: pyramids are read, as Gaussians in place of the modes that they stand for;
+ * without it, modes are what they are, and a warning says how many pixels have pyramids.
+ */
 export async function readMatte(
   bytes: Uint8Array<ArrayBuffer>,
   report: (done: number) => void,
+  any = false,
 ): Promise<MatteData> {
   const exr = readExr(bytes);
   const metadata = readMetadata(exr);
-  const modeCount = exr.parts.length - kFirstMode;
+  const hasPyramids = metadata.footprint === "pyramid";
+  const modeCount = exr.parts.length - kFirstMode - (hasPyramids ? 1 : 0);
+  if (hasPyramids && exr.parts.at(-1)?.name !== "pyramid") throw new NotAMatte('it lacks its part "pyramid"');
   if (exr.parts[kForeground]?.name !== "foreground" || modeCount < 1)
     throw new NotAMatte("its parts must be preview, foreground, mode1 and so on");
   const gray = exr.parts[kFirstMode]!.channels.includes("mode1.weight.Y");
@@ -232,42 +274,68 @@ export async function readMatte(
       matte.flags[pixel] = flags[x]! >= 0 && flags[x]! < 256 ? flags[x]! : kFlags.notSolved;
     }
   };
-  const takeModes = (lines: Float32Array[], row: number): void => {
+  const takeModes = (lines: Float32Array[], row: number, pyramids: Map<number, Pyramid[]>): void => {
     const layers = columnsAt.map((channels, m) =>
       channels.map((columns) => columns.map((column) => lines[m]!.subarray(column, column + width))),
     );
     for (let x = 0, at = row * width * suffixes.length; x < width; ++x) {
       for (let channel = 0; channel < suffixes.length; ++channel) {
         matte.firstMode[at++] = modes.count;
-        for (let m = 0; m < modeCount; ++m) {
-          const mode = layers[m]![channel]!;
-          if (mode[0]![x] === 0) continue;
-          modes.add(mode, x);
+        const own = pyramids.get(3 * x + channel) ?? [];
+        const add = (layer: (layer: number) => number): void => {
+          modes.add(layer);
           if (!isGood(modes, metadata.monitors.length))
             throw new NotAMatte(
               `pixel (${x + exr.window.x0}, ${row + exr.window.y0}) has values that are invalid in a matte`,
             );
+        };
+        for (let m = 0; m < modeCount; ++m) {
+          const mode = layers[m]![channel]!;
+          if (mode[0]![x] === 0 || own.some(({ texture }) => texture === mode[kTexture]![x])) continue;
+          add((layer) => mode[layer]![x]!);
+        }
+        for (const { texture, foreground, coefficients } of own) {
+          matte.foreground[3 * (row * width + x) + channel]! += foreground;
+          for (const { level, column, row: down, weight } of coefficients) {
+            const sigma = 2 ** level;
+            const mode = layers[level - kPyramidLevels]?.[channel];
+            const round = [weight, sigma * (2 * column + 1), sigma * (2 * down + 1), sigma ** 2, 0, sigma ** 2, texture, 0, 0];
+            add((layer) => (layer === kWeight || !mode ? round[layer]! : mode[layer]![x]!));
+          }
         }
       }
     }
   };
 
+  let withPyramids = 0;
   for (let first = 0; first < height; first += kRowsAtOnce) {
     const rows = Array.from({ length: Math.min(kRowsAtOnce, height - first) }, (_, i) => first + i);
     const lines = await Promise.all(
       rows.map((row) =>
         Promise.all(
-          Array.from({ length: 1 + modeCount }, (_, part) => readLine(exr, kForeground + part, row)),
+          Array.from({ length: 1 + modeCount + (hasPyramids ? 1 : 0) }, (_, part) =>
+            readLine(exr, kForeground + part, row),
+          ),
         ),
       ),
     );
     lines.forEach(([foreground, ...modeLines], i) => {
+      const pyramids = hasPyramids ? pyramidsOf(modeLines[modeCount]!, width) : new Map<number, Pyramid[]>();
+      withPyramids += new Set(Array.from(pyramids.keys(), (key) => Math.floor(key / 3))).size;
       takeForeground(foreground!, first + i);
-      takeModes(modeLines, first + i);
+      takeModes(modeLines, first + i, any ? pyramids : new Map<number, Pyramid[]>());
     });
     report(Math.min(1, (first + kRowsAtOnce) / height));
   }
   matte.firstMode[matte.firstMode.length - 1] = modes.count;
   matte.modes = modes.values.slice(0, modes.count * kStride);
+  if (withPyramids > 0 && !any) {
+    const object = matte.coverage.reduce((count, coverage) => count + Number(coverage > 0), 0);
+    metadata.warnings = [
+      ...(metadata.warnings ?? []),
+      `${((100 * withPyramids) / object).toFixed(1)} % of the object's pixels have footprints of any shape: composites ` +
+        "show them; places and widths here are those of the closest Gaussians",
+    ];
+  }
   return matte;
 }

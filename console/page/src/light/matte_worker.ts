@@ -41,7 +41,7 @@ onmessage = async ({ data: { url, wants } }: MessageEvent<LoadRequest>) => {
       if (done - told < 0.02 && done < 1) return;
       told = done;
       say({ progress: 0.4 + 0.4 * done });
-    });
+    }, wants !== "values");
     const buffers = [matte.foreground, matte.coverage, matte.flags, matte.firstMode, matte.modes].map(
       ({ buffer }) => buffer,
     );

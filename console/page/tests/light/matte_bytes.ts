@@ -11,6 +11,8 @@ export interface MatteText {
   modeCount: number;
   foreground: (pixel: number, channel: number) => number;
   modes: (pixel: number, channel: number) => Mode[];
+  /** The numbers of each row's pyramids. */
+  pyramids?: number[][];
 }
 
 /** The bytes of a matte's file. */
@@ -22,6 +24,7 @@ export function matteBytes({
   modeCount,
   foreground,
   modes,
+  pyramids,
 }: MatteText): Uint8Array<ArrayBuffer> {
   const pixels = Array.from({ length: width * height }, (_, pixel) => pixel);
   const attributes = { glasswing: JSON.stringify(metadata) };
@@ -53,6 +56,13 @@ export function matteBytes({
       ]),
     );
     parts.push({ name: `mode${m + 1}`, channels: sorted(Object.fromEntries(layers)), attributes });
+  }
+  if (pyramids) {
+    const planes = Array.from({ length: 512 }, (_, plane): [string, number[]] => [
+      `pyramid.${String(plane).padStart(3, "0")}.Y`,
+      pixels.map((pixel) => pyramids[Math.floor(pixel / width)]![plane * width + (pixel % width)] ?? 0),
+    ]);
+    parts.push({ name: "pyramid", channels: Object.fromEntries(planes), attributes });
   }
   return exrBytes(parts, width, height);
 }

@@ -51,6 +51,29 @@ test("what was written is read, in colour and gray", async () => {
   }
 });
 
+test("a pyramid stands for the modes of its monitor, where it is asked for", async () => {
+  const text = textOf(["R", "G", "B"], "pyramid");
+  // Blue of pixel (5, 1), which has two modes: a Gaussian of sigma 4 px, and its second mode.
+  const pixel = 7 + 5;
+  const [, second] = text.modes(pixel, 2) as [Mode, Mode];
+  const place = 2 * 1024 ** 2 + 1024 * 2 + 1;
+  const row = [6, 2, second.texture, 0.25, 0.01, 0.02, 2, 16, 24, place, 6 * 1024 ** 2 - place, 0.5, 0.125];
+  const bytes = matteBytes({ ...text, pyramids: [[], row, [], [], []] });
+  const drawn = await readMatte(bytes, () => undefined, true);
+  const own = modesOf(drawn, pixel, 2);
+  expect(own).toEqual([
+    { weight: 0.5, x: 4 * (2 * 6 + 1), y: 4 * (2 * 7 + 1), xx: 16, xy: 0, yy: 16, texture: second.texture, weight_sd: 0, centre_sd: 0 },
+    { ...second, weight: 0.125 },
+  ]);
+  expect(drawn.foreground[3 * pixel + 2]).toBeCloseTo(text.foreground(pixel, 2) + 0.25, 5);
+  expect(modesOf(drawn, pixel, 1)).toEqual(text.modes(pixel, 1));
+  const plain = await readMatte(bytes, () => undefined);
+  expect(modesOf(plain, pixel, 2)).toEqual(text.modes(pixel, 2));
+  expect(plain.metadata.warnings).toEqual([expect.stringMatching(/^2\.9 % of the object's pixels have footprints of any shape/)]);
+  row[6] = 3000;
+  await expect(read(matteBytes({ ...text, pyramids: [[], row, [], [], []] }))).rejects.toThrow("pyramids");
+});
+
 test("the strongest mode has the largest weight that an object can have", async () => {
   const text = textOf(["R", "G", "B"]);
   const matte = await read(matteBytes(text));
