@@ -19,6 +19,7 @@ constexpr int kRingFrames = 600;
 constexpr std::chrono::seconds kMaxSilence(3);  // without a frame, on top of two frame periods
 constexpr int kMaxSequences = 4096;
 constexpr std::chrono::seconds kMaxTriggerLead(1);
+constexpr std::chrono::milliseconds kPreviewEnds(1500);
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
 constexpr std::chrono::seconds kAskPause(1);            // between responses while no picture has arrived
@@ -268,8 +269,9 @@ grpc::Status CameraServiceImpl::CompareFrames(grpc::ServerContext*, const v1::Co
 grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::PreviewRequest* request,
                                         grpc::ServerWriter<v1::PreviewResponse>* writer) {
   if (const absl::Status status = check_preview(*request); !status.ok()) return to_grpc(status);
-  const std::unique_lock only(previewing_, std::try_to_lock);
-  if (!only.owns_lock())
+  std::unique_lock only(previewing_, std::defer_lock);
+  // One whose client is gone ends as soon as the camera has stopped.
+  if (!only.try_lock_for(kPreviewEnds))
     return to_grpc(absl::FailedPreconditionError("another preview is running; only one can run at a time"));
   const v1::GetCameraResponse camera = camera_.describe();
   const double exposure_ms =

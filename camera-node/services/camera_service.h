@@ -68,7 +68,7 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   JoinedCalls<v1::TakePictureResponse> pictures_;
   JoinedCalls<v1::KeepFramesResponse> keeps_;
   JoinedCalls<v1::LearnPatchesResponse> learnings_;
-  std::mutex previewing_;  // held by the one Preview call
+  std::timed_mutex previewing_;  // held by the one Preview call
 };
 
 }  // namespace glasswing
