@@ -36,9 +36,10 @@ done
 echo "== one session with both"
 "$bin/glasswing-server" --listen "$server" --data "$work/server" >"$work/server.log" 2>&1 &
 "$bin/glasswing-display" --server "$server" --listen "127.0.0.1:$display" --monitor back=96x72@60 >"$work/display.log" 2>&1 &
-n=2
+listen=$display
 for name in left right; do
-  "$bin/glasswing-camera" --server "$server" --name "$name" --listen "127.0.0.1:$((port + n++))" --data "$work/node-$name" \
+  ((++listen))
+  "$bin/glasswing-camera" --server "$server" --name "$name" --listen "127.0.0.1:$listen" --data "$work/node-$name" \
     --backend aravis --device "${network[$name]}.2" --size 96x72 --format Mono12p --fps 25 >"$work/camera-$name.log" 2>&1 &
 done
 until_true 40 up 3 || fail "not all nodes came up"
