@@ -1,5 +1,6 @@
 #include "camera-node/services/camera_service.h"
 
+#include <absl/cleanup/cleanup.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,6 +20,7 @@ constexpr int kRingFrames = 600;
 constexpr std::chrono::seconds kMaxSilence(3);  // without a frame, on top of two frame periods
 constexpr int kMaxSequences = 4096;
 constexpr std::chrono::seconds kMaxTriggerLead(1);
+constexpr std::chrono::seconds kPreviewEnds(5);
 constexpr double kPreviewExposureMs = 4.0;
 constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
 constexpr std::chrono::seconds kAskPause(1);            // between responses while no picture has arrived
@@ -265,12 +267,28 @@ grpc::Status CameraServiceImpl::CompareFrames(grpc::ServerContext*, const v1::Co
   return answer(comparison_.compare(*request), *response);
 }
 
+bool CameraServiceImpl::take_preview(const grpc::ServerContext& context) {
+  // One whose client is gone ends as soon as the camera has started and stopped.
+  for (const nanoseconds until = monotonic_now() + kPreviewEnds;;
+       std::this_thread::sleep_for(kPreviewPause)) {
+    const std::lock_guard lock(preview_mutex_);
+    if (preview_ == nullptr) {
+      preview_ = &context;
+      return true;
+    }
+    if (!preview_->IsCancelled() || monotonic_now() > until) return false;
+  }
+}
+
 grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::PreviewRequest* request,
                                         grpc::ServerWriter<v1::PreviewResponse>* writer) {
   if (const absl::Status status = check_preview(*request); !status.ok()) return to_grpc(status);
-  const std::unique_lock only(previewing_, std::try_to_lock);
-  if (!only.owns_lock())
+  if (!take_preview(*context))
     return to_grpc(absl::FailedPreconditionError("another preview is running; only one can run at a time"));
+  const absl::Cleanup ended = [this] {
+    const std::lock_guard lock(preview_mutex_);
+    preview_ = nullptr;
+  };
   const v1::GetCameraResponse camera = camera_.describe();
   const double exposure_ms =
       request->exposure_ms() != 0.0

@@ -46,6 +46,8 @@ class CameraServiceImpl final : public v1::CameraService::Service {
                             grpc::ServerWriter<v1::StreamFramesResponse>*) override;
 
  private:
+  // False: another Preview call is running.
+  bool take_preview(const grpc::ServerContext& context);
   using Take = std::function<bool(const v1::FrameTaken*)>;
   // Sends the camera's preparation until it is ready. False: the call is over.
   template <typename Response>
@@ -68,7 +70,8 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   JoinedCalls<v1::TakePictureResponse> pictures_;
   JoinedCalls<v1::KeepFramesResponse> keeps_;
   JoinedCalls<v1::LearnPatchesResponse> learnings_;
-  std::mutex previewing_;  // held by the one Preview call
+  std::mutex preview_mutex_;
+  const grpc::ServerContext* preview_ = nullptr;  // the one Preview call; guarded by preview_mutex_
 };
 
 }  // namespace glasswing

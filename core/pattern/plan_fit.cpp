@@ -23,6 +23,7 @@ constexpr double kShorter = 8.0;   // how much shorter the exposure for highligh
 constexpr double kNotable = 1.02;  // a longer exposure than this is more informative
 constexpr double kLonger = 8.0;    // and that of dark objects longer
 constexpr int kMaxHoldRefreshes = 600;
+constexpr double kSettling_ms = 1.0;       // of a monitor
 constexpr double kTriggerMargin_ms = 4.0;  // for the uncertainty of stamps and clocks
 constexpr double kFineBars = 128.0;        // of a side, where bars alone determine the place
 
@@ -122,6 +123,25 @@ double needed_ms(const v1::GetCameraResponse& camera, double exposure_ms, double
   return std::max(exposed_ms + kTriggerMargin_ms + scanout_ms, period_ms);
 }
 
+// A free-running exposure fits into a picture between its scan-out and the next one's with some probability;
+// the fewest refreshes for each that fits.
+int free_running_hold(const v1::GetCameraResponse& camera, double exposure_ms, double refresh_hz) {
+  const double refresh_ms = 1e3 / refresh_hz, period_ms = 1e3 / camera.frame_rate_hz();
+  const double exposed_ms = exposure_ms + static_cast<double>(camera.readout_ns()) / 1e6;
+  int best = kDefaultHoldRefreshes;
+  double least = std::numeric_limits<double>::infinity();
+  for (int hold = kDefaultHoldRefreshes; hold <= kMaxHoldRefreshes; ++hold) {
+    const double share = ((hold - 1) * refresh_ms - kSettling_ms - exposed_ms) / period_ms;
+    if (share <= 0.0) continue;
+    if (const double each = hold / std::min(share, 1.0); each < least) {
+      best = hold;
+      least = each;
+    }
+    if (share >= 1.0) break;
+  }
+  return best;
+}
+
 absl::Status fit_camera(const PlanWish& wish, const RigLimits& rig, v1::Plan& plan) {
   if (!rig.camera) {
     plan.add_exposure_ms(kDefaultExposureMs);
@@ -145,7 +165,10 @@ absl::Status fit_camera(const PlanWish& wish, const RigLimits& rig, v1::Plan& pl
         fmt::format("the camera needs {:.4g} ms for a picture; a step can last {:.4g} ms at most",
                     needed_ms(*rig.camera, longest_ms, refresh_hz), 1e3 * kMaxHoldRefreshes / refresh_hz));
   }
-  plan.set_hold_refreshes(std::max(static_cast<int>(hold), kDefaultHoldRefreshes));
+  const bool free_running = rig.camera->trigger().empty() && !rig.camera->on_demand() &&
+                            rig.camera->frame_rate_hz() > 0.0 && refresh_hz > 0.0;
+  plan.set_hold_refreshes(free_running ? free_running_hold(*rig.camera, longest_ms, refresh_hz)
+                                       : std::max(static_cast<int>(hold), kDefaultHoldRefreshes));
   return absl::OkStatus();
 }
 

@@ -17,7 +17,7 @@ PulsedDisplay::~PulsedDisplay() = default;
 void PulsedDisplay::arm(std::optional<Pulse> pulse) {
   const std::lock_guard lock(mutex_);
   armed_ = pulse;
-  due_.reset();
+  due_.clear();
   failure_ = absl::OkStatus();
 }
 
@@ -29,16 +29,16 @@ absl::StatusOr<std::vector<Scanout>> PulsedDisplay::show(const std::vector<Pictu
   }
   GW_ASSIGN_OR_RETURN(std::vector<Scanout> scanouts, display_.show(pictures, at));
   const std::lock_guard lock(mutex_);
-  if (armed_) due_ = std::ranges::max(scanouts, {}, &Scanout::start).start + armed_->after;
+  if (armed_) due_.push_back(std::ranges::max(scanouts, {}, &Scanout::start).start + armed_->after);
   due_changed_.notify_all();
   return scanouts;
 }
 
 void PulsedDisplay::pulse_all(const std::stop_token& stop) {
   std::unique_lock lock(mutex_);
-  while (due_changed_.wait(lock, stop, [this] { return due_.has_value(); })) {
-    const nanoseconds due = *due_;
-    due_.reset();
+  while (due_changed_.wait(lock, stop, [this] { return !due_.empty(); })) {
+    const nanoseconds due = due_.front();
+    due_.pop_front();
     const nanoseconds latest = due + (armed_ ? armed_->slack : nanoseconds(0));
     lock.unlock();
     sleep_until_monotonic(due);

@@ -1,9 +1,10 @@
 // A display that raises a trigger line once in each picture, a fixed time after its scan-out began on the
-// last monitor. The server chooses the time so that the camera exposes in the middle of what stands
-// (server/rig/exposure_triggers.h).
+// last monitor; of monitors that lag, in a later picture. The server chooses the time so that the camera
+// exposes in the middle of what stands (server/rig/exposure_triggers.h).
 #pragma once
 
 #include <condition_variable>
+#include <deque>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -39,9 +40,9 @@ class PulsedDisplay final : public Display {
   const std::unique_ptr<TriggerLine> line_;
   std::mutex mutex_;
   std::condition_variable_any due_changed_;
-  std::optional<Pulse> armed_;      // guarded by mutex_
-  std::optional<nanoseconds> due_;  // when to raise it next; guarded by mutex_
-  absl::Status failure_;            // guarded by mutex_
+  std::optional<Pulse> armed_;   // guarded by mutex_
+  std::deque<nanoseconds> due_;  // when to raise it, one for each picture; guarded by mutex_
+  absl::Status failure_;         // guarded by mutex_
   std::jthread thread_;
 };
 

@@ -35,6 +35,7 @@ class RigCheck {
     if (!links.ok()) return tell_status("nodes", links.status());
     tell_preparation(links->camera_info);
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();
+    if (plan_.method().empty()) hold_as_made_for(*links);
     GW_RETURN_IF_ERROR(check_fit(*links));
     check_clocks(*links);
     if (links->camera_info.on_demand()) {
@@ -48,6 +49,7 @@ class RigCheck {
                                nanoseconds(std::llround(1e6 * longest_ms))));
     for (const v1::DisplayMonitor& monitor : monitors_)
       report_(judge_monitor_light(monitor, calibrations_.display(monitor.name())));
+    if (links->camera_info.on_demand()) return absl::OkStatus();  // times prove nothing
     for (const v1::DisplayMonitor& monitor : monitors_)
       report_(judge_sync(monitor, calibrations_.sync(monitor.name())));
     return absl::OkStatus();
@@ -159,6 +161,14 @@ class RigCheck {
       return false;
     }
     return true;
+  }
+
+  // Pictures are shown as long as in a plan that is made for this rig.
+  void hold_as_made_for(const RigLinks& links) {
+    const absl::StatusOr<std::vector<v1::Monitor>> monitors = links.monitors();
+    v1::Plan made;
+    if (monitors.ok() && fit_to_camera({.monitors = *monitors, .camera = links.camera_info}, made).ok())
+      plan_.set_hold_refreshes(made.hold_refreshes());
   }
 
   // What started the exposures, and what was lost; of a camera with a trigger, a thermometer or packets.
@@ -340,7 +350,7 @@ class RigCheck {
 
   const NodeRegistry& rig_;
   const CalibrationStore& calibrations_;
-  const v1::Plan& plan_;
+  v1::Plan plan_;
   const std::function<void(const v1::Finding&)>& report_;
   std::vector<v1::DisplayMonitor> monitors_;  // that a plan would light
   std::vector<double> exposures_ms_;

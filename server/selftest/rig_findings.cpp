@@ -144,6 +144,16 @@ v1::Finding judge_window(const TestCaptureTimes& times, nanoseconds exposure, na
       "{:.2f} ms exposures need {:.2f} ms with readout and uncertainty; a picture is stable for {:.2f} ms",
       ms(exposure), ms(needed), ms(std::max(window, nanoseconds(0))));
   if (needed > window) return make_finding(v1::FINDING_LEVEL_PROBLEM, "window", text, advice_for(needed));
+  const nanoseconds shown = times.hold_refreshes * refresh;
+  if (times.triggered && times.frame_period > shown) {
+    return make_finding(
+        v1::FINDING_LEVEL_WARNING, "window",
+        text + fmt::format(", but it is shown for {:.2f} ms, and the camera is ready again after {:.2f} ms",
+                           ms(shown), ms(times.frame_period)),
+        fmt::format(
+            "set hold_refreshes to {}",
+            times.hold_refreshes + (times.frame_period - shown + refresh - nanoseconds(1)) / refresh));
+  }
   const nanoseconds sure = times.triggered ? needed : needed + times.frame_period;
   if (sure <= window) return make_finding(v1::FINDING_LEVEL_OK, "window", text);
   const double share = ms(window - needed) / ms(times.frame_period);

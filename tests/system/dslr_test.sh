@@ -27,9 +27,11 @@ glasswing nodes | grep -q "folder 96x72" || fail "the list of nodes does not say
 echo "== doctor, plan, check"
 glasswing doctor >"$work/doctor" || true
 grep -q "takes a picture when a capture requests one" "$work/doctor" || fail "doctor: $(cat "$work/doctor")"
+if grep -q "calibrate sync" "$work/doctor"; then fail "the doctor advises what this camera cannot do: $(cat "$work/doctor")"; fi
 glasswing plan make --for-rig --quality draft --images 26 -o "$work/plan.txtpb"
 glasswing capture "$work/plan.txtpb" --dry-run >"$work/dry" || fail "the plan does not fit"
 grep -q "takes its pictures on demand: each step is held until its picture has arrived" "$work/dry" || fail "dry run: $(cat "$work/dry")"
+if grep -q "calibrate sync" "$work/dry"; then fail "the dry run advises what this camera cannot do: $(cat "$work/dry")"; fi
 refused "raw files are linear, so that mattes need no calibration of the camera" glasswing calibrate camera
 
 echo "== capture"

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 
 #include "camera-node/backends/aravis/aravis_run.h"
 #include "camera-node/camera_metrics.h"
@@ -60,6 +61,7 @@ absl::StatusOr<std::unique_ptr<AravisCamera>> AravisCamera::open(const Options& 
   std::unique_ptr<AravisCamera> camera(new AravisCamera(options));
   GW_RETURN_IF_ERROR(camera->connect());
   GW_RETURN_IF_ERROR(camera->learn_rate());
+  camera->warn_of_small_socket();
   camera->read_temperature();
   return camera;
 }
@@ -253,6 +255,21 @@ absl::Status AravisCamera::learn_rate() {
   }
   period_ = *middle;
   return learn_exposures();
+}
+
+void AravisCamera::warn_of_small_socket() const {
+  size_t allowed_bytes = 0;
+  if (!arv_camera_is_gv_device(device_->get()) ||
+      !(std::ifstream("/proc/sys/net/core/rmem_max") >> allowed_bytes))
+    return;
+  const size_t frame_bytes = row_bytes(*format_, size_.width_px) * static_cast<size_t>(size_.height_px);
+  const size_t wanted_bytes = wanted_socket_bytes(frame_bytes, static_cast<size_t>(options_.packet_bytes));
+  if (allowed_bytes >= wanted_bytes / 2) return;
+  spdlog::warn(
+      "net.core.rmem_max is {}: a socket holds {:.2g} frames of {:.3g} MB in packets of {} bytes, and loses "
+      "packets while this machine is busy; sysctl -w net.core.rmem_max={} gives room for {}",
+      allowed_bytes, kSocketFrames * static_cast<double>(allowed_bytes) / static_cast<double>(wanted_bytes),
+      1e-6 * static_cast<double>(frame_bytes), options_.packet_bytes, wanted_bytes, kSocketFrames);
 }
 
 v1::GetCameraResponse AravisCamera::describe() const {

@@ -71,6 +71,7 @@ class AravisCamera final : public Camera {
   absl::Status check_trigger();
   absl::Status learn_exposures();
   absl::Status learn_rate();
+  void warn_of_small_socket() const;
   absl::Status start(double exposure_ms, const std::string& trigger);
   absl::Status set_exposure(double exposure_ms);
   absl::Status begin(const std::string& trigger);

@@ -1,14 +1,21 @@
 #include "camera-node/backends/aravis/aravis_run.h"
 
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <bit>
+
 #include "core/base/status.h"
 
 namespace glasswing {
 namespace {
 
-constexpr int kBuffers = 10;
-constexpr size_t kMaxWaiting = 32;  // frames not yet taken; beyond that the oldest is dropped
-// The kernel's default loses packets of most frames.
-constexpr guint kMinSocketBuffer_bytes = 2 << 20;
+// Frames held, of which Aravis needs some to fill.
+constexpr size_t kBuffers_bytes = 128 << 20, kMinBuffers = 8, kMaxBuffers = 36, kFilled = 4;
+// Without packets of an incomplete frame for so long, those missing are requested; twice this time with the
+// last ones. Aravis' own 20 ms would outlast a picture.
+constexpr guint kPacketTimeout_us = 5000;
+constexpr int kReceiverNice = -10;
 
 const char* fault_of(ArvBufferStatus status) {
   switch (status) {
@@ -28,6 +35,15 @@ const char* fault_of(ArvBufferStatus status) {
 }
 
 }  // namespace
+
+size_t wanted_socket_bytes(size_t frame_bytes, size_t packet_bytes) {
+  // The kernel charges a packet with its memory block, a power of two that also holds about 500 bytes of its
+  // own, and a descriptor of 256; and it doubles the size that is set.
+  constexpr size_t kMin_bytes = 2 << 20, kMax_bytes = 256 << 20;
+  const size_t packets = frame_bytes / std::max<size_t>(packet_bytes, 1) + 1;
+  return std::clamp(kSocketFrames * packets * (std::bit_ceil(packet_bytes + 500) + 256) / 2, kMin_bytes,
+                    kMax_bytes);
+}
 
 absl::StatusOr<std::unique_ptr<AravisRun>> AravisRun::begin(std::shared_ptr<AravisDevice> device,
                                                             const RawPicture& blank,
@@ -57,11 +73,17 @@ absl::Status AravisRun::stream() {
                         return arv_camera_get_pixel_format(camera, error);
                       }));
   if (ARV_IS_GV_STREAM(stream_.get())) {
+    GW_ASSIGN_OR_RETURN(const guint packet, arv_call("tell its packet size", [&](GError** error) {
+                          return arv_camera_gv_get_packet_size(camera, error);
+                        }));
     g_object_set(stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
-                 static_cast<gint>(std::max(2 * payload, kMinSocketBuffer_bytes)), "packet-resend",
-                 ARV_GV_STREAM_PACKET_RESEND_ALWAYS, nullptr);
+                 static_cast<gint>(wanted_socket_bytes(payload, packet)), "packet-resend",
+                 ARV_GV_STREAM_PACKET_RESEND_ALWAYS, "packet-timeout", kPacketTimeout_us, nullptr);
   }
-  for (int i = 0; i < kBuffers; ++i) arv_stream_push_buffer(stream_.get(), arv_buffer_new(payload, nullptr));
+  const size_t buffers = std::clamp(kBuffers_bytes / std::max(payload, 1u), kMinBuffers, kMaxBuffers);
+  max_waiting_ = buffers - kFilled;
+  for (size_t i = 0; i < buffers; ++i)
+    arv_stream_push_buffer(stream_.get(), arv_buffer_new(payload, nullptr));
   return arv_call("start", [&](GError** error) { arv_camera_start_acquisition(camera, error); });
 }
 
@@ -75,29 +97,34 @@ AravisRun::~AravisRun() {
 
 void AravisRun::call_back(void* run, ArvStreamCallbackType type, ArvBuffer* buffer) {
   auto& self = *static_cast<AravisRun*>(run);
+  if (type == ARV_STREAM_CALLBACK_TYPE_INIT) (void)::setpriority(PRIO_PROCESS, 0, kReceiverNice);
   if (type == ARV_STREAM_CALLBACK_TYPE_START_BUFFER) self.begun_[buffer] = monotonic_now();
-  if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) self.take(buffer);
+  if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) self.take();
 }
 
-void AravisRun::take(ArvBuffer* buffer) {
+void AravisRun::take() {
   if (ended_) return;
-  Frame frame = copied(buffer);
-  begun_.erase(buffer);
-  arv_stream_push_buffer(stream_.get(), arv_stream_pop_buffer(stream_.get()));
+  Arrived arrived{.buffer = GPtr<ArvBuffer>(arv_stream_pop_buffer(stream_.get())),
+                  .complete = monotonic_now()};
+  if (arrived.buffer == nullptr) return;
+  const auto begun = begun_.find(arrived.buffer.get());
+  arrived.first = begun == begun_.end() ? arrived.complete : begun->second;
+  begun_.erase(arrived.buffer.get());
   const std::lock_guard lock(mutex_);
-  frames_.push_back(std::move(frame));
-  if (frames_.size() > kMaxWaiting) {
+  frames_.push_back(std::move(arrived));
+  if (frames_.size() > max_waiting_) {
+    arv_stream_push_buffer(stream_.get(), frames_.front().buffer.release());
     frames_.pop_front();
     ++overrun_;
   }
   arrived_.notify_all();
 }
 
-AravisRun::Frame AravisRun::copied(ArvBuffer* buffer) const {
+AravisRun::Frame AravisRun::copied(const Arrived& arrived) const {
+  ArvBuffer* const buffer = arrived.buffer.get();
   Frame frame;
-  frame.complete = monotonic_now();
-  const auto begun = begun_.find(buffer);
-  frame.first = begun == begun_.end() ? frame.complete : begun->second;
+  frame.complete = arrived.complete;
+  frame.first = arrived.first;
   frame.id = arv_buffer_get_frame_id(buffer);
   frame.stamp = nanoseconds(arv_buffer_get_timestamp(buffer));
   frame.fault = fault_of(arv_buffer_get_status(buffer));
@@ -147,11 +174,16 @@ int AravisRun::take_overrun() {
 }
 
 std::optional<AravisRun::Frame> AravisRun::next(std::chrono::milliseconds timeout) {
-  std::unique_lock lock(mutex_);
-  arrived_.wait_for(lock, timeout, [this] { return !frames_.empty(); });
-  if (frames_.empty()) return std::nullopt;
-  Frame frame = std::move(frames_.front());
-  frames_.pop_front();
+  Arrived arrived;
+  {
+    std::unique_lock lock(mutex_);
+    arrived_.wait_for(lock, timeout, [this] { return !frames_.empty(); });
+    if (frames_.empty()) return std::nullopt;
+    arrived = std::move(frames_.front());
+    frames_.pop_front();
+  }
+  Frame frame = copied(arrived);
+  arv_stream_push_buffer(stream_.get(), arrived.buffer.release());
   return frame;
 }
 

@@ -14,6 +14,11 @@
 
 namespace glasswing {
 
+// The size of a socket's buffer (SO_RCVBUF) that holds this many frames, so that none is lost while this
+// machine is busy. The kernel allows net.core.rmem_max.
+inline constexpr int kSocketFrames = 4;
+size_t wanted_socket_bytes(size_t frame_bytes, size_t packet_bytes);
+
 class AravisRun {
  public:
   struct Frame {
@@ -48,10 +53,14 @@ class AravisRun {
   AravisRun(std::shared_ptr<AravisDevice> device, const RawPicture& blank, const std::string& trigger)
       : device_(std::move(device)), blank_(blank), trigger_(trigger) {}
   absl::Status stream();
-  // On Aravis' thread.
+  // On Aravis' thread, which must be back at its socket before that overflows.
   static void call_back(void* run, ArvStreamCallbackType type, ArvBuffer* buffer);
-  void take(ArvBuffer* buffer);
-  Frame copied(ArvBuffer* buffer) const;
+  struct Arrived {
+    GPtr<ArvBuffer> buffer;
+    nanoseconds first{}, complete{};
+  };
+  void take();
+  Frame copied(const Arrived& arrived) const;
   void read_chunks(ArvBuffer* buffer, Frame& frame) const;
 
   const std::shared_ptr<AravisDevice> device_;
@@ -64,8 +73,9 @@ class AravisRun {
   std::map<const ArvBuffer*, nanoseconds> begun_;  // being filled, since when; used by Aravis' thread alone
   std::mutex mutex_;
   std::condition_variable arrived_;
-  std::deque<Frame> frames_;  // guarded by mutex_
-  int overrun_ = 0;           // guarded by mutex_
+  size_t max_waiting_ = 0;      // beyond that the oldest is dropped
+  std::deque<Arrived> frames_;  // not yet taken; guarded by mutex_
+  int overrun_ = 0;             // guarded by mutex_
 };
 
 }  // namespace glasswing

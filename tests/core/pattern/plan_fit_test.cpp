@@ -141,14 +141,42 @@ TEST(PlanFit, ExposuresAndHoldFitTheCamera) {
   ASSERT_EQ(plan.exposure_ms_size(), 2);
   EXPECT_EQ(plan.exposure_ms(0), 4.0);
   EXPECT_EQ(plan.exposure_ms(1), 0.5);
-  // 8 ms + 16.7 ms of readout + 16.7 ms a frame = 41.3 ms: three refreshes.
+  // 8 ms + 16.7 ms of readout + 16.7 ms a frame = 41.3 ms, and 16.7 ms of scan-out: four refreshes.
   rig.camera = camera(60.0, 8.0, 16.0, 16.7);
   plan = *make_plan({.quality = PlanQuality::kBest, .images = {}}, rig);
-  EXPECT_EQ(plan.hold_refreshes(), 3);
+  EXPECT_EQ(plan.hold_refreshes(), 4);
   ASSERT_EQ(plan.exposure_ms_size(), 1);  // no shorter one is possible
   EXPECT_EQ(plan.exposure_ms(0), 8.0);
   rig.camera = camera(0.05, 8.0, 16.0, 0.0);
   EXPECT_FALSE(make_plan({}, rig).ok());
+}
+
+// Frames begin at any phase: over many phases, the chosen hold proves a step in the fewest refreshes.
+TEST(PlanFit, APictureIsShownAsLongAsProvesMostStepsOfAFreeRunningCamera) {
+  for (const double rate_hz : {4.0, 15.0, 25.0, 60.0, 100.0, 200.0}) {
+    for (const double refresh_hz : {4.0, 24.0, 60.0, 144.0}) {
+      SCOPED_TRACE(testing::Message() << rate_hz << " frames/s at " << refresh_hz << " Hz");
+      constexpr double kExposure_ms = 4.0, kSettling_ms = 1.0;
+      const RigLimits rig{.monitors = {monitor("back", 128, 96, refresh_hz)},
+                          .camera = camera(rate_hz, 0.1, 4.0, 0.0),
+                          .blur_px = 0.0};
+      const auto refreshes_a_step = [&](int hold) {
+        constexpr int kPhases = 2000;
+        const double from_ms = 1e3 / refresh_hz + kSettling_ms, until_ms = 1e3 * hold / refresh_hz;
+        int proven = 0;
+        for (int i = 0; i < kPhases; ++i) {
+          const double period_ms = 1e3 / rate_hz, phase_ms = period_ms * (i + 0.5) / kPhases;
+          const double first_ms = phase_ms + period_ms * std::ceil((from_ms - phase_ms) / period_ms);
+          proven += first_ms + kExposure_ms <= until_ms;
+        }
+        return proven == 0 ? 1e9 : static_cast<double>(hold) * kPhases / proven;
+      };
+      double least = 1e9;
+      for (int hold = 2; hold <= 120; ++hold) least = std::min(least, refreshes_a_step(hold));
+      const int chosen = make_plan({}, rig).value().hold_refreshes();
+      EXPECT_LE(refreshes_a_step(chosen), 1.005 * least) << chosen;
+    }
+  }
 }
 
 TEST(PlanFit, ObjectsChooseStripesAndExposures) {
@@ -162,13 +190,13 @@ TEST(PlanFit, ObjectsChooseStripesAndExposures) {
   const v1::Plan metal = plan_of(ObjectKind::kMetal), dark = plan_of(ObjectKind::kDark);
   ASSERT_EQ(metal.exposure_ms_size(), 2);
   EXPECT_EQ(metal.exposure_ms(1), clear.exposure_ms(0) / 8.0);
-  // As long as the camera exposes; 20 ms and 5 ms a frame are two refreshes.
+  // As long as the camera exposes; 20 ms, 5 ms a frame and a scan-out are three refreshes.
   ASSERT_EQ(dark.exposure_ms_size(), 2);
   EXPECT_EQ(dark.exposure_ms(0), 20.0);
   EXPECT_EQ(dark.exposure_ms(1), clear.exposure_ms(0));
-  EXPECT_EQ(dark.hold_refreshes(), 2);
+  EXPECT_EQ(dark.hold_refreshes(), 3);
   rig.camera = camera(200.0, 0.1, 100.0, 0.0);
-  EXPECT_EQ(plan_of(ObjectKind::kDark).hold_refreshes(), 3);  // 32 + 5 ms
+  EXPECT_EQ(plan_of(ObjectKind::kDark).hold_refreshes(), 4);  // 32 + 5 + 16.7 ms
 }
 
 TEST(PlanFit, StripesAreNotNarrowerThanTheBlur) {

@@ -94,6 +94,21 @@ TEST(RigFindings, ExposuresMustFitWhatStandsStill) {
   EXPECT_EQ(judge_window(slow, milliseconds(1), microseconds(50)).advice(), "set hold_refreshes to 3");
 }
 
+// Two refreshes of 10 ms.
+TEST(RigFindings, ATriggeredCameraMustBeReadyForEachPicture) {
+  TestCaptureTimes times = good_times();
+  times.triggered = true;
+  times.frame_period = milliseconds(20);
+  EXPECT_EQ(judge_window(times, times.exposure, microseconds(50)).level(), v1::FINDING_LEVEL_OK);
+  times.frame_period = milliseconds(31);
+  const v1::Finding late = judge_window(times, times.exposure, microseconds(50));
+  EXPECT_EQ(late.level(), v1::FINDING_LEVEL_WARNING);
+  EXPECT_NE(late.text().find("shown for 20.00 ms, and the camera is ready again after 31.00 ms"),
+            std::string::npos)
+      << late.text();
+  EXPECT_EQ(late.advice(), "set hold_refreshes to 4");
+}
+
 TEST(RigFindings, TheShareOfProvenStepsDecides) {
   TestCaptureTimes times = good_times();
   const auto level_with = [&](int every) {

@@ -12,6 +12,7 @@ import { Annotations } from "./annotations";
 import { Controls } from "./controls";
 import { framesBySteps, newestOf, placeOfStep, showpieceOf } from "./frames";
 import { type Order, ordered } from "./order";
+import { PictureDue } from "./picture_due";
 import { PoseRing } from "./pose_ring";
 import { Progress } from "./progress";
 import { stepLimit } from "./rates";
@@ -124,6 +125,7 @@ function Session({ session }: { session: SessionJson }) {
         <Progress session={session} timeline={timeline} archive={archive} />
         <Controls session={session} />
       </section>
+      <PictureDue session={session} />
       <PoseRing session={session} />
       {timeline && (
         <section class="card">

@@ -2,8 +2,8 @@ import { useEffect, useState } from "preact/hooks";
 import { call } from "../api";
 import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
 import type { GetManifestResponseJson, GetSpaceResponseJson } from "../gen/glasswing/v1/archive_service_pb";
-import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import { nodeOf } from "../parts/archive";
 import { waited } from "../parts/feed";
 import { isCapturing } from "./states";
 
@@ -27,13 +27,7 @@ export function useArchive(session: SessionJson): ArchiveView {
     const cancel = new AbortController();
     /** False: the node is away. */
     const look = async (): Promise<boolean> => {
-      const { nodes = [] } = await call<ListNodesResponseJson>(
-        "NodeService/ListNodes",
-        {},
-        { signal: cancel.signal },
-      );
-      const node = nodes.find(({ address }) => address === archiveAddress)?.name;
-      if (node === undefined) return false;
+      const node = await nodeOf(session, { signal: cancel.signal });
       const options = { node, signal: cancel.signal };
       const { manifest } = await call<GetManifestResponseJson>(
         "ArchiveService/GetManifest",

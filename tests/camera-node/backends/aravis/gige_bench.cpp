@@ -1,6 +1,7 @@
 // How many frames of 5 megapixels with 12 packed bits, 30 a second, arrive from a camera on this machine
 // (wire_camera.h): prints rows as tests/goals.toml describes them, and a line for people on standard error.
 #include <fmt/format.h>
+#include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
 #include <iostream>
@@ -27,7 +28,7 @@ std::shared_ptr<const Image16> random_picture() {
 int main(int argc, char** argv) {
   CLI::App app("Frames of 5 megapixels, Mono12p, 30 a second, over loopback.");
   double seconds = 10.0, lost_percent = 0.0, fps = 30.0;
-  int packet_bytes = 15000;
+  int packet_bytes = 7500;
   app.add_option("--seconds", seconds)->capture_default_str();
   app.add_option("--lost", lost_percent, "% of the packets")->capture_default_str();
   app.add_option("--fps", fps)->capture_default_str();
@@ -61,13 +62,16 @@ int main(int argc, char** argv) {
   (*camera)->stop();
   const WireCamera::Counts did = stand_in.counts();
   const v1::GetCameraResponse told = (*camera)->describe();
+  rusage used{};
+  ::getrusage(RUSAGE_SELF, &used);
   const auto exposed = static_cast<double>(did.exposed - exposed_before);
   std::cerr << fmt::format(
       "{} frames of {:.0f} exposed arrived in {} s; {} named as dropped, {} missing in the sequence, {} "
       "packets "
-      "missing; the camera lost {} packets, sent {} again and skipped {} frames\n",
+      "missing; the camera lost {} packets, sent {} again and skipped {} frames; both "
+      "used {} MB\n",
       frames, exposed, seconds, told.dropped_frames(), last - first + 1 - frames, told.missing_packets(),
-      did.lost - lost_before, did.resent, did.overrun);
+      did.lost - lost_before, did.resent, did.overrun, used.ru_maxrss / 1000);
   std::cout << fmt::format(
       "{{\"name\": \"GigE, 5 MP Mono12p at {:g} fps, {:g} % lost: whole frames\", "
       "\"value\": {:.4f}, \"unit\": \"of those exposed\"}}\n",

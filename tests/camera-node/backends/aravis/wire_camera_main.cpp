@@ -1,6 +1,9 @@
 // A GigE Vision camera (wire_camera.h) that sees the monitors of a display node through a scene, or shows one
 // random picture again and again, until it is terminated. Then it prints what it did.
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sched.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
@@ -26,11 +29,19 @@ std::shared_ptr<const Image16> random_picture(PictureSize size) {
   return image;
 }
 
+// Moves this thread: the sockets that it opens from now on are of that network.
+bool enter_network(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool entered = fd >= 0 && ::setns(fd, CLONE_NEWNET) == 0;
+  ::close(fd);
+  return entered;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app("A GigE Vision camera with packed formats, resent packets, chunks, PTP and a trigger line.");
-  std::string tap, object, scene = "crystal", line_port_file;
+  std::string tap, network, object, scene = "crystal", line_port_file;
   WireCamera::Options options;
   double lost_percent = 0.0, period_ms = 0.0, latency_ms = 0.1;
   bool silent = false;
@@ -38,6 +49,8 @@ int main(int argc, char** argv) {
                  "HOST:PORT of the display node whose light it sees; without, a random picture");
   app.add_option("--object", object, "the object is in view while this file exists");
   app.add_option("--scene", scene)->capture_default_str();
+  app.add_option("--network", network,
+                 "a file such as /proc/PID/ns/net: the network namespace in which it answers");
   app.add_option("--address", options.address, "of this machine, at which it answers")->capture_default_str();
   app.add_option("--serial", options.serial)->capture_default_str();
   app.add_option("--lost", lost_percent, "% of the packets that it loses")->capture_default_str();
@@ -64,6 +77,10 @@ int main(int argc, char** argv) {
   EmissionTimeline timeline(std::chrono::seconds(60));
   std::optional<EmissionClient> client;
   if (!tap.empty()) client.emplace(tap, timeline);
+  if (!network.empty() && !enter_network(network)) {
+    std::cerr << network << " cannot be entered\n";
+    return 1;
+  }
   std::optional<SceneView> view;
   std::shared_ptr<const Image16> still;
   PictureSize seen;

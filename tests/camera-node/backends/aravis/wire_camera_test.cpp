@@ -290,6 +290,34 @@ TEST(WireCamera, WithPtpTheBoundIsThatOfTheClocks) {
   EXPECT_TRUE(absl::IsFailedPrecondition(none)) << none;
 }
 
+TEST(WireCamera, FramesThatNobodyTakesAreCountedAndTheNewestKept) {
+  WiredStandIn stand_in;
+  const auto camera = opened(stand_in.options());
+  ASSERT_NE(camera, nullptr);
+  ASSERT_OK(camera->start(2.0));
+  const std::optional<CapturedFrame> first = camera->next(seconds(5));
+  ASSERT_TRUE(first);
+  const std::int64_t before = stand_in.camera().counts().exposed;
+  constexpr int kExposed = 60;
+  while (stand_in.camera().counts().exposed < before + kExposed)
+    sleep_until_monotonic(monotonic_now() + milliseconds(5));
+  int taken = 0;
+  std::int64_t last = first->taken.sequence();
+  while (const std::optional<CapturedFrame> frame = camera->next(milliseconds(0))) {
+    const WireCamera::Exposure truth = stand_in.exposure_of(frame->image().value());
+    EXPECT_LE(std::chrono::abs(nanoseconds(frame->taken.exposure_start_ns()) - truth.start),
+              nanoseconds(frame->taken.uncertainty_ns()));
+    EXPECT_GT(frame->taken.sequence(), last);
+    last = frame->taken.sequence();
+    ++taken;
+  }
+  // The last one or two may still be on their way.
+  EXPECT_GE(camera->describe().dropped_frames() + taken, kExposed - 2);
+  EXPECT_GE(last - first->taken.sequence(), kExposed - 2);
+  EXPECT_GT(camera->describe().dropped_frames(), 0);
+  EXPECT_LE(taken, 36);
+}
+
 TEST(WireCamera, AFrameTellsItsExposureAndGain) {
   WiredStandIn stand_in;
   AravisCamera::Options options = stand_in.options();
