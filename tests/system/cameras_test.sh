@@ -106,6 +106,15 @@ monitors { name: "back" width_px: 96 height_px: 80 pitch_mm: 1 rotation: [1, 0, 
 refused 'axis "lift" moves along a line, in mm' \
   glasswing calibrate axis --series lift --board 7x5:8:6 --geometry "$work/rig.txtpb" -o "$work/axis.txtpb"
 
+echo "== doctor checks each camera's geometry in its own view"
+glasswing doctor --geometry "left=$work/rig.txtpb" --geometry "right=$work/rig.txtpb" --session vase >"$work/doctor" 2>/dev/null || true
+for camera in left right; do
+  grep -q "session vase.$camera sees its points" "$work/doctor" || fail "doctor did not check camera $camera: $(cat "$work/doctor")"
+done
+glasswing doctor --geometry "right=$work/rig.txtpb" >"$work/doctor" 2>/dev/null || true
+grep -q "session deep.right sees its points" "$work/doctor" || fail "doctor did not take the newest view of camera right: $(cat "$work/doctor")"
+refused 'where it is repeated it must be CAMERA=FILE' glasswing doctor --geometry "$work/rig.txtpb" --geometry "right=$work/rig.txtpb"
+
 echo "== the other verbs know the cameras"
 glasswing show vase | grep -q '^cameras .*left: ' || fail "show does not list the cameras"
 glasswing steps vase --camera right | grep -q 'proven' || fail "no steps of camera right"

@@ -245,7 +245,7 @@ class SeveralTethered : public testing::Test {
     rig.cameras.push_back({.name = "tethered"});
     rig.cameras.back().folder = tethered(3, third);
     rig_ = std::make_unique<FaultyRig>(rig, 1, kPatchRows, data_);
-    plan_ = stripes(6);
+    plan_ = stripes(4);
     plan_.set_hold_refreshes(16);
     for (int i = 1; i <= 3; ++i) plan_.add_cameras(fmt::format("camera-{}", i));
   }
@@ -269,7 +269,7 @@ class SeveralTethered : public testing::Test {
 };
 
 TEST_F(SeveralTethered, EachStepIsHeldUntilEveryCameraHasIt) {
-  start(stand_in(state(3), "--twice 0.2 --stale 0.1"), 4.0);
+  start(stand_in(state(3), "--twice 0.2 --stale 0.2"), 3.0);
   const v1::Session session = captured();
   ASSERT_EQ(session.views_size(), 3);
   for (int camera = 0; camera < 3; ++camera) expect_whole(session, camera);
