@@ -1,5 +1,4 @@
-// A stage that a program moves, once for each move: "turn-table /dev/ttyUSB0 {position}". It succeeds (exit
-// status 0) when the axis stands there.
+// A stage that a program moves (core/process/move_command.h): "turn-table /dev/ttyUSB0 {position}".
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,8 +18,7 @@ class CommandDrive final : public StageDrive {
       const std::string& move, const std::string& home,
       std::chrono::milliseconds limit = std::chrono::seconds(120));
 
-  // FAILED_PRECONDITION: the program cannot be run, or failed: has the last line of what it said. After
-  // `limit`, and when stopped, it gets SIGTERM, and is killed two seconds later.
+  // Errors: run_move_command()'s.
   absl::Status move(const StageAxis& axis, double position, std::stop_token stop) override;
   bool homes() const override { return !home_.empty(); }
   absl::Status home(const StageAxis& axis, std::stop_token stop) override;
@@ -28,7 +26,7 @@ class CommandDrive final : public StageDrive {
  private:
   CommandDrive(std::vector<std::string> move, std::vector<std::string> home, std::chrono::milliseconds limit)
       : move_(std::move(move)), home_(std::move(home)), limit_(limit) {}
-  absl::Status run(std::vector<std::string> words, const StageAxis& axis, double position,
+  absl::Status run(const std::vector<std::string>& words, const StageAxis& axis, double position,
                    std::stop_token stop) const;
 
   const std::vector<std::string> move_, home_;

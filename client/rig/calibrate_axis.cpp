@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "client/capture/stage_axes.h"
 #include "client/rig/axis_sessions.h"
 #include "core/archive/remote_archive.h"
 #include "core/axis/axis_fit.h"
@@ -72,6 +73,17 @@ absl::StatusOr<RadianceImage> picture_of(const v1::Session& session, const v1::C
   return sum;
 }
 
+// FAILED_PRECONDITION: the stage says that the axis does not turn. One that does not answer is not needed.
+absl::Status check_turns(const Client& client, const std::string& camera, const std::string& name) {
+  const absl::StatusOr<std::vector<v1::Axis>> stage = read_axes(client, camera);
+  if (!stage.ok()) return absl::OkStatus();
+  const auto axis = std::ranges::find(*stage, name, &v1::Axis::name);
+  if (axis == stage->end() || axis->unit() == "deg") return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("axis \"{}\" moves along a line, in {}; calibrate axis measures axes that turn, in degrees",
+                  name, axis->unit()));
+}
+
 absl::StatusOr<Track> track_of_board(const Client& client, const AxisArguments& arguments,
                                      const v1::CameraGeometry& camera) {
   GW_ASSIGN_OR_RETURN(const Board board, parse_board("--board", arguments.board, arguments.dictionary));
@@ -79,6 +91,7 @@ absl::StatusOr<Track> track_of_board(const Client& client, const AxisArguments& 
                       find_poses(client, arguments.sessions, arguments.series));
   Track track;
   GW_ASSIGN_OR_RETURN(track.axis, axis_of(sessions, arguments.axis));
+  GW_RETURN_IF_ERROR(check_turns(client, sessions.front().plan().camera(), track.axis));
   Waiting waiting("looking for the board");
   for (const v1::Session& session : sessions) {
     GW_ASSIGN_OR_RETURN(const RadianceImage picture, picture_of(session, camera));

@@ -4,12 +4,15 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <optional>
 
 #include "client/capture/stage_axes.h"
+#include "client/cli/camera_argument.h"
 #include "client/cli/rpc.h"
 #include "client/sessions/matte_input.h"
 #include "core/axis/object_pose.h"
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/geometry/monitor_sightings.h"
 #include "core/geometry/pose_check.h"
@@ -19,16 +22,51 @@
 namespace glasswing {
 namespace {
 
-absl::StatusOr<std::string> newest_solved(const Client& client) {
+// `camera`: seen by it; empty: by any.
+absl::StatusOr<std::string> newest_solved(const Client& client, const std::string& camera) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListSessionsResponse listed,
                       call_pages(server, &v1::SessionService::Stub::ListSessions, {}));
   for (const v1::Session& session : listed.sessions()) {
-    if (session.matte_ready() && session.frame_count() == 0) return session.name();
+    if (session.frame_count() != 0) continue;
+    for (const v1::Session& view : session.views()) {
+      if (view.matte_ready() && view.view_camera() == camera) return view.name();
+    }
+    if (session.matte_ready() && (camera.empty() || session.plan().camera() == camera)) return session.name();
   }
   return absl::NotFoundError(
-      "no solved session shows where the monitors are; capture and solve one, or name a matte with "
-      "--session");
+      fmt::format("no solved session{} shows where the monitors are; capture and solve one, or name a matte "
+                  "with --session",
+                  camera.empty() ? "" : fmt::format(" of camera \"{}\"", camera)));
+}
+
+struct CameraFile {
+  std::string camera, file;  // camera: empty: not named
+};
+
+absl::StatusOr<std::vector<CameraFile>> parse_files(const std::vector<std::string>& texts) {
+  std::vector<CameraFile> files;
+  for (const std::string& text : texts) {
+    const size_t equals = text.find('=');
+    CameraFile named{.camera = "", .file = text};
+    if (equals != std::string::npos && check_name("camera", text.substr(0, equals)).ok())
+      named = {.camera = text.substr(0, equals), .file = text.substr(equals + 1)};
+    if (texts.size() > 1 && named.camera.empty()) {
+      return absl::InvalidArgumentError(fmt::format(
+          "--geometry is \"{}\"; where it is repeated it must be CAMERA=FILE, such as left=left.txtpb",
+          text));
+    }
+    files.push_back(std::move(named));
+  }
+  return files;
+}
+
+// The session, or matte file, that the camera has seen.
+absl::StatusOr<std::string> seen_by(const Client& client, const std::string& camera,
+                                    const std::string& session) {
+  if (session.empty()) return newest_solved(client, camera);
+  if (camera.empty() || MatteInput{session}.is_file()) return session;
+  return session_name_of(client, session, camera);
 }
 
 struct Checked {
@@ -87,11 +125,12 @@ v1::Finding finding_of(const std::string& file, const MonitorView& view,
 }
 
 // Whether the stage still has the axes of the geometry, and how well they are known.
-std::vector<v1::Finding> check_axes(const Client& client, const std::string& file,
+std::vector<v1::Finding> check_axes(const Client& client, const CameraFile& named,
                                     const v1::RigGeometry& geometry) {
+  const std::string& file = named.file;
   std::vector<v1::Finding> findings;
   if (geometry.axes().empty()) return findings;
-  const absl::StatusOr<std::vector<v1::Axis>> stage = read_axes(client, "");
+  const absl::StatusOr<std::vector<v1::Axis>> stage = read_axes(client, named.camera);
   for (const v1::AxisGeometry& axis : geometry.axes()) {
     v1::Finding& finding = findings.emplace_back();
     finding.set_subject("axis");
@@ -117,15 +156,12 @@ std::vector<v1::Finding> check_axes(const Client& client, const std::string& fil
   return findings;
 }
 
-}  // namespace
-
-absl::StatusOr<std::vector<v1::Finding>> check_rig_geometry(const Client& client, const std::string& file,
-                                                            const std::string& session) {
+absl::StatusOr<std::vector<v1::Finding>> check_file(const Client& client, const CameraFile& named,
+                                                    const std::string& session) {
+  const std::string& file = named.file;
   GW_ASSIGN_OR_RETURN(const v1::RigGeometry geometry, read_geometry(file));
-  MatteInput input{session};
-  if (session.empty()) {
-    GW_ASSIGN_OR_RETURN(input.name, newest_solved(client));
-  }
+  MatteInput input;
+  GW_ASSIGN_OR_RETURN(input.name, seen_by(client, named.camera, session));
   std::error_code ignored;
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> matte,
                       input.open(client, std::filesystem::temp_directory_path(ignored) / "glasswing-doctor"));
@@ -140,7 +176,21 @@ absl::StatusOr<std::vector<v1::Finding>> check_rig_geometry(const Client& client
   std::vector<v1::Finding> findings;
   for (const MonitorView& view : stage->monitors)
     findings.push_back(finding_of(file, view, checked(geometry, view)));
-  for (v1::Finding& finding : check_axes(client, file, geometry)) findings.push_back(std::move(finding));
+  for (v1::Finding& finding : check_axes(client, named, geometry)) findings.push_back(std::move(finding));
+  return findings;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<v1::Finding>> check_rig_geometry(const Client& client,
+                                                            const std::vector<std::string>& files,
+                                                            const std::string& session) {
+  GW_ASSIGN_OR_RETURN(const std::vector<CameraFile> cameras, parse_files(files));
+  std::vector<v1::Finding> findings;
+  for (const CameraFile& named : cameras) {
+    GW_ASSIGN_OR_RETURN(std::vector<v1::Finding> found, check_file(client, named, session));
+    std::ranges::move(found, std::back_inserter(findings));
+  }
   return findings;
 }
 

@@ -71,8 +71,8 @@ std::vector<v1::Finding> read_findings(const Client& client,
 }
 
 struct DoctorArguments {
-  std::string plan, geometry, session;
-  std::vector<std::string> cameras;
+  std::string plan, session;
+  std::vector<std::string> cameras, geometries;
 };
 
 absl::Status check_rig(const Client& client, const DoctorArguments& arguments) {
@@ -81,7 +81,7 @@ absl::Status check_rig(const Client& client, const DoctorArguments& arguments) {
     GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
   }
   use_cameras(arguments.cameras, *request.mutable_plan());
-  if (arguments.geometry.empty() && !arguments.session.empty())
+  if (arguments.geometries.empty() && !arguments.session.empty())
     return absl::InvalidArgumentError("--session goes with --geometry");
   const Peer<v1::RigService> server(client.server_title(), client.server);
   grpc::ClientContext context;
@@ -93,9 +93,9 @@ absl::Status check_rig(const Client& client, const DoctorArguments& arguments) {
   if (interrupted())
     return absl::CancelledError("the check was interrupted; the rig is free again and unchanged");
   if (!status.ok()) return status_from(status, server.title);
-  if (!arguments.geometry.empty()) {
+  if (!arguments.geometries.empty()) {
     GW_ASSIGN_OR_RETURN(const std::vector<v1::Finding> geometry,
-                        check_rig_geometry(client, arguments.geometry, arguments.session));
+                        check_rig_geometry(client, arguments.geometries, arguments.session));
     for (const v1::Finding& finding : geometry) {
       if (!client.json && !client.tsv) print_finding(client, finding);
       findings.push_back(finding);
@@ -121,15 +121,20 @@ void add_doctor_command(CLI::App& app, Client& client) {
       "Examples:\n"
       "  glasswing doctor --plan deploy/plans/crystal.txtpb\n"
       "  glasswing doctor --camera left --camera right\n"
-      "  glasswing doctor --geometry rig.txtpb --session vase-200");
+      "  glasswing doctor --geometry rig.txtpb --session vase-200\n"
+      "  glasswing doctor --camera left --camera right --geometry left=left.txtpb --geometry "
+      "right=right.txtpb");
   auto arguments = std::make_shared<DoctorArguments>();
   command.add_option("--plan", arguments->plan,
                      "check for this plan's monitors, exposures and hold_refreshes");
   add_cameras_option(command, arguments->cameras);
   command
-      .add_option("--geometry", arguments->geometry,
-                  "check that nothing has moved since glasswing calibrate geometry wrote this file")
-      ->type_name("FILE");
+      .add_option(
+          "--geometry", arguments->geometries,
+          "check that nothing has moved since glasswing calibrate geometry wrote this file; of several "
+          "cameras CAMERA=FILE, repeated")
+      ->type_name("FILE")
+      ->allow_extra_args(false);
   command
       .add_option(
           "--session", arguments->session,

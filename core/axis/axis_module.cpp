@@ -10,6 +10,7 @@
 #include <cmath>
 
 #include "core/axis/board_module.h"
+#include "core/geometry/least_squares.h"
 
 namespace glasswing {
 namespace {
@@ -164,15 +165,7 @@ class Fit {
             new Drawn<kWobbleNumbers>(drawn)),
         nullptr, wobble_.data());
     add_lens(ceres);
-    ceres::Solver::Options options;
-    options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-    options.max_num_iterations = 50;
-    options.function_tolerance = 1e-10;
-    options.parameter_tolerance = 1e-10;
-    options.logging_type = ceres::SILENT;
-    ceres::Solver::Summary summary;
-    ceres::Solve(options, &ceres, &summary);
-    solution_.converged = summary.termination_type == ceres::CONVERGENCE;
+    solution_.converged = solve(ceres);
     read(ceres, seen, axis.data(), boards);
     problem_.direction =
         (frame_.direction + axis[0] * frame_.across_x + axis[1] * frame_.across_y).normalized();

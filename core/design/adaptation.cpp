@@ -84,8 +84,7 @@ struct Judgement {
 };
 
 absl::StatusOr<Judgement> judge(std::vector<JudgedPixel> pixels, const v1::Plan& plan,
-                                const std::vector<v1::Monitor>& monitors, const CameraNoise& noise,
-                                RoundTarget::Kind kind) {
+                                const std::vector<v1::Monitor>& monitors, RoundTarget::Kind kind) {
   Judgement judgement{.pixels = std::move(pixels), .shown = {}, .errors = {}, .worst = {}};
   judgement.errors.resize(judgement.pixels.size());
   judgement.worst.resize(judgement.pixels.size(), 0);
@@ -100,8 +99,8 @@ absl::StatusOr<Judgement> judge(std::vector<JudgedPixel> pixels, const v1::Plan&
       seen.push_back(p);
       here.push_back(judgement.pixels[p][m]);
     }
-    find_excess(shown, here, noise);
-    const std::vector<PixelError> errors = errors_of(shown, here, noise);
+    find_excess(shown, here);
+    const std::vector<PixelError> errors = errors_of(shown, here);
     for (size_t i = 0; i < seen.size(); ++i) {
       const size_t p = seen[i];
       judgement.pixels[p][m].excess = here[i].excess;
@@ -134,15 +133,26 @@ struct Uncertain {
   size_t monitor = 0;
   std::vector<KnownPixel> pixels;
 };
-Uncertain uncertain_in(const Judgement& judgement, const RoundTarget& target) {
-  std::vector<std::vector<KnownPixel>> by_monitor(judgement.shown.size());
-  for (size_t p = 0; p < judgement.pixels.size(); ++p) {
-    if (judgement.errors[p].of(target.kind) > target.error)
-      by_monitor[judgement.worst[p]].push_back(judgement.pixels[p][judgement.worst[p]]);
+// `views`: those for which the target does not hold.
+Uncertain uncertain_in(const std::vector<const Judgement*>& views, const RoundTarget& target) {
+  std::vector<std::vector<std::vector<KnownPixel>>> by_monitor;  // then by view
+  std::vector<size_t> counts(views.front()->shown.size(), 0);
+  by_monitor.assign(counts.size(), std::vector<std::vector<KnownPixel>>(views.size()));
+  for (size_t v = 0; v < views.size(); ++v) {
+    const Judgement& view = *views[v];
+    for (size_t p = 0; p < view.pixels.size(); ++p) {
+      if (view.errors[p].of(target.kind) <= target.error) continue;
+      by_monitor[view.worst[p]][v].push_back(view.pixels[p][view.worst[p]]);
+      ++counts[view.worst[p]];
+    }
   }
-  const auto most = std::ranges::max_element(by_monitor, {}, &std::vector<KnownPixel>::size);
-  return {.monitor = static_cast<size_t>(most - by_monitor.begin()),
-          .pixels = some_of(std::move(*most), kDesigned)};
+  Uncertain uncertain;
+  uncertain.monitor = static_cast<size_t>(std::ranges::max_element(counts) - counts.begin());
+  for (std::vector<KnownPixel>& of_view : by_monitor[uncertain.monitor]) {
+    const std::vector<KnownPixel> some = some_of(std::move(of_view), kDesigned / views.size());
+    uncertain.pixels.insert(uncertain.pixels.end(), some.begin(), some.end());
+  }
+  return uncertain;
 }
 
 // For a round, on a rig with this many monitors.
@@ -186,27 +196,40 @@ void add_pixels_of_object(const Matte& rows, int first_x, int step, size_t monit
   }
 }
 
-absl::StatusOr<Adaptation> adapt(std::vector<JudgedPixel> pixels, const v1::Plan& plan,
-                                 const std::vector<v1::Monitor>& monitors, const v1::Camera& camera,
+absl::StatusOr<Adaptation> adapt(std::vector<JudgedView> views, const v1::Plan& plan,
+                                 const std::vector<v1::Monitor>& monitors,
                                  std::span<const DesignedWave> waves) {
   const RoundTarget target = target_of(plan.adapt());
-  const CameraNoise noise = noise_of(camera);
-  GW_ASSIGN_OR_RETURN(const Judgement judgement,
-                      judge(some_of(std::move(pixels), kJudged), plan, monitors, noise, target.kind));
   GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(plan, monitors));
-  Adaptation adaptation;
   const int images = images_of(steps);
-  adaptation.found.set_image_count(images);
-  put_findings(judgement, target, adaptation.found);
+  Adaptation adaptation;
+  std::vector<Judgement> judgements;
+  for (JudgedView& view : views) {
+    std::vector<JudgedPixel> judged = some_of(std::move(view.pixels), kJudged);
+    for (JudgedPixel& pixel : judged) {
+      for (KnownPixel& on_monitor : pixel) on_monitor.noise = noise_of(view.camera);
+    }
+    GW_ASSIGN_OR_RETURN(Judgement judgement, judge(std::move(judged), plan, monitors, target.kind));
+    v1::AdaptedRound& found = adaptation.found.emplace_back();
+    found.set_image_count(images);
+    put_findings(judgement, target, found);
+    judgements.push_back(std::move(judgement));
+  }
+  std::vector<const Judgement*> open;
+  for (size_t v = 0; v < views.size(); ++v) {
+    if (adaptation.found[v].known_share() < kShare) open.push_back(&judgements[v]);
+  }
   const int most = most_waves(plan, monitors.size(), images);
-  if (adaptation.found.known_share() >= kShare || most <= 0) return adaptation;
-  const Uncertain uncertain = uncertain_in(judgement, target);
-  const PatternAnswers& shown = judgement.shown[uncertain.monitor];
+  if (open.empty() || most <= 0) return adaptation;
+  const Uncertain uncertain = uncertain_in(open, target);
+  const PatternAnswers& shown = open.front()->shown[uncertain.monitor];
   std::vector<DesignedWave> possible(waves.begin(), waves.end());
   if (possible.empty()) possible = usual_waves(shown.extent());
-  adaptation.next = round_of(choose_waves(shown, uncertain.pixels, noise, target, std::move(possible),
-                                          std::min(kMinWaves, most), most),
-                             target, adaptation.found);
+  const v1::AdaptedRound& least =
+      *std::ranges::min_element(adaptation.found, {}, &v1::AdaptedRound::known_share);
+  adaptation.next = round_of(
+      choose_waves(shown, uncertain.pixels, target, std::move(possible), std::min(kMinWaves, most), most),
+      target, least);
   return adaptation;
 }
 

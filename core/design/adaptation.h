@@ -23,15 +23,22 @@ using JudgedPixel = std::vector<KnownPixel>;
 void add_pixels_of_object(const Matte& rows, int first_x, int step, size_t monitors,
                           std::vector<JudgedPixel>& pixels);
 
-struct Adaptation {
-  v1::AdaptedRound found;
-  std::optional<v1::Round> next;  // none: the target holds, or there may be no more images
+// One camera's draft.
+struct JudgedView {
+  std::vector<JudgedPixel> pixels;  // of the object; must not be empty
+  v1::Camera camera;
 };
 
-// `pixels`: of the object; at most 500 of them are judged, evenly spaced. `waves`: candidates for the next
-// round; empty: any. INVALID_ARGUMENT: the monitors do not fit the plan. `pixels` must not be empty.
-absl::StatusOr<Adaptation> adapt(std::vector<JudgedPixel> pixels, const v1::Plan& plan,
-                                 const std::vector<v1::Monitor>& monitors, const v1::Camera& camera,
+struct Adaptation {
+  std::vector<v1::AdaptedRound> found;  // by view
+  std::optional<v1::Round> next;        // none: the target holds, or there may be no more images
+};
+
+// `views`: of one capture; at most 500 pixels of each are judged, evenly spaced. There is a next round until
+// the target holds for every view; pixels of all views for which it does not, equally many of each, choose
+// it. `waves`: candidates for the next round; empty: any. INVALID_ARGUMENT: the monitors do not fit the plan.
+absl::StatusOr<Adaptation> adapt(std::vector<JudgedView> views, const v1::Plan& plan,
+                                 const std::vector<v1::Monitor>& monitors,
                                  std::span<const DesignedWave> waves = {});
 
 }  // namespace glasswing

@@ -25,9 +25,8 @@ Footprints through_pixels(Footprints modes) {
 }
 
 // C, for F and then (R, cx, cy, xx, xy, yy) of each mode.
-Eigen::MatrixXd covariance_of(const PatternAnswers& shown, const KnownPixel& pixel, const CameraNoise& noise,
-                              double excess) {
-  const Eigen::MatrixXd by = whitened_slopes(shown, through_pixels(pixel.modes), noise);
+Eigen::MatrixXd covariance_of(const PatternAnswers& shown, const KnownPixel& pixel, double excess) {
+  const Eigen::MatrixXd by = whitened_slopes(shown, through_pixels(pixel.modes), pixel.noise);
   const double side_px = std::max(shown.extent().width_px, shown.extent().height_px);
   return (by.transpose() * by / (excess * excess) +
           prior_information(pixel.modes.size(), shown.extent(), side_px))
@@ -62,9 +61,8 @@ struct Known {
   }
 };
 
-Known known_of(const PatternAnswers& shown, const KnownPixel& pixel, const CameraNoise& noise,
-               const Background& background) {
-  Known known{.covariance = covariance_of(shown, pixel, noise, pixel.excess), .weight = {}};
+Known known_of(const PatternAnswers& shown, const KnownPixel& pixel, const Background& background) {
+  Known known{.covariance = covariance_of(shown, pixel, pixel.excess), .weight = {}};
   const Eigen::Index size = known.covariance.cols();
   known.weight = Eigen::MatrixXd::Zero(size, size);
   known.weight.bottomRightCorner(size - 1, size - 1) =
@@ -98,7 +96,7 @@ struct Update {
 
 }  // namespace
 
-void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, const CameraNoise& noise) {
+void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels) {
   std::vector<double> found;
   std::vector<KnownPixel*> unknown;
   for (KnownPixel& pixel : pixels) {
@@ -114,7 +112,7 @@ void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, cons
       unknown.push_back(&pixel);
       continue;
     }
-    pixel.excess = least_px / centre_sd_px(covariance_of(shown, pixel, noise, 1.0), best);
+    pixel.excess = least_px / centre_sd_px(covariance_of(shown, pixel, 1.0), best);
     found.push_back(pixel.excess);
   }
   if (found.empty()) return;
@@ -122,12 +120,11 @@ void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, cons
   for (KnownPixel* pixel : unknown) pixel->excess = usual;
 }
 
-std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
-                                  const CameraNoise& noise) {
+std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels) {
   const Background background(shown.extent());
   std::vector<PixelError> errors;
   for (const KnownPixel& pixel : pixels) {
-    const Known known = known_of(shown, pixel, noise, background);
+    const Known known = known_of(shown, pixel, background);
     errors.push_back({.composite = known.composite(), .centre_px = known.centre_px()});
   }
   return errors;
@@ -145,16 +142,16 @@ std::vector<DesignedWave> usual_waves(const MonitorExtent& extent) {
 }
 
 std::vector<DesignedWave> choose_waves(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
-                                       const CameraNoise& noise, const RoundTarget& target,
-                                       std::vector<DesignedWave> waves, int least, int most) {
+                                       const RoundTarget& target, std::vector<DesignedWave> waves, int least,
+                                       int most) {
   std::vector<DesignedWave> chosen;
   const PatternAnswers answers = answers_of(waves, shown.extent());
   const Background background(shown.extent());
   std::vector<Known> known;
   std::vector<Eigen::MatrixXd> slopes;  // by pixel: two rows a wave
   for (const KnownPixel& pixel : pixels) {
-    known.push_back(known_of(shown, pixel, noise, background));
-    slopes.push_back(whitened_slopes(answers, pixel.modes, noise) / pixel.excess);
+    known.push_back(known_of(shown, pixel, background));
+    slopes.push_back(whitened_slopes(answers, pixel.modes, pixel.noise) / pixel.excess);
   }
   const double enough = target.error * target.error;
   const auto done = [&] {

@@ -25,7 +25,8 @@ struct KnownPixel {
   Footprints modes;  // the strongest first
   // As solved; 0: unknown.
   std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
-  double excess = 1.0;  // by find_excess()
+  CameraNoise noise = {};
+  double excess = 1.0;  // over `noise`, by find_excess()
 };
 
 struct RoundTarget {
@@ -45,11 +46,10 @@ struct PixelError {
 
 // Sets `excess` of pixels that were solved from these patterns; if no position is known by itself, to the
 // median of the others.
-void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels, const CameraNoise& noise);
+void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels);
 
 // In the pixels' order; each must have modes.
-std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
-                                  const CameraNoise& noise);
+std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels);
 
 // Eight directions, periods from 6 px to the monitor's longer side.
 std::vector<DesignedWave> usual_waves(const MonitorExtent& extent);
@@ -57,7 +57,7 @@ std::vector<DesignedWave> usual_waves(const MonitorExtent& extent);
 // From `waves`, at least `least` and at most `most`, but no more than needed to bring all but a thirtieth of
 // the pixels to the target. Each pixel has modes. A wave that is chosen again gets a slightly longer period.
 std::vector<DesignedWave> choose_waves(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
-                                       const CameraNoise& noise, const RoundTarget& target,
-                                       std::vector<DesignedWave> waves, int least, int most);
+                                       const RoundTarget& target, std::vector<DesignedWave> waves, int least,
+                                       int most);
 
 }  // namespace glasswing

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 
+#include "core/geometry/least_squares.h"
 #include "core/geometry/reprojection_fit.h"
 
 namespace glasswing {
@@ -63,22 +64,13 @@ ReprojectionFit fit(Reprojection& problem, double huber_sd) {
   }
   if (!held.empty())
     ceres.SetManifold(problem.lens.data(), new ceres::SubsetManifold(static_cast<int>(kLensNumbers), held));
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  options.max_num_iterations = 50;
-  options.function_tolerance = 1e-10;
-  options.parameter_tolerance = 1e-10;
-  options.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &ceres, &summary);
-
+  const bool converged = solve(ceres);
   std::vector<double*> blocks = {problem.lens.data()};
   for (size_t k = 0; k < problem.poses.size(); ++k) {
     blocks.push_back(turns[k].data());
     blocks.push_back(problem.poses[k].translation_mm.data());
   }
-  ReprojectionFit result{.converged = summary.termination_type == ceres::CONVERGENCE,
-                         .information = information_of(ceres, blocks)};
+  ReprojectionFit result{.converged = converged, .information = information_of(ceres, blocks)};
   for (size_t k = 0; k < problem.poses.size(); ++k) {
     const double angle = turns[k].norm();
     if (angle > 0.0)

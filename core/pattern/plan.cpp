@@ -245,10 +245,6 @@ absl::Status check_cameras(const v1::Plan& plan, const Location& location) {
     return location.bad(plan, "cameras", i, fmt::format("\"{}\"", plan.cameras(i)),
                         "a camera node's name, each once");
   }
-  if (plan.has_adapt()) {
-    return location.bad(plan, "adapt", 0, "given",
-                        "left out with several cameras: further images suit one of them");
-  }
   return absl::OkStatus();
 }
 

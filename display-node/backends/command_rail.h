@@ -1,5 +1,4 @@
-// A rail moved by a program, which is run once for each move: "zaber-move /dev/ttyUSB0 {mm}". It succeeds
-// (exit status 0) when the monitor has arrived.
+// A rail moved by a program (core/process/move_command.h): "zaber-move /dev/ttyUSB0 {mm}".
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,8 +18,7 @@ class CommandRail final : public Rail {
       const std::string& command, std::string monitor,
       std::chrono::milliseconds limit = std::chrono::seconds(60));
 
-  // FAILED_PRECONDITION: the program cannot be run, or failed: the message has its last line of output. After
-  // `limit`, and when stopped, it gets SIGTERM, and is killed two seconds later.
+  // Errors: run_move_command()'s; also FAILED_PRECONDITION: stopped.
   absl::Status move(double position_mm, std::stop_token stop) override;
 
  private:

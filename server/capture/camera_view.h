@@ -33,6 +33,8 @@ struct CameraView {
     }
     return numbers;
   }
+  // It takes pictures only when asked, and only pixels prove them.
+  bool on_demand() const { return setup.links.camera_info.on_demand(); }
   CameraView(const CameraView&) = delete;
   CameraView& operator=(const CameraView&) = delete;
 

@@ -106,20 +106,36 @@ absl::StatusOr<bool> Capture::capture_pending(std::optional<bool>& object_at, st
 
 absl::StatusOr<bool> Capture::add_round(std::stop_token stop) {
   if (!session().plan().has_adapt()) return false;
-  CameraView& view = *views_.front();
+  std::vector<CameraView*> views;
+  std::vector<v1::Session> sessions;
+  for (const auto& view : views_) {
+    if (!view->failure.ok()) continue;
+    views.push_back(view.get());
+    sessions.push_back(view->progress.session());
+  }
+  if (views.empty()) return false;
   const int rounds = session().plan().rounds_size();
-  const absl::StatusOr<v1::Session> grown = next_round_(session(), stop);
+  const absl::StatusOr<std::vector<v1::Session>> grown = next_round_(std::move(sessions), stop);
   if (absl::IsFailedPrecondition(grown.status())) {
     // What was captured can still be solved.
-    view.progress.warn("no further images were chosen: " + std::string(grown.status().message()));
+    for (CameraView* view : views)
+      view->progress.warn("no further images were chosen: " + std::string(grown.status().message()));
     return false;
   }
   GW_RETURN_IF_ERROR(grown.status());
-  GW_ASSIGN_OR_RETURN(view.setup.steps, expand(grown->plan(), view.setup.monitors));
-  view.progress.grow(*grown, static_cast<int>(view.setup.steps.size()));
-  if (grown->plan().rounds_size() == rounds) return false;
-  GW_RETURN_IF_ERROR(check_room(view, stop));
+  for (size_t i = 0; i < views.size(); ++i) {
+    CaptureSetup& setup = views[i]->setup;
+    GW_ASSIGN_OR_RETURN(setup.steps, expand((*grown)[i].plan(), setup.monitors));
+    views[i]->progress.grow((*grown)[i], static_cast<int>(setup.steps.size()));
+  }
+  if (session().plan().rounds_size() == rounds) return false;
+  for (CameraView* view : views) GW_RETURN_IF_ERROR(check_room(*view, stop));
   return true;
+}
+
+const CameraView& Capture::leading_view() const {
+  const auto view = std::ranges::find_if(views_, [](const auto& each) { return each->failure.ok(); });
+  return view == views_.end() ? *views_.front() : **view;
 }
 
 CaptureOutcome Capture::outcome_of(const CameraView& view, const absl::Status& status, bool stopped) const {
@@ -247,7 +263,7 @@ absl::Status Capture::send_images(std::stop_token stop) {
 std::vector<Capture::Group> Capture::pending_groups() const {
   // So that drafts are available early.
   const bool drafted = session().solve_follows();
-  const std::vector<Step>& steps = views_.front()->setup.steps;
+  const std::vector<Step>& steps = leading_view().setup.steps;
   std::set<int> pending;  // for any camera
   for (const auto& view : views_) pending.merge(view->pending());
   std::vector<Group> groups;
@@ -302,11 +318,17 @@ absl::Status Capture::place_object(std::stop_token stop) {
 }
 
 absl::Status Capture::capture_group(const Group& group, std::stop_token stop) {
+  for (const bool on_demand : {false, true}) GW_RETURN_IF_ERROR(capture_group(group, on_demand, stop));
+  return absl::OkStatus();
+}
+
+absl::Status Capture::capture_group(const Group& group, bool on_demand, std::stop_token stop) {
   Cameras cameras;
   const absl::Cleanup end = [&cameras] {
     for (const auto& camera : cameras) camera->view().progress.end_group();
   };
   for (const auto& view : views_) {
+    if (view->on_demand() != on_demand) continue;
     const std::set<int> pending = view->pending();
     std::vector<Step> steps;
     bool films = false;
@@ -321,6 +343,7 @@ absl::Status Capture::capture_group(const Group& group, std::stop_token stop) {
     cameras.push_back(std::make_unique<GroupCapture>(*view, player_, group.exposure_ms));
     cameras.back()->begin(std::move(steps));
   }
+  if (cameras.empty()) return absl::OkStatus();
   for (const auto& camera : cameras) GW_RETURN_IF_ERROR(camera->wait_running(stop));
   GW_RETURN_IF_ERROR(player_.measure_clocks(8, stop));
   GW_RETURN_IF_ERROR(prove(group, cameras, stop));
@@ -362,17 +385,20 @@ absl::Status Capture::prove(const Group& group, Cameras& cameras, std::stop_toke
     std::vector<Step> steps;
     std::ranges::copy_if(group.steps, std::back_inserter(steps),
                          [&](const Step& step) { return wanted.contains(step.number); });
-    GW_RETURN_IF_ERROR(show(with_repeats(steps), watchers, stop));
-    for (const auto& [camera, needed] : watchers)
-      GW_RETURN_IF_ERROR(leave(*camera, camera->note_showing(stop)));
+    const bool on_demand = watchers.front().first->view().on_demand();
+    GW_RETURN_IF_ERROR(show(with_repeats(steps, on_demand), watchers, stop));
+    for (const auto& [camera, needed] : watchers) {
+      if (camera->view().failure.ok()) GW_RETURN_IF_ERROR(leave(*camera, camera->note_showing(stop)));
+    }
   }
 }
 
-std::vector<Step> Capture::with_repeats(const std::vector<Step>& steps) {
+std::vector<Step> Capture::with_repeats(const std::vector<Step>& steps, bool on_demand) {
   // A repeat's frame is not judged by its pixels, which are the only proof without timestamps.
-  if (views_.front()->setup.links.camera_info.on_demand()) return steps;
+  if (on_demand) return steps;
   std::vector<Step> shown;
   for (const auto& view : views_) {
+    if (view->on_demand()) continue;
     shown = view->watch.with_repeats(steps, hold_refreshes_of(session().plan()), view->progress.proven());
   }
   return shown;
@@ -383,7 +409,11 @@ absl::Status Capture::show(const std::vector<Step>& shown, const Watchers& watch
   for (const auto& [camera, needed] : watchers) watching.push_back(camera->watch(shown, needed, stop));
   GW_RETURN_IF_ERROR(player_.play(shown, watching, stop));
   if (stop.stop_requested()) return absl::CancelledError("stopped");
-  for (const auto& [camera, needed] : watchers) GW_RETURN_IF_ERROR(camera->end_showing(stop));
+  for (size_t i = 0; i < watchers.size(); ++i) {
+    GroupCapture& camera = *watchers[i].first;
+    GW_RETURN_IF_ERROR(watching[i].failure.ok() ? camera.end_showing(stop)
+                                                : leave(camera, watching[i].failure));
+  }
   return absl::OkStatus();
 }
 

@@ -5,7 +5,8 @@
 // The rest is split by duty: StepPlayer shows steps; of each camera GroupCapture proves them, Recording pairs
 // frames with them, PatchLearning decides what can be judged from pixels, CaptureArchive makes the camera
 // node store proven frames, VideoCapture handles the steps that run only once. No RPC is made between one
-// step and the next.
+// step and the next, unless steps are held for cameras that take pictures on demand: these follow the others
+// in each group.
 #pragma once
 
 #include <absl/status/status.h>
@@ -41,9 +42,10 @@ struct CaptureOutcome {
   std::string reason;
 };
 
-// For an adaptive session whose steps are all stored: the session with one more round in its plan, stored
-// durably, or with the same plan if there is to be no further round.
-using NextRound = std::function<absl::StatusOr<v1::Session>(const v1::Session&, std::stop_token)>;
+// For the sessions of an adaptive capture whose steps are all stored: the sessions with one more round in
+// their plan, stored durably, or with the same plan if there is to be no further round.
+using NextRound =
+    std::function<absl::StatusOr<std::vector<v1::Session>>(std::vector<v1::Session>, std::stop_token)>;
 
 class Capture {
  public:
@@ -52,7 +54,7 @@ class Capture {
   // `name`: of the capture, for people. `sessions`: of one plan, each with its own camera (Plan.camera).
   // `object_confirmed`: a person has confirmed that the object is on the stage, or off it. `log` records the
   // outcome of each step. `report` is called with each updated session; not from several threads at once for
-  // the same session. `next_round` is called where there is one session.
+  // the same session.
   Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, const ImageFiles& images,
           std::string name, const std::vector<v1::Session>& sessions, std::optional<bool> object_confirmed,
           StepLog& log, const Report& report, NextRound next_round);
@@ -91,16 +93,20 @@ class Capture {
   // Moves the stage's axes to the session's pose, unless this capture has.
   absl::Status place_object(std::stop_token stop);
   absl::Status capture_group(const Group& group, std::stop_token stop);
+  // With the cameras that take pictures on demand, or the others.
+  absl::Status capture_group(const Group& group, bool on_demand, std::stop_token stop);
   // Shows the cameras' steps, in the order of `group`, until each is proven.
   absl::Status prove(const Group& group, Cameras& cameras, std::stop_token stop);
-  // With repeated pictures between them.
-  std::vector<Step> with_repeats(const std::vector<Step>& steps);
+  // With repeated pictures between them, unless cameras take pictures on demand.
+  std::vector<Step> with_repeats(const std::vector<Step>& steps, bool on_demand);
   // Shows steps once and lets the proven frames be stored. CANCELLED: stopped.
   absl::Status show(const std::vector<Step>& shown, const Watchers& watchers, std::stop_token stop);
   absl::Status take_video(const std::vector<Step>& frames, Cameras& cameras, std::stop_token stop);
   // One camera of several that cannot go on leaves the capture; otherwise `status` is returned.
   absl::Status leave(GroupCapture& camera, const absl::Status& status) const;
-  const v1::Session& session() const { return views_.front()->progress.session(); }
+  // Of a camera that takes part: those that have left the capture have no further rounds.
+  const CameraView& leading_view() const;
+  const v1::Session& session() const { return leading_view().progress.session(); }
 
   const NodeRegistry& rig_;
   const CalibrationStore& calibrations_;

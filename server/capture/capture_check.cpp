@@ -162,14 +162,6 @@ absl::StatusOr<CheckedCapture> check_camera(const NodeRegistry& rig, const Calib
   return checked;
 }
 
-// Those that work together; the plan says so of the others.
-absl::Status check_together(const v1::GetCameraResponse& camera) {
-  if (!camera.on_demand()) return absl::OkStatus();
-  return absl::FailedPreconditionError(
-      fmt::format("camera \"{}\" takes pictures on demand, for which each step waits; capture with it alone",
-                  camera.camera().name()));
-}
-
 }  // namespace
 
 absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
@@ -180,9 +172,13 @@ absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const Cali
   if (plans.size() == 1) return checked;
   v1::EstimateSessionResponse& sum = checked.estimate;
   std::set<std::string> warnings(sum.warnings().begin(), sum.warnings().end());
+  // Steps are held for cameras that take pictures on demand once the others have theirs.
+  double shown_seconds = 0.0, held_seconds = 0.0;
   for (const v1::Plan& view : plans) {
     GW_ASSIGN_OR_RETURN(CheckedCapture own, check_camera(rig, calibrations, view));
-    GW_RETURN_IF_ERROR(check_together(own.info));
+    double& seconds = own.info.on_demand() ? held_seconds : shown_seconds;
+    seconds = std::max(seconds, own.estimate.seconds());
+    sum.set_seconds(shown_seconds + held_seconds);
     *sum.add_cameras() = own.estimate.camera();
     if (sum.cameras_size() == 1) continue;
     sum.set_bytes(sum.bytes() + own.estimate.bytes());

@@ -40,6 +40,7 @@ void CaptureProgress::resume(const v1::CaptureManifest& manifest, int step_count
 void CaptureProgress::grow(const v1::Session& session, int step_count) {
   *session_.mutable_plan() = session.plan();
   *session_.mutable_adapted() = session.adapted();
+  session_.set_warning(session.warning());
   session_.set_step_count(step_count);
   report();
 }

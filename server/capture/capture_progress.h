@@ -32,7 +32,7 @@ class CaptureProgress {
   // Restores the counts from the archive's manifest.
   void resume(const v1::CaptureManifest& manifest, int step_count);
 
-  // Takes the plan and findings of an adaptive session.
+  // Takes the plan, the findings and the warning of an adaptive session.
   void grow(const v1::Session& session, int step_count);
 
   // Showing and recording time counts only between these two calls.

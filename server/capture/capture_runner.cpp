@@ -37,6 +37,26 @@ std::int64_t proven_of(const std::vector<v1::Session>& sessions) {
   return count;
 }
 
+// One that has left an adaptive capture, or was not stored yet when the server ended, lacks rounds that the
+// others have. FAILED_PRECONDITION: it went on alone, and has others.
+absl::Status share_rounds(std::vector<v1::Session>& views) {
+  if (views.size() < 2) return absl::OkStatus();
+  const v1::Session ahead =
+      *std::ranges::max_element(views, {}, [](const v1::Session& view) { return view.plan().rounds_size(); });
+  for (v1::Session& view : views) {
+    for (int i = 0; i < view.plan().rounds_size(); ++i) {
+      if (google::protobuf::util::MessageDifferencer::Equals(view.plan().rounds(i), ahead.plan().rounds(i)))
+        continue;
+      return absl::FailedPreconditionError(
+          fmt::format("sessions \"{}\" and \"{}\" have chosen different images, and can therefore not be "
+                      "captured together: finish each by its own name",
+                      ahead.name(), view.name()));
+    }
+    *view.mutable_plan()->mutable_rounds() = ahead.plan().rounds();
+  }
+  return absl::OkStatus();
+}
+
 v1::SessionAction resumed_by(const v1::Session& session) {
   return session.state() == v1::SESSION_STATE_FAILED ? v1::SESSION_ACTION_RETRY : v1::SESSION_ACTION_RESUME;
 }
@@ -236,11 +256,11 @@ void CaptureRunner::capture_until_done(const std::string& name, std::vector<v1::
     const auto i = std::ranges::find(sessions, progress.name(), &v1::Session::name) - sessions.begin();
     note_progress(progress, sessions[i], saved_at[i]);
   };
-  const auto next_round = [this](const v1::Session& captured,
-                                 std::stop_token until) -> absl::StatusOr<v1::Session> {
-    GW_ASSIGN_OR_RETURN(v1::Session grown, next_round_(captured, std::move(until)));
+  const auto next_round = [this](std::vector<v1::Session> captured,
+                                 std::stop_token until) -> absl::StatusOr<std::vector<v1::Session>> {
+    GW_ASSIGN_OR_RETURN(std::vector<v1::Session> grown, next_round_(std::move(captured), std::move(until)));
     // Before its first step is shown: a later choice must not give a different picture the same number.
-    GW_RETURN_IF_ERROR(sessions_.edit().save_progress(grown));
+    for (const v1::Session& session : grown) GW_RETURN_IF_ERROR(sessions_.edit().save_progress(session));
     return grown;
   };
   std::vector<CaptureOutcome> outcomes(sessions.size(), {Kind::kNodeLost, ""});
@@ -382,6 +402,7 @@ absl::StatusOr<v1::Session> CaptureRunner::resume(SessionStore::Edit& edit, v1::
       return rests_in_solve(view) || !allows(view, retakes ? v1::SESSION_ACTION_RETAKE : resumed_by(view));
     });
   }
+  GW_RETURN_IF_ERROR(share_rounds(sessions));
   for (v1::Session& each : sessions) {
     if (request.has_retries()) each.mutable_plan()->set_retries(request.retries());
     GW_RETURN_IF_ERROR(check_plan(each.plan()));

@@ -66,8 +66,7 @@ class GroupCapture {
   // How far the monitor of these just shown patch-learning steps lags behind its reports; none: unknown, or
   // too little to measure with frames.
   absl::StatusOr<std::optional<nanoseconds>> lag_of(const std::vector<Step>& learning, std::stop_token stop);
-  // The camera takes pictures only on request, and only pixels prove them.
-  bool on_demand() const { return setup_.links.camera_info.on_demand(); }
+  bool on_demand() const { return view_.on_demand(); }
   void note_retaken(const std::vector<Step>& steps);
   // To be called repeatedly while the showing plays.
   void look_for_stall(const std::vector<Step>& showing);

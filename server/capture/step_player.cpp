@@ -6,8 +6,10 @@
 #include <cmath>
 #include <deque>
 #include <future>
+#include <list>
 #include <memory>
 #include <thread>
+#include <utility>
 
 #include "core/base/name.h"
 #include "core/base/status.h"
@@ -113,13 +115,16 @@ class ProgramFeeds {
   std::optional<nanoseconds> last_replaced_;
 };
 
-namespace {
-
 // The picture of a held step, as requested from a camera.
 class PictureDemand {
  public:
-  PictureDemand(const RigLinks& links, CaptureProgress& progress, const std::string& what)
-      : links_(links), progress_(progress), what_(what) {}
+  PictureDemand(const Step& step, Watching& camera)
+      : camera_(camera),
+        links_(camera.view.setup.links),
+        progress_(camera.view.progress),
+        what_(fmt::format("picture {} of {}", step.number + 1, camera.view.setup.steps.size())) {}
+
+  Watching& camera() const { return camera_; }
 
   absl::Status ask(std::stop_token stop) {
     ++asked_;
@@ -138,12 +143,14 @@ class PictureDemand {
     return absl::OkStatus();
   }
 
+  // So many pictures have arrived. Returns whether they are the first.
+  bool note_came(int count) { return std::exchange(came_, came_ + count) == 0; }
   // To be called repeatedly: reports how long it takes, and requests it again. False: pictures arrived, but
   // not of this step. FAILED_PRECONDITION: none arrived, despite repeated requests.
-  absl::StatusOr<bool> look(int came, std::stop_token stop) {
+  absl::StatusOr<bool> look(std::stop_token stop) {
     const nanoseconds now = monotonic_now();
-    if (now - said_at_ >= kSaidEvery || (came > 0 && came != came_)) {
-      came_ = came;
+    if (now - said_at_ >= kSaidEvery || came_ != said_came_) {
+      said_came_ = came_;
       GW_RETURN_IF_ERROR(find_problem(stop));
       say();
     }
@@ -154,7 +161,7 @@ class PictureDemand {
       return true;
     }
     GW_RETURN_IF_ERROR(find_problem(std::move(stop)));
-    if (came > 0) return false;
+    if (came_ > 0) return false;
     return absl::FailedPreconditionError(fmt::format(
         "{}; is the camera switched on and awake, and does its command work by hand? Then: glasswing "
         "resume {}",
@@ -189,15 +196,14 @@ class PictureDemand {
     progress_.note_waiting(fmt::format("{}: {}", kWaitsForPicture, text()));
   }
 
+  Watching& camera_;
   const RigLinks& links_;
   CaptureProgress& progress_;
   const std::string what_;
   v1::PictureDue due_;
-  int asked_ = 0, came_ = 0;
+  int asked_ = 0, came_ = 0, said_came_ = 0;
   nanoseconds asked_at_{}, first_asked_at_{}, said_at_{};
 };
-
-}  // namespace
 
 RigLinks& StepPlayer::links() const {
   const auto view = std::ranges::find_if(views_, [](const auto& each) { return each->failure.ok(); });
@@ -312,8 +318,11 @@ absl::Status StepPlayer::play(const std::vector<Step>& steps, std::span<Watching
   for (const Watching& camera : cameras) camera.recording.begin_showing();
   if (cameras.front().view.setup.links.camera_info.on_demand()) {
     for (const Step& step : steps) {
-      GW_ASSIGN_OR_RETURN(const bool go_on, play_held(step, cameras.front(), stop));
-      if (!go_on) break;
+      std::vector<Watching*> needing;
+      for (Watching& camera : cameras) {
+        if (!camera.is_over && camera.steps.contains(step.number)) needing.push_back(&camera);
+      }
+      if (!needing.empty()) GW_RETURN_IF_ERROR(play_held(step, needing, stop));
     }
     return absl::OkStatus();
   }
@@ -389,6 +398,7 @@ absl::StatusOr<bool> StepPlayer::play_loaded(const std::string& program, int mon
 }
 
 absl::StatusOr<std::optional<StableWindow>> StepPlayer::wait_shown(ProgramFeeds& feeds,
+                                                                   std::span<Watching* const> cameras,
                                                                    std::stop_token stop) {
   std::optional<StableWindow> shown;
   while (!shown) {
@@ -396,62 +406,78 @@ absl::StatusOr<std::optional<StableWindow>> StepPlayer::wait_shown(ProgramFeeds&
     if (!playing) return absl::AbortedError("a display has ended a step that it should hold");
     if (!pause(stop, kPoll)) return std::nullopt;
   }
-  const nanoseconds lit = shown->from + links().camera->node_from_rig(monotonic_now()).error + kAskDelay;
+  nanoseconds error{};
+  for (const Watching* camera : cameras)
+    error = std::max(error, camera->view.setup.links.camera->node_from_rig(monotonic_now()).error);
+  const nanoseconds lit = shown->from + error + kAskDelay;
   while (monotonic_now() < lit) {
     if (!pause(stop, kPoll)) return std::nullopt;
   }
   return shown;
 }
 
-absl::StatusOr<bool> StepPlayer::play_held(const Step& step, Watching& camera, std::stop_token stop) {
+absl::StatusOr<bool> StepPlayer::judge_held(const Step& step, const StableWindow& shown,
+                                            PictureDemand& demand, std::stop_token stop) const {
+  Watching& camera = demand.camera();
   CaptureProgress& progress = camera.view.progress;
   Recording& recording = camera.recording;
+  if (const auto end = recording.end()) return *end;
+  std::vector<v1::Frame> frames;
+  if (const int count = recording.take_frames(); count > 0) {
+    progress.note_frames_taken(count);
+    // The step is shown until now, and was certainly shown when the frame arrived.
+    StableWindow window = shown;
+    window.until = window.patch_until = wait_past(recording, stop);
+    const bool first = recording.add_window(window);
+    if (demand.note_came(count)) progress.note_shown(step.number, !first);
+    GW_ASSIGN_OR_RETURN(frames, records_of(recording.take_matches(), camera));
+  }
+  GW_ASSIGN_OR_RETURN(const bool go_on, camera.judge(std::move(frames)));
+  camera.is_over = !go_on;
+  const bool learns = is_patch_learning_step(step) && recording.was_matched_now(step.number);
+  if (!go_on || learns || progress.is_proven(step.number)) return true;
+  GW_ASSIGN_OR_RETURN(const bool waits, demand.look(std::move(stop)));
+  return !waits;
+}
+
+absl::Status StepPlayer::play_held(const Step& step, std::span<Watching* const> cameras,
+                                   std::stop_token stop) {
+  const double exposure_ms = cameras.front()->recording.exposure_ms();
   const std::string program = next_program();
-  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, {step}, recording.exposure_ms(), stop));
+  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, {step}, exposure_ms, stop));
   if (monotonic_now() - clocks_measured_at_ > kClockInterval) GW_RETURN_IF_ERROR(measure_clocks(1, stop));
   ProgramFeeds feeds(views_, program, pictures_, monitor_count, monotonic_now() + start_lead_,
-                     hold_refreshes(), recording.exposure_ms(), true);
-  absl::StatusOr<std::optional<StableWindow>> shown = wait_shown(feeds, stop);
+                     hold_refreshes(), exposure_ms, true);
+  const absl::StatusOr<std::optional<StableWindow>> shown = wait_shown(feeds, cameras, stop);
   if (absl::IsDeadlineExceeded(shown.status()) && start_lead_ < kMaxStartLead) {
     start_lead_ *= 2;
-    return play_held(step, camera, stop);
+    return play_held(step, cameras, stop);
   }
   GW_RETURN_IF_ERROR(shown.status());
-  if (!*shown) return false;
-  PictureDemand demand(camera.view.setup.links, progress,
-                       fmt::format("picture {} of {}", step.number + 1, camera.view.setup.steps.size()));
-  GW_RETURN_IF_ERROR(demand.ask(stop));
-  bool noted = false;
-  int came = 0;
+  if (!*shown) return absl::OkStatus();
+  std::list<PictureDemand> due;
+  for (Watching* camera : cameras) GW_RETURN_IF_ERROR(due.emplace_back(step, *camera).ask(stop));
   while (!stop.stop_requested()) {
     GW_ASSIGN_OR_RETURN(const bool playing, feeds.poll([](const StableWindow&) {}));
     if (!playing) return absl::AbortedError("a display has ended a step that it should hold");
-    if (const auto end = recording.end()) return *end;
-    std::vector<v1::Frame> frames;
-    if (const int count = recording.take_frames(); count > 0) {
-      progress.note_frames_taken(count);
-      came += count;
-      // The step is shown until now, and was certainly shown when the frame arrived.
-      StableWindow window = **shown;
-      window.until = window.patch_until = wait_past(recording, stop);
-      const bool first = recording.add_window(window);
-      if (!std::exchange(noted, true)) progress.note_shown(step.number, !first);
-      GW_ASSIGN_OR_RETURN(frames, records_of(recording.take_matches(), camera));
+    for (auto demand = due.begin(); demand != due.end();) {
+      const absl::StatusOr<bool> over = judge_held(step, **shown, *demand, stop);
+      if (over.ok() && !*over) {
+        ++demand;
+        continue;
+      }
+      if (!over.ok()) {
+        if (!absl::IsFailedPrecondition(over.status())) return over.status();
+        demand->camera().failure = over.status();
+        demand->camera().is_over = true;
+      }
+      demand->end();
+      demand = due.erase(demand);
     }
-    GW_ASSIGN_OR_RETURN(const bool go_on, camera.judge(std::move(frames)));
-    const bool learns = is_patch_learning_step(step) && recording.was_matched_now(step.number);
-    if (!go_on || learns || progress.is_proven(step.number)) {
-      demand.end();
-      return go_on;
-    }
-    GW_ASSIGN_OR_RETURN(const bool waits, demand.look(came, stop));
-    if (!waits) {
-      demand.end();
-      return true;
-    }
+    if (due.empty()) break;
     (void)pause(stop, kPoll);
   }
-  return false;
+  return absl::OkStatus();
 }
 
 }  // namespace glasswing

@@ -17,6 +17,7 @@
 
 namespace glasswing {
 
+class PictureDemand;
 class ProgramFeeds;
 
 // A camera that records a showing.
@@ -30,7 +31,8 @@ struct Watching {
   Recording& recording;
   std::set<int> steps;  // that it needs; the others are shown for other cameras
   Judge judge;
-  bool is_over = false;  // its judge has ended the showing
+  bool is_over = false;       // its judge has ended the showing
+  absl::Status failure = {};  // why the camera cannot go on, of one that takes pictures on demand
 };
 
 class StepPlayer {
@@ -42,9 +44,9 @@ class StepPlayer {
   absl::Status measure_clocks(int count, const std::stop_token& stop);
   // Shows `steps` once. Returns when the last frame that may belong to them has arrived, or earlier, if all
   // judges or `stop` end the showing. A start that a display refused, because the command arrived too late,
-  // is repeated with more time for the command. ABORTED: another program took over the screens. If a camera
-  // takes pictures on demand, it is the only one, and each step is held until its frame is proven;
-  // FAILED_PRECONDITION: no picture arrives.
+  // is repeated with more time for the command. ABORTED: another program took over the screens. If the
+  // cameras take pictures on demand (either all do or none), each step is held until all of them have proven
+  // frames of it; Watching.failure: no picture arrives.
   absl::Status play(const std::vector<Step>& steps, std::span<Watching> cameras, std::stop_token stop);
 
  private:
@@ -58,11 +60,16 @@ class StepPlayer {
                                    std::stop_token stop);
   // Gives the frames that have arrived to the judges, which run at the same time.
   absl::Status judge(std::span<Watching> cameras) const;
-  // Holds one step until it is proven (a patch-learning step until it has a frame), or until pictures arrive
-  // that do not prove it. False: the judge or `stop` ends the showing.
-  absl::StatusOr<bool> play_held(const Step& step, Watching& camera, std::stop_token stop);
+  // Holds one step for each of these until it is proven (a patch-learning step until it has a frame), until
+  // pictures arrive that do not prove it, or until the judge ends the camera's showing.
+  absl::Status play_held(const Step& step, std::span<Watching* const> cameras, std::stop_token stop);
   // When all monitors show it: a window without end. None: stopped.
-  absl::StatusOr<std::optional<StableWindow>> wait_shown(ProgramFeeds& feeds, std::stop_token stop);
+  absl::StatusOr<std::optional<StableWindow>> wait_shown(ProgramFeeds& feeds,
+                                                         std::span<Watching* const> cameras,
+                                                         std::stop_token stop);
+  // Judges the pictures that have arrived of a held step. True: the camera needs no more in this showing.
+  absl::StatusOr<bool> judge_held(const Step& step, const StableWindow& shown, PictureDemand& demand,
+                                  std::stop_token stop) const;
   absl::StatusOr<std::vector<v1::Frame>> records_of(const std::vector<FrameMatcher::Match>& matches,
                                                     const Watching& camera) const;
   std::string next_program();

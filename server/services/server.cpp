@@ -78,8 +78,8 @@ Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
              solves_.progress(), drafts_, options.lease),
       captures_(
           *stores_.sessions, rig_, rig_lock_, *stores_.calibrations, *stores_.images,
-          [this](const v1::Session& session, std::stop_token stop) {
-            return rounds_.grow(session, std::move(stop));
+          [this](std::vector<v1::Session> sessions, std::stop_token stop) {
+            return rounds_.grow(std::move(sessions), std::move(stop));
           },
           [this](const v1::Session& session) { drafts_.note(session); },
           [this](const std::string& session) { following_solves_.look(session); }),

@@ -63,6 +63,20 @@ void add_counts(const v1::Session& view, v1::Session& sum) {
   sum.set_matte_ready(sum.matte_ready() && view.matte_ready());
 }
 
+// After each round of an adaptive capture, what the view knows for which its images are least enough.
+void add_rounds(const std::vector<v1::Session>& views, v1::Session& sum) {
+  for (const v1::Session& view : views) {
+    for (int i = 0; i < view.adapted_size(); ++i) {
+      const v1::AdaptedRound& found = view.adapted(i);
+      if (i == sum.adapted_size()) *sum.add_adapted() = found;
+      v1::AdaptedRound& least = *sum.mutable_adapted(i);
+      least.set_known_share(std::min(least.known_share(), found.known_share()));
+      least.set_error_db(std::min(least.error_db(), found.error_db()));
+      least.set_error_px(std::max(least.error_px(), found.error_px()));
+    }
+  }
+}
+
 }  // namespace
 
 std::string view_name(const std::string& session, const std::string& camera) {
@@ -120,6 +134,7 @@ v1::Session sum_of(const std::vector<v1::Session>& views) {
     listed.clear_plan();
   }
   sum.mutable_tags()->Assign(tags.begin(), tags.end());
+  add_rounds(views, sum);
   for (const v1::SessionState state : kFirst) {
     if (std::ranges::find(views, state, &v1::Session::state) == views.end()) continue;
     sum.set_state(state);

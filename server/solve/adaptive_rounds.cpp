@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/base/status.h"
-#include "core/design/adaptation.h"
 #include "core/file/positioned_file.h"
 #include "core/frame/archive.h"
 #include "core/matte/packed_matte.h"
@@ -50,26 +49,56 @@ absl::Status AdaptiveRounds::wait_for_draft(const v1::Session& session, std::sto
   }
 }
 
-absl::StatusOr<v1::Session> AdaptiveRounds::grow(v1::Session session, std::stop_token stop) {
-  GW_RETURN_IF_ERROR(wait_for_draft(session, stop));
+absl::StatusOr<AdaptiveRounds::Drafted> AdaptiveRounds::drafted(const v1::Session& session,
+                                                                std::stop_token stop) {
+  GW_RETURN_IF_ERROR(wait_for_draft(session, std::move(stop)));
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
-  const std::vector<v1::Monitor> monitors(manifest.monitors().begin(), manifest.monitors().end());
-  GW_ASSIGN_OR_RETURN(std::vector<JudgedPixel> pixels,
-                      read_pixels(mattes_.draft(session.name()), monitors.size()));
-  if (pixels.empty())
+  Drafted drafted{.view = {.pixels = {}, .camera = manifest.camera()},
+                  .monitors = {manifest.monitors().begin(), manifest.monitors().end()}};
+  GW_ASSIGN_OR_RETURN(drafted.view.pixels,
+                      read_pixels(mattes_.draft(session.name()), drafted.monitors.size()));
+  if (drafted.view.pixels.empty())
     return absl::FailedPreconditionError(
         "the draft shows no object, so there is nothing to decide what to show next");
-  GW_ASSIGN_OR_RETURN(Adaptation adaptation,
-                      adapt(std::move(pixels), session.plan(), monitors, manifest.camera()));
-  const v1::AdaptedRound& found = adaptation.found;
-  spdlog::info("adapted session={} images={} known={:.3f} error_db={:.1f} error_px={:.3f}", session.name(),
-               found.image_count(), found.known_share(), found.error_db(), found.error_px());
-  // Judged before, and then interrupted.
-  const bool again =
-      !session.adapted().empty() && session.adapted().rbegin()->image_count() == found.image_count();
-  (again ? *session.mutable_adapted()->rbegin() : *session.add_adapted()) = found;
-  if (adaptation.next) *session.mutable_plan()->add_rounds() = *std::move(adaptation.next);
-  return session;
+  return drafted;
+}
+
+absl::StatusOr<std::vector<v1::Session>> AdaptiveRounds::grow(std::vector<v1::Session> sessions,
+                                                              std::stop_token stop) {
+  std::vector<JudgedView> views;
+  std::vector<v1::Session*> judged;  // of `views`
+  std::vector<v1::Monitor> monitors;
+  absl::Status unjudged;
+  for (v1::Session& session : sessions) {
+    absl::StatusOr<Drafted> draft = drafted(session, stop);
+    if (!draft.ok() && !absl::IsFailedPrecondition(draft.status())) return draft.status();
+    if (!draft.ok()) {
+      unjudged = draft.status();
+      const std::string warning = "it chose no images: " + std::string(unjudged.message());
+      if (session.warning().find(warning) == std::string::npos)
+        session.set_warning(session.warning().empty() ? warning : session.warning() + "; " + warning);
+      continue;
+    }
+    views.push_back(std::move(draft->view));
+    judged.push_back(&session);
+    monitors = std::move(draft->monitors);
+  }
+  if (views.empty()) return unjudged;
+  GW_ASSIGN_OR_RETURN(const Adaptation adaptation, adapt(std::move(views), judged.front()->plan(), monitors));
+  for (size_t v = 0; v < judged.size(); ++v) {
+    v1::Session& session = *judged[v];
+    const v1::AdaptedRound& found = adaptation.found[v];
+    spdlog::info("adapted session={} images={} known={:.3f} error_db={:.1f} error_px={:.3f}", session.name(),
+                 found.image_count(), found.known_share(), found.error_db(), found.error_px());
+    // Judged before, and then interrupted.
+    const bool again =
+        !session.adapted().empty() && session.adapted().rbegin()->image_count() == found.image_count();
+    (again ? *session.mutable_adapted()->rbegin() : *session.add_adapted()) = found;
+  }
+  if (adaptation.next) {
+    for (v1::Session& session : sessions) *session.mutable_plan()->add_rounds() = *adaptation.next;
+  }
+  return sessions;
 }
 
 }  // namespace glasswing

@@ -5,7 +5,9 @@
 #include <absl/status/statusor.h>
 
 #include <stop_token>
+#include <vector>
 
+#include "core/design/adaptation.h"
 #include "glasswing/v1/session.pb.h"
 #include "server/solve/drafts.h"
 #include "server/storage/matte_files.h"
@@ -17,13 +19,19 @@ class AdaptiveRounds {
  public:
   AdaptiveRounds(Drafts& drafts, const MatteFiles& mattes) : drafts_(drafts), mattes_(mattes) {}
 
-  // Waits for the draft of all images of `session`, whose steps are all stored. Returns the session with the
-  // draft's results (`adapted`) and with one more round in its plan, or with the same plan: the target is
-  // reached, or no more images are allowed. CANCELLED: stopped. UNAVAILABLE: the archive's node does not
-  // answer. FAILED_PRECONDITION: no draft can be made.
-  absl::StatusOr<v1::Session> grow(v1::Session session, std::stop_token stop);
+  // Waits for the draft of all images of each session, of one plan but with its own camera, whose steps are
+  // all stored. Returns the sessions with their drafts' results (`adapted`) and with one more round in their
+  // plan, or with the same plan: the target is reached for each, or no more images are allowed. One of
+  // several whose draft cannot be judged gets a warning, and the others choose. CANCELLED: stopped.
+  // UNAVAILABLE: an archive's node does not answer. FAILED_PRECONDITION: no draft can be judged.
+  absl::StatusOr<std::vector<v1::Session>> grow(std::vector<v1::Session> sessions, std::stop_token stop);
 
  private:
+  struct Drafted {
+    JudgedView view;
+    std::vector<v1::Monitor> monitors;
+  };
+  absl::StatusOr<Drafted> drafted(const v1::Session& session, std::stop_token stop);
   absl::Status wait_for_draft(const v1::Session& session, std::stop_token stop);
 
   Drafts& drafts_;

@@ -15,6 +15,7 @@
 #include "core/matte/matte_file.h"
 #include "core/process/pause.h"
 #include "server/archives/session_archive.h"
+#include "server/sessions/views.h"
 #include "server/solve/join_tiles.h"
 
 namespace glasswing {
@@ -164,13 +165,15 @@ absl::StatusOr<Drafts::Plan*> Drafts::plan_of(const v1::Session& session) {
                       expand(session.plan(), {manifest.monitors().begin(), manifest.monitors().end()}));
   const std::vector<Step> shown = in_order_of_showing(steps);
   Plan plan = known == plans_.end() ? Plan{} : std::move(known->second);
+  plan.capture = capture_name(session);
   plan.rounds = session.plan().rounds_size();
   plan.steps.clear();
   plan.stages = draft_stages(session.plan(), shown);
   plan.sweep_count = session.plan().has_adapt() ? 0 : count_sweeps(steps);
   for (const Step& step : shown) plan.steps.push_back(step.number);
-  plans_.clear();  // a server captures one session at a time
-  return &plans_.emplace(session.name(), std::move(plan)).first->second;
+  // A server captures one session at a time, or the views of one.
+  std::erase_if(plans_, [&](const auto& other) { return other.second.capture != plan.capture; });
+  return &plans_.insert_or_assign(session.name(), std::move(plan)).first->second;
 }
 
 absl::Status Drafts::look(const std::string& name) {
@@ -187,7 +190,10 @@ absl::Status Drafts::look(const std::string& name) {
   plan->looked = now;
   {
     const std::lock_guard lock(mutex_);
-    if (running_ && running_->began) return absl::OkStatus();  // looked at again once it is done
+    // Looked at again once it is done.
+    const bool of_other_view =
+        running_ && running_->session.name() != name && capture_name(running_->session) == plan->capture;
+    if (of_other_view || (running_ && running_->began)) return absl::OkStatus();
   }
   const auto may_be_reached = [&](const DraftStage& stage) {
     return stage.step_count > plan->begun && session->proven_count() >= kNearlyAll * stage.step_count;

@@ -74,6 +74,7 @@ class Drafts {
   };
   // The parts of a session that can be drafted.
   struct Plan {
+    std::string capture;     // capture_name()
     int rounds = 0;          // of the plan by then
     std::vector<int> steps;  // in the order of showing
     std::vector<DraftStage> stages;

@@ -114,11 +114,10 @@ absl::Status compare(const RenderedScene& scene, const Wish& wish) {
   while (true) {
     GW_ASSIGN_OR_RETURN(const SynthesizedCapture capture, shown(scene, plan, sums));
     GW_ASSIGN_OR_RETURN(const Tried tried, attempt(scene, capture, wish.noise_sd));
-    std::vector<JudgedPixel> pixels;
-    add_pixels_of_object(tried.matte, 0, 1, monitors.size(), pixels);
-    GW_ASSIGN_OR_RETURN(Adaptation adaptation,
-                        adapt(std::move(pixels), plan, monitors, recorded.camera(), waves));
-    const v1::AdaptedRound& found = adaptation.found;
+    JudgedView view{.pixels = {}, .camera = recorded.camera()};
+    add_pixels_of_object(tried.matte, 0, 1, monitors.size(), view.pixels);
+    GW_ASSIGN_OR_RETURN(Adaptation adaptation, adapt({std::move(view)}, plan, monitors, waves));
+    const v1::AdaptedRound& found = adaptation.found.front();
     fmt::print("{}: {} images, {:.1f} dB; {:.0f} % known to {:.1f} dB, 95 % to {:.1f} dB\n", scene.name(),
                found.image_count(), tried.psnr_db, 100.0 * found.known_share(), plan.adapt().target_db(),
                found.error_db());

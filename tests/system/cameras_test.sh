@@ -17,7 +17,7 @@ camera_up() { # NAME PORT OPTION...: sets pid_NAME
     --scene crystal --tap "127.0.0.1:$((port + 1))" "${@:3}" >>"$work/$1.log" 2>&1 &
   printf -v "pid_$1" %s $!
 }
-left_up() { camera_up left $((port + 2)); }
+left_up() { camera_up left $((port + 2)) --axis lift=0:20mm --axis-command 'true {position}'; }
 right_up() { camera_up right $((port + 3)) --seed 2 --blur 0.5 --fault-drop 0.1; }
 server_up
 display_up
@@ -78,6 +78,42 @@ for camera in left right; do
   composited "$work/vase.$camera.exr"
   cmp "$work/alone-$camera.exr.out.exr" "$work/vase.$camera.exr.out.exr" || fail "the matte of $camera differs alone"
 done
+
+echo "== an adaptive capture shows every camera the same rounds, after a draft of each"
+glasswing capture "$root/deploy/plans/design-30.txtpb" --adapt --target-error 70dB --at-most 42 --camera left --camera right \
+  --session deep --watch 2>"$work/watch" || fail "deep is $(shown deep state): $(shown deep reason)"
+[[ $(shown deep state) == SESSION_STATE_DONE ]] || fail "deep is $(shown deep state): $(shown deep reason)"
+for session in deep deep.left deep.right; do
+  images=$(glasswing show $session --json | sed -n 's/.*"image_count": \([0-9]*\).*/\1/p' | head -n 2 | tr '\n' ' ')
+  [[ $images == "30 42 " ]] || fail "$session was judged after $images images"
+done
+grep -q 'after 42 images [0-9]* % of the pixels' "$work/watch" || fail "watch does not tell the rounds: $(cat "$work/watch")"
+glasswing export deep "$work/deep" >/dev/null
+for camera in left right; do
+  python3 - "$work/deep/$camera/manifest.json" >"$work/$camera.rounds" <<'E'
+import json, sys
+manifest = json.load(open(sys.argv[1]))
+print(json.dumps(manifest["plan"]["rounds"], sort_keys=True))
+print(sorted(frame.get("step", 0) for frame in manifest["frames"]))
+E
+done
+cmp "$work/left.rounds" "$work/right.rounds" || fail "the cameras were shown different rounds"
+
+echo "== a lift's poses are captured; an axis that does not turn is not calibrated as if it did"
+glasswing capture "$plan" --turn lift=0,10 --camera left --session lift 2>/dev/null || fail "the lift's series was not captured"
+echo 'camera { width_px: 72 height_px: 60 fx_px: 90 fy_px: 90 cx_px: 36 cy_px: 30 }
+monitors { name: "back" width_px: 96 height_px: 80 pitch_mm: 1 rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1] translation_mm: [-48, -40, 120] }' >"$work/rig.txtpb"
+refused 'axis "lift" moves along a line, in mm' \
+  glasswing calibrate axis --series lift --board 7x5:8:6 --geometry "$work/rig.txtpb" -o "$work/axis.txtpb"
+
+echo "== doctor checks each camera's geometry in its own view"
+glasswing doctor --geometry "left=$work/rig.txtpb" --geometry "right=$work/rig.txtpb" --session vase >"$work/doctor" 2>/dev/null || true
+for camera in left right; do
+  grep -q "session vase.$camera sees its points" "$work/doctor" || fail "doctor did not check camera $camera: $(cat "$work/doctor")"
+done
+glasswing doctor --geometry "right=$work/rig.txtpb" >"$work/doctor" 2>/dev/null || true
+grep -q "session deep.right sees its points" "$work/doctor" || fail "doctor did not take the newest view of camera right: $(cat "$work/doctor")"
+refused 'where it is repeated it must be CAMERA=FILE' glasswing doctor --geometry "$work/rig.txtpb" --geometry "right=$work/rig.txtpb"
 
 echo "== the other verbs know the cameras"
 glasswing show vase | grep -q '^cameras .*left: ' || fail "show does not list the cameras"

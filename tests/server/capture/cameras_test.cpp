@@ -261,9 +261,6 @@ TEST_F(CamerasTest, PlansThatNameCamerasWronglyAreRefused) {
   v1::Plan both = plan_of({"camera-1", "camera-2"});
   both.set_camera("camera-1");
   EXPECT_THAT(refusal(both), HasSubstr("left out where cameras are given"));
-  v1::Plan adapts = plan_of({"camera-1", "camera-2"});
-  adapts.mutable_adapt();
-  EXPECT_THAT(refusal(adapts), HasSubstr("adapt is given"));
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "core/service/service.h"
 #include "tests/faults/capture/decoder.h"
 #include "tests/faults/capture/rig.h"
+#include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"
 
 namespace glasswing {
@@ -45,6 +46,23 @@ std::string stand_in(const fs::path& state, const std::string& faults) {
       kExposure_ms, faults);
 }
 
+// What each stored frame shows, by a reader that shares no code with the patterns.
+std::map<int, std::string> mislabelled(const FaultyRig& rig, const std::string& session, int camera,
+                                       double stripe_step_px) {
+  std::map<int, std::string> wrong;
+  const auto archive = Archive::open(rig.archive(session, camera)).value();
+  const View view{.pattern_rows = FaultyRig::kHeight_px - kPatchRows,
+                  .step_px = stripe_step_px,
+                  .noise_sd = FaultyRig::kMaxNoise};
+  const v1::CaptureManifest manifest = archive->manifest();
+  for (const v1::Frame& frame : manifest.frames()) {
+    EXPECT_EQ(frame.proof(), v1::PROOF_TIME_AND_PATCH) << frame.step();
+    const Image16 image = decode_tiff(archive->read_frame_bytes(frame.file()).value()).value();
+    if (const auto what = mismatch(image, frame.stimulus(), view)) wrong[frame.step()] = *what;
+  }
+  return wrong;
+}
+
 class TetheredRig {
  public:
   // `command` of a state's directory; empty: a person presses the button.
@@ -74,20 +92,8 @@ class TetheredRig {
   const fs::path& state() const { return state_; }
   FaultyRig& rig() { return *rig_; }
 
-  // What each stored frame shows, by a reader that shares no code with the patterns.
   std::map<int, std::string> mislabelled(double stripe_step_px) {
-    std::map<int, std::string> wrong;
-    const auto archive = Archive::open(rig_->archive("s")).value();
-    const View view{.pattern_rows = FaultyRig::kHeight_px - kPatchRows,
-                    .step_px = stripe_step_px,
-                    .noise_sd = FaultyRig::kMaxNoise};
-    const v1::CaptureManifest manifest = archive->manifest();
-    for (const v1::Frame& frame : manifest.frames()) {
-      EXPECT_EQ(frame.proof(), v1::PROOF_TIME_AND_PATCH) << frame.step();
-      const Image16 image = decode_tiff(archive->read_frame_bytes(frame.file()).value()).value();
-      if (const auto what = mismatch(image, frame.stimulus(), view)) wrong[frame.step()] = *what;
-    }
-    return wrong;
+    return glasswing::mislabelled(*rig_, "s", 0, stripe_step_px);
   }
   std::map<std::string, int> faults() const {
     std::map<std::string, int> counts;
@@ -215,6 +221,74 @@ TEST(FolderCapture, WhereAPersonPressesTheButtonTheSessionSaysWhichPictureIsDue)
   EXPECT_EQ(end.patch_proven_count(), end.step_count()) << end.reason();
   EXPECT_EQ(pressed, end.step_count());
   EXPECT_TRUE(tethered.mislabelled(plan.sweeps(0).step_px()).empty());
+}
+
+// "camera-1" and "camera-3" take pictures on demand, "camera-2" between them by itself.
+class SeveralTethered : public testing::Test {
+ protected:
+  // `third`: the command of the third camera's stand-in.
+  void start(const std::string& third, double patience_s) {
+    const auto tethered = [&](int number, const std::string& command) {
+      const fs::path folder = data_ / fmt::format("folder-{}", number);
+      fs::create_directories(folder);
+      return FolderCamera::Options{.name = fmt::format("camera-{}", number),
+                                   .directory = folder,
+                                   .shoot = command,
+                                   .patience = nanoseconds(std::llround(1e9 * patience_s)),
+                                   .exposure_ms = kExposure_ms};
+    };
+    RigFaults rig{.name = "several tethered"};
+    rig.folder = tethered(1, stand_in(state(1), ""));
+    rig.cameras.push_back({.name = "free", .frame_rate_hz = 60.0});
+    // As bright as the others, with their exposure.
+    rig.cameras.back().disturbances.gain = FaultyRig::kExposure_ms / kExposure_ms;
+    rig.cameras.push_back({.name = "tethered"});
+    rig.cameras.back().folder = tethered(3, third);
+    rig_ = std::make_unique<FaultyRig>(rig, 1, kPatchRows, data_);
+    plan_ = stripes(4);
+    plan_.set_hold_refreshes(16);
+    for (int i = 1; i <= 3; ++i) plan_.add_cameras(fmt::format("camera-{}", i));
+  }
+  fs::path state(int number) const { return data_ / fmt::format("state-{}", number); }
+  v1::Session captured() {
+    const grpc::Status created = rig_->create(plan_);
+    EXPECT_TRUE(created.ok()) << created.error_message();
+    return rig_->watch();
+  }
+  void expect_whole(const v1::Session& session, int camera) {
+    const v1::Session& view = session.views(camera);
+    EXPECT_EQ(view.state(), v1::SESSION_STATE_CAPTURED) << view.name() << ": " << view.reason();
+    EXPECT_EQ(view.patch_proven_count(), session.step_count()) << view.name();
+    for (const auto& [step, what] : mislabelled(*rig_, view.name(), camera, plan_.sweeps(0).step_px()))
+      ADD_FAILURE() << view.name() << ", step " << step << ": " << what;
+  }
+
+  const TemporaryDirectory data_;
+  v1::Plan plan_;
+  std::unique_ptr<FaultyRig> rig_;
+};
+
+TEST_F(SeveralTethered, EachStepIsHeldUntilEveryCameraHasIt) {
+  start(stand_in(state(3), "--twice 0.2 --stale 0.2"), 3.0);
+  const v1::Session session = captured();
+  ASSERT_EQ(session.views_size(), 3);
+  for (int camera = 0; camera < 3; ++camera) expect_whole(session, camera);
+  // Steps that the third has to be asked for again are not repeated for the others.
+  EXPECT_GT(session.views(2).retaken_count(), session.views(0).retaken_count());
+}
+
+TEST_F(SeveralTethered, OneThatSleepsLeavesTheOthersTheirFrames) {
+  // It wakes for its first picture only.
+  const fs::path script = data_ / "asleep.sh";
+  ASSERT_OK(write_file_durably(script, "#!/bin/sh\n[ -e $0.done ] && exit 0\ntouch $0.done\nexec \"$@\"\n"));
+  fs::permissions(script, fs::perms::owner_all);
+  start(script.string() + " " + stand_in(state(3), ""), 1.0);
+  const v1::Session session = captured();
+  ASSERT_EQ(session.views_size(), 3);
+  for (int camera = 0; camera < 2; ++camera) expect_whole(session, camera);
+  EXPECT_EQ(session.views(2).state(), v1::SESSION_STATE_FAILED);
+  EXPECT_THAT(session.views(2).reason(), HasSubstr("s for picture 1 of"));
+  EXPECT_EQ(session.views(2).proven_count(), 0);
 }
 
 }  // namespace

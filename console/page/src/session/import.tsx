@@ -1,10 +1,9 @@
 import { useEffect, useRef, useState } from "preact/hooks";
-import { call } from "../api";
-import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
 import { Dialog } from "../parts/dialog";
 import { FormEnd } from "../parts/form_end";
 import { useAction } from "../parts/use_action";
 import { bytesText, countText } from "../parts/words";
+import { useCameras } from "./cameras";
 import {
   archiveIn,
   chosenFiles,
@@ -15,21 +14,6 @@ import {
   type LocalArchive,
 } from "./import_archive";
 
-/** The camera nodes that are up; one of them keeps the frames. */
-function useCameras(): string[] {
-  const [cameras, setCameras] = useState<string[]>([]);
-  useEffect(() => {
-    call<ListNodesResponseJson>("NodeService/ListNodes").then(
-      ({ nodes = [] }) =>
-        setCameras(
-          nodes.filter(({ kind, up }) => kind === "NODE_KIND_CAMERA" && up).map(({ name = "" }) => name),
-        ),
-      () => undefined, // the import says so itself
-    );
-  }, []);
-  return cameras;
-}
-
 /** `dropped`: the files to import; undefined: they are chosen here. */
 export function ImportDialog({ dropped, close }: { dropped: Promise<Files> | undefined; close: () => void }) {
   const [archive, setArchive] = useState<LocalArchive>();
@@ -37,7 +21,7 @@ export function ImportDialog({ dropped, close }: { dropped: Promise<Files> | und
   const [camera, setCamera] = useState("");
   const [stored, setStored] = useState<number>();
   const { busy, error, act } = useAction();
-  const cameras = useCameras();
+  const cameras = useCameras() ?? []; // one of them keeps the frames
   const cancel = useRef(new AbortController());
   useEffect(() => () => cancel.current.abort(), []);
   const look = (files: Files | Promise<Files>): void =>

@@ -48,8 +48,8 @@ function Choice({ label, value, choices, onChange }: ChoiceProps) {
   );
 }
 
-/** Calls `onText` with the plan's text each time that one is made. */
-export function MadePlan({ onText }: { onText: (text: string) => void }) {
+/** Calls `onText` with the plan's text each time that one is made, for this camera or the only one (""). */
+export function MadePlan({ camera, onText }: { camera: string; onText: (text: string) => void }) {
   const [wish, setWish] = useState<Wish>({ object: "clear", quality: "good", imageCount: 0, left: new Set() });
   const [monitors, setMonitors] = useState<readonly string[]>([]); // all of the rig
   const [error, setError] = useState<unknown>();
@@ -68,6 +68,7 @@ export function MadePlan({ onText }: { onText: (text: string) => void }) {
           object,
           quality,
           imageCount,
+          camera,
           monitors: left.size > 0 ? monitors.filter((name) => !left.has(name)) : [],
         },
         { signal },
@@ -78,7 +79,7 @@ export function MadePlan({ onText }: { onText: (text: string) => void }) {
     };
     make().catch((reason: unknown) => signal.aborted || setError(reason));
     return () => cancel.abort();
-  }, [wish]);
+  }, [wish, camera]);
   const take = (name: string, used: boolean): void => {
     const left = new Set(wish.left);
     if (used) left.delete(name);

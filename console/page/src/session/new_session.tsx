@@ -8,6 +8,7 @@ import { Failure } from "../parts/failure";
 import { Message } from "../parts/message";
 import { useAction } from "../parts/use_action";
 import { bytesText, countText, secondsText, timeText } from "../parts/words";
+import { namedCameras, useCameras } from "./cameras";
 import { MadePlan } from "./made_plan";
 import { missingPhotos, withPhotos } from "./photos";
 import { fitText, kPlanNames, planText, useFits } from "./ready_plans";
@@ -21,6 +22,7 @@ function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
     bytes,
     freeBytes,
     monitors = [],
+    cameras = [],
     holder,
     warnings = [],
   } = estimate;
@@ -59,6 +61,12 @@ function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
               .join("; ")}
           </dd>
         </div>
+        {cameras.length > 1 && (
+          <div>
+            <dt>Cameras</dt>
+            <dd>{cameras.map(({ name, widthPx, heightPx }) => `${name} ${widthPx}×${heightPx}`).join("; ")}</dd>
+          </div>
+        )}
         {estimate.videoFrames && (
           <div>
             <dt>Video</dt>
@@ -85,6 +93,36 @@ function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
   );
 }
 
+interface CamerasProps {
+  up: readonly string[];
+  used: readonly string[];
+  onChange: (used: ReadonlySet<string>) => void;
+}
+
+/** Which cameras see each step; the last one stays. */
+function Cameras({ up, used, onChange }: CamerasProps) {
+  const take = (name: string, takes: boolean): void => {
+    const rest = used.filter((each) => each !== name);
+    if (takes || rest.length > 0) onChange(new Set(takes ? [...rest, name] : rest));
+  };
+  return (
+    <fieldset class="row">
+      <legend>Cameras</legend>
+      {up.map((name) => (
+        <label key={name}>
+          <input
+            type="checkbox"
+            checked={used.includes(name)}
+            disabled={used.length === 1 && used.includes(name)}
+            onChange={(event) => take(name, event.currentTarget.checked)}
+          />
+          {name}
+        </label>
+      ))}
+    </fieldset>
+  );
+}
+
 const kMade = "+made", kOwn = "+own"; // no plan's name has a plus
 
 export function NewSession() {
@@ -97,9 +135,15 @@ export function NewSession() {
   const [adapts, setAdapts] = useState(false);
   const [photos, setPhotos] = useState<File[]>([]);
   const requestId = useRef(crypto.randomUUID()); // the same for every attempt, so that a lost answer creates no second session
-  const { plan, estimate, error } = usePlan(text, name);
+  const up = useCameras();
+  const [cameras, setCameras] = useState<ReadonlySet<string>>(); // undefined: the plan's, or all
+  const { plan, estimate, error } = usePlan(text, name, up, cameras);
+  const [named, setNamed] = useState<readonly string[]>([]); // by the last plan
   const start = useAction();
-  const fits = useFits();
+  const fits = useFits(up);
+  useEffect(() => {
+    if (plan) setNamed(namedCameras(plan));
+  }, [plan]);
   useEffect(() => {
     if (kPlanNames.includes(chosen)) void planText(chosen).then(setText);
   }, [chosen]);
@@ -177,7 +221,12 @@ export function NewSession() {
             />
           </label>
         </div>
-        {chosen === kMade && <MadePlan onText={setText} />}
+        {chosen === kMade && up && (
+          <MadePlan camera={up.length > 1 ? (up.find((each) => !cameras || cameras.has(each)) ?? "") : ""} onText={setText} />
+        )}
+        {up && up.length > 1 && named.length > 0 && (
+          <Cameras up={up} used={cameras ? up.filter((each) => cameras.has(each)) : named} onChange={setCameras} />
+        )}
         <div class="row">
           <label class="grows">
             Note

@@ -4,6 +4,7 @@ import { ask, call } from "../api";
 import type { PlanJson } from "../gen/glasswing/v1/plan_pb";
 import type { EstimateSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { countText } from "../parts/words";
+import { withCameras } from "./cameras";
 
 const kTexts = import.meta.glob<string>("../../../../deploy/plans/*.txtpb", { query: "?raw", import: "default" });
 
@@ -55,26 +56,28 @@ export function fitText(fits: ReadonlyMap<string, Fit>, name: string): string {
   return warnings === 0 ? text : `${text} (${countText(warnings, "warning")})`;
 }
 
-async function warningsOf(name: string, signal: AbortSignal): Promise<readonly string[]> {
+async function warningsOf(name: string, up: readonly string[], signal: AbortSignal): Promise<readonly string[]> {
   const body = await planText(name);
-  const plan = (await (await ask("/plans", { method: "POST", body, signal })).json()) as PlanJson;
+  const parsed = (await (await ask("/plans", { method: "POST", body, signal })).json()) as PlanJson;
+  const plan = withCameras(parsed, up);
   const estimate = call<EstimateSessionResponseJson>("SessionService/EstimateSession", { plan }, { signal });
   return (await estimate).warnings ?? [];
 }
 
-/** How each plan fits, when all are known; empty until then. */
-export function useFits(): ReadonlyMap<string, Fit> {
+/** How each plan fits with all cameras that are `up`, when all are known; empty until then. */
+export function useFits(up: readonly string[] | undefined): ReadonlyMap<string, Fit> {
   const [fits, setFits] = useState<ReadonlyMap<string, Fit>>(new Map());
   useEffect(() => {
     const cancel = new AbortController();
     const look = async (): Promise<void> => {
+      if (!up) return;
       const known = new Map<string, readonly string[] | undefined>();
       for (const name of kPlanNames)
-        known.set(name, await warningsOf(name, cancel.signal).catch(() => undefined));
+        known.set(name, await warningsOf(name, up, cancel.signal).catch(() => undefined));
       if (!cancel.signal.aborted) setFits(fitsOf(known));
     };
     void look();
     return () => cancel.abort();
-  }, []);
+  }, [up]);
   return fits;
 }

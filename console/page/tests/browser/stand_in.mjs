@@ -37,7 +37,11 @@ async function send_stream(response, messages) {
 async function body_of(request) {
   let text = "";
   for await (const part of request) text += part;
-  return text === "" ? {} : JSON.parse(text);
+  try {
+    return text === "" ? {} : JSON.parse(text);
+  } catch {
+    return text; // a plan's
+  }
 }
 
 /**

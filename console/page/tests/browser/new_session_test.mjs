@@ -1,0 +1,62 @@
+// The cameras of a new session's form, against a fake server: all that are up at first, and what is ticked is what the
+// server gets; the last one cannot be left out.
+//
+//   GLASSWING_CONSOLE_FILES=console/page/dist node tests/browser/new_session_test.mjs
+import { strict as assert } from "node:assert";
+import axe from "axe-core";
+import { open_browser } from "./browser.mjs";
+import { stand_in } from "./stand_in.mjs";
+
+const camera = (name, up = true) => ({ kind: "NODE_KIND_CAMERA", name, up });
+const estimated = []; // plans
+let made, created;
+const server = await stand_in({
+  answer: (path, body) => {
+    if (path.endsWith("/ListNodes")) return { nodes: [camera("left"), camera("right"), camera("attic", false)] };
+    if (path.endsWith("/MakePlan")) {
+      made = body;
+      return { plan: { monitors: [{ name: "back" }] }, text: 'method: "gaussian"' };
+    }
+    if (path === "/plans") return { method: "gaussian" };
+    if (path.endsWith("/EstimateSession")) {
+      estimated.push(body.plan);
+      const cameras = (body.plan.cameras ?? []).map((name) => ({ name, widthPx: 640, heightPx: 480 }));
+      return { stepCount: 9, seconds: 1, bytes: "1000", freeBytes: "100000", monitors: [], cameras };
+    }
+    if (path.endsWith("/CreateSession")) {
+      created = body.plan;
+      return { session: { name: "vase" } };
+    }
+    return undefined;
+  },
+});
+const browser = await open_browser();
+try {
+  const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
+  const errors = [];
+  page.on("pageerror", (error) => errors.push(error.message));
+  await page.goto(`${server.url}/#/session/+new`);
+  const cameras = page.getByRole("group", { name: "Cameras" });
+  const box = (name) => cameras.getByRole("checkbox", { name });
+  await cameras.waitFor();
+  assert.equal(await cameras.getByRole("checkbox").count(), 2, "the one that is not up is not offered");
+  assert.ok((await box("left").isChecked()) && (await box("right").isChecked()));
+  await page.getByText("left 640×480; right 640×480").waitFor();
+  assert.equal(made.camera, "left");
+  assert.ok(estimated.every((plan) => plan.cameras.join() === "left,right"), "also to see how the ready plans fit");
+  await page.evaluate(axe.source);
+  const { violations } = await page.evaluate(() => axe.run("form"));
+  assert.deepEqual(violations.filter(({ impact }) => impact === "serious" || impact === "critical"), []);
+
+  await box("left").uncheck();
+  await box("right").and(page.locator(":disabled")).waitFor();
+  await page.getByText("left 640×480").waitFor({ state: "detached" });
+  await page.getByRole("button", { name: "Start" }).click();
+  await page.waitForFunction(() => location.hash === "#/session/vase");
+  assert.deepEqual(created, { method: "gaussian", camera: "right" });
+  assert.equal(made.camera, "right");
+  assert.deepEqual(errors, []);
+} finally {
+  await browser.close();
+  server.close();
+}
