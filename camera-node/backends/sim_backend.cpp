@@ -66,6 +66,8 @@ void add_sensor_options(CLI::App& app, SimOptions& camera) {
   app.add_option("--blur", camera.sim.blur_sigma_px, "sim: sigma of the lens's blur, camera px")
       ->check(CLI::Range(0.0, 20.0))
       ->capture_default_str();
+  app.add_flag("--ray-areas", camera.sim.ray_areas,
+               "sim: each ray sees what its part of a pixel covers of a monitor, not a point");
   app.add_option(
          "--focal-length", camera.sim.focal_px,
          "sim: focal length of its lens, px of its picture; default: 4 times the picture's width. "

@@ -311,7 +311,7 @@ void SimCamera::trace(const Places& wanted, std::unique_lock<std::mutex>& lock, 
         share_ = share;
         return !stop.stop_requested();
       },
-      wanted.table);
+      wanted.table, options_.ray_areas);
   if (transports.ok()) spdlog::info("scene={} is traced", options_.scene);
   lock.lock();
   tracing_.reset();

@@ -33,6 +33,7 @@ struct SimCameraOptions {
   int height_px = 96;
   double frame_rate_hz = 200.0;
   double blur_sigma_px = 0.0;  // lens blur
+  bool ray_areas = false;      // build_phases()
   // Focal length of the lens, px of the picture along x; at least its width. Empty: kFocalWidths widths.
   std::optional<double> focal_px = {};
   bool awaits_light = false;  // it prepares until a monitor is known; else it is dark until then

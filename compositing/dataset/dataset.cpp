@@ -28,9 +28,39 @@ namespace fs = std::filesystem;
 
 struct DatasetArguments {
   ReadMatte read;
-  std::vector<std::string> mattes, geometries, poses, backgrounds;
-  std::string object_poses, format, output, archives, channel = "g";
+  std::vector<std::string> mattes, geometries, object_poses, poses, backgrounds;
+  std::string format, output, archives, channel = "g";
 };
+
+// FILE, or CAMERA=FILE: for the views of one camera.
+struct CameraFile {
+  std::string camera, file;
+};
+CameraFile camera_file(const std::string& given) {
+  const size_t equals = given.find('=');
+  if (equals == std::string::npos || fs::exists(given)) return {.camera = "", .file = given};
+  return {.camera = given.substr(0, equals), .file = given.substr(equals + 1)};
+}
+std::vector<CameraFile> camera_files(const std::vector<std::string>& given) {
+  std::vector<CameraFile> files;
+  for (const std::string& each : given) files.push_back(camera_file(each));
+  return files;
+}
+bool names_cameras(const std::vector<CameraFile>& files) {
+  return std::ranges::any_of(files, [](const CameraFile& each) { return !each.camera.empty(); });
+}
+// The number of that of a session's camera: "left" of session "vase-000.left" (docs/devices.md).
+absl::StatusOr<size_t> of_camera(const char* option, const std::vector<CameraFile>& files,
+                                 const std::string& session) {
+  std::vector<std::string> cameras;
+  for (size_t i = 0; i < files.size(); ++i) {
+    if (session.ends_with("." + files[i].camera)) return i;
+    cameras.push_back(files[i].camera);
+  }
+  return absl::InvalidArgumentError(
+      fmt::format("{} is given for the cameras {}, but session {} has another one", option,
+                  fmt::join(cameras, ", "), session));
+}
 
 const DatasetFormat& format_of(const std::string& name) {
   return *std::ranges::find(dataset_formats(), name, [](const DatasetFormat& format) { return format.name; });
@@ -69,6 +99,10 @@ absl::Status place(const v1::RigGeometry& geometry, const std::string& named, Da
           view.name, monitor.width_px(), monitor.height_px(), pose, found->width_px(), found->height_px()));
     }
     view.monitors.emplace_back(*found);
+    auto& covariance = view.pose_covariances.emplace_back();
+    covariance.setZero();
+    if (!found->covariance().empty())
+      covariance = Eigen::Map<const Eigen::Matrix<double, 6, 6>>(found->covariance().data());
   }
   return absl::OkStatus();
 }
@@ -135,6 +169,7 @@ class DatasetExport {
       }
       GW_RETURN_IF_ERROR(writer->finish());
     }
+    GW_RETURN_IF_ERROR(write_file_durably(directory_ / "views.json", views_.dump(1) + "\n"));
     return describe(command_line);
   }
 
@@ -143,7 +178,8 @@ class DatasetExport {
     const size_t mattes = arguments_.mattes.size();
     for (const auto& [option, given] : {std::pair{"--geometry", arguments_.geometries.size()},
                                         std::pair{"--poses", arguments_.poses.size()}}) {
-      if (given > 1 && given != mattes) return wrong_count(option, given, mattes);
+      const bool by_camera = option == std::string_view("--geometry") && names_cameras(geometry_files_);
+      if (given > 1 && given != mattes && !by_camera) return wrong_count(option, given, mattes);
     }
     if (format_.needs_geometry && arguments_.geometries.empty()) {
       return absl::InvalidArgumentError(
@@ -153,12 +189,22 @@ class DatasetExport {
       return absl::InvalidArgumentError(fmt::format(
           "--object-poses is required for {}: where the object stood (glasswing poses)", format_.name));
     }
-    for (const std::string& file : arguments_.geometries) {
-      GW_ASSIGN_OR_RETURN(v1::RigGeometry geometry, read_geometry(file));
+    for (const auto& [option, files] :
+         {std::pair{"--geometry", geometry_files_}, std::pair{"--object-poses", pose_files_}}) {
+      if (names_cameras(files) && std::ranges::count(files, "", &CameraFile::camera) > 0) {
+        return absl::InvalidArgumentError(
+            fmt::format("{} names a camera for some files; name it for all: CAMERA=FILE", option));
+      }
+    }
+    if (pose_files_.size() > 1 && !names_cameras(pose_files_))
+      return absl::InvalidArgumentError(
+          "--object-poses has several files; name the camera of each: CAMERA=FILE");
+    for (const CameraFile& each : geometry_files_) {
+      GW_ASSIGN_OR_RETURN(v1::RigGeometry geometry, read_geometry(each.file));
       geometries_.push_back(std::move(geometry));
     }
-    if (!arguments_.object_poses.empty()) {
-      GW_ASSIGN_OR_RETURN(object_poses_, read_object_poses(arguments_.object_poses));
+    for (const CameraFile& each : pose_files_) {
+      GW_ASSIGN_OR_RETURN(object_poses_.emplace_back(), read_object_poses(each.file));
     }
     return make_directory_durably(directory_);
   }
@@ -175,21 +221,38 @@ class DatasetExport {
           fmt::format("{} is of session {}, as another one is; views are named after their sessions",
                       arguments_.mattes[index], view.name));
     }
-    if (!arguments_.object_poses.empty()) {
-      const auto found = object_poses_.find(view.name);
-      if (found == object_poses_.end()) {
-        std::vector<std::string> names;
-        for (const auto& [name, pose] : object_poses_) names.push_back(name);
-        return absl::NotFoundError(fmt::format("{} has no pose of {}; it has: {}", arguments_.object_poses,
-                                               view.name, fmt::join(names, ", ")));
+    nlohmann::ordered_json about = {{"name", view.name}};
+    GW_RETURN_IF_ERROR(pose_object(view));
+    if (!geometries_.empty()) {
+      size_t number = geometries_.size() == 1 ? 0 : index;
+      if (names_cameras(geometry_files_)) {
+        GW_ASSIGN_OR_RETURN(number, of_camera("--geometry", geometry_files_, view.name));
+        about["camera"] = geometry_files_[number].camera;
       }
-      view.object_to_camera = found->second;
+      const std::vector<std::string>& poses = arguments_.poses;
+      GW_RETURN_IF_ERROR(
+          place(geometries_[number], poses.empty() ? "" : poses[poses.size() == 1 ? 0 : index], view));
     }
-    if (geometries_.empty()) return view;
-    const auto one_of = [index](const auto& given) { return given[given.size() == 1 ? 0 : index]; };
-    GW_RETURN_IF_ERROR(
-        place(one_of(geometries_), arguments_.poses.empty() ? "" : one_of(arguments_.poses), view));
+    views_.push_back(std::move(about));
     return view;
+  }
+
+  absl::Status pose_object(DatasetView& view) const {
+    if (pose_files_.empty()) return absl::OkStatus();
+    size_t number = 0;
+    if (names_cameras(pose_files_)) {
+      GW_ASSIGN_OR_RETURN(number, of_camera("--object-poses", pose_files_, view.name));
+    }
+    const ObjectPoses& poses = object_poses_[number];
+    const auto found = poses.find(view.name);
+    if (found == poses.end()) {
+      std::vector<std::string> names;
+      for (const auto& [name, pose] : poses) names.push_back(name);
+      return absl::NotFoundError(fmt::format("{} has no pose of {}; it has: {}", pose_files_[number].file,
+                                             view.name, fmt::join(names, ", ")));
+    }
+    view.object_to_camera = found->second;
+    return absl::OkStatus();
   }
 
   absl::Status describe(const CommandLine& command_line) const {
@@ -210,8 +273,11 @@ class DatasetExport {
   const DatasetArguments& arguments_;
   const DatasetFormat& format_;
   const fs::path directory_;
+  const std::vector<CameraFile> geometry_files_ = camera_files(arguments_.geometries);
+  const std::vector<CameraFile> pose_files_ = camera_files(arguments_.object_poses);
   std::vector<v1::RigGeometry> geometries_;
-  ObjectPoses object_poses_;
+  std::vector<ObjectPoses> object_poses_;
+  nlohmann::ordered_json views_ = nlohmann::ordered_json::array();  // in the order of files that are numbered
   std::set<std::string> names_;
   int photographs_ = 0;
 };
@@ -231,7 +297,8 @@ void add_dataset_options(CLI::App& command, DatasetArguments& arguments) {
       ->check(output_directory());
   command
       .add_option("--geometry", arguments.geometries,
-                  "a text file of the camera and its poses (docs/rays.md); or one for each matte")
+                  "a text file of the camera and its poses (docs/rays.md); or one for each matte; or "
+                  "CAMERA=FILE for each camera")
       ->type_name("FILE")
       ->delimiter(',');
   command
@@ -242,8 +309,10 @@ void add_dataset_options(CLI::App& command, DatasetArguments& arguments) {
       ->delimiter(',');
   command
       .add_option("--object-poses", arguments.object_poses,
-                  "where the object stood in each session: the file of glasswing poses")
-      ->type_name("FILE");
+                  "where the object stood in each session: the file of glasswing poses; or CAMERA=FILE for "
+                  "each camera")
+      ->type_name("FILE")
+      ->delimiter(',');
   command
       .add_option("--channel", arguments.channel, "the channel whose footprints give points on the monitor")
       ->check(CLI::IsMember(kChannelNames))
@@ -280,9 +349,8 @@ void add_dataset_command(CLI::App& app, CommandLine& command_line, ReadMatte rea
       "  glasswing dataset vase.exr --format transport -o vase-transport\n"
       "  glasswing dataset vase-0*.exr --geometry rig.txtpb --object-poses poses.json --format neto -o "
       "vase-neto\n"
-      "  glasswing dataset vase-000 vase-010 --geometry rig.txtpb --object-poses poses.json --format colmap "
-      "-o "
-      "vase-colmap");
+      "  glasswing dataset vase-000.left vase-000.right --format colmap -o vase-colmap \\\n"
+      "    --geometry left=left.txtpb,right=right.txtpb --object-poses left=left.json,right=right.json");
   auto arguments = std::make_shared<DatasetArguments>();
   arguments->read = std::move(read);
   add_dataset_options(command, *arguments);

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "compositing/dataset/point_errors.h"
 #include "core/base/status.h"
 #include "core/file/file.h"
 
@@ -116,6 +117,7 @@ absl::StatusOr<ObjectPoses> read_object_poses(const std::string& file) {
 ScreenPoints screen_points(const DatasetView& view, int channel, bool object) {
   const Matte& matte = view.matte;
   ScreenPoints points;
+  std::vector<PointFootprint> footprints;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
       float all = 0.0f;
@@ -138,12 +140,19 @@ ScreenPoints screen_points(const DatasetView& view, int channel, bool object) {
       points.at_px.emplace_back(known ? strongest.x_px : 0.0, known ? strongest.y_px : 0.0);
       points.at_mm.emplace_back(0.0, 0.0, 0.0);
       points.sd_mm.push_back(0.0f);
+      footprints.emplace_back();
       if (!known) continue;
       const MonitorPlane& plane = view.monitors[strongest.texture];
       points.at_mm.back() = plane.at(strongest.x_px, strongest.y_px);
       points.sd_mm.back() = strongest.centre_sd_px * static_cast<float>(plane.pitch_mm);
+      const double spread_px2 = 0.5 * (double{strongest.xx_px2} + double{strongest.yy_px2});
+      footprints.back() = {.weight = strongest.weight,
+                           .weight_sd = strongest.weight_sd,
+                           .sigma_mm = plane.pitch_mm * std::sqrt(std::max(spread_px2, 0.0)),
+                           .texture = strongest.texture};
     }
   }
+  if (object) correct_points(view, footprints, points);
   return points;
 }
 

@@ -20,6 +20,8 @@ struct DatasetView {
   Matte matte;
   v1::CameraGeometry camera;
   std::vector<MonitorPlane> monitors;  // by texture
+  // Of their poses, as MonitorPose.covariance; 0: not known.
+  std::vector<Eigen::Matrix<double, 6, 6>> pose_covariances;
   Eigen::Matrix4d object_to_camera = Eigen::Matrix4d::Identity();
 };
 
@@ -28,15 +30,17 @@ struct DatasetView {
 using ObjectPoses = std::map<std::string, Eigen::Matrix4d>;
 absl::StatusOr<ObjectPoses> read_object_poses(const std::string& file);
 
-// Where each pixel's light came from: the centre of its channel's strongest mode.
+// Where each pixel's light came from: the centre of its channel's strongest mode, on an object corrected for
+// what the pixel's size does to it (point_errors.h).
 struct ScreenPoints {
   std::vector<std::uint8_t> known;     // by pixel: 1 where the others have a value
   std::vector<Eigen::Vector3d> at_mm;  // camera's frame
   std::vector<Eigen::Vector2d> at_px;
-  std::vector<float> sd_mm;  // standard error, 0: not known
+  std::vector<float> sd_mm;  // standard error of one of two axes, 0: not known
 };
 // Known where a mode has at least half of the channel's light, its centre is on its monitor, and the pixel
-// has no flag. `object`: of pixels that the object covers completely, or of those beside it.
+// has no flag. `object`: of pixels that the object covers completely, or of those beside it, whose standard
+// errors are those of the fit alone.
 ScreenPoints screen_points(const DatasetView& view, int channel, bool object);
 
 // The picture of a pinhole camera instead of the view's lens, of the same matrix. Without distortion nothing

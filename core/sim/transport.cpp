@@ -73,18 +73,17 @@ bool is_inside(const Landing& landing, MonitorSize size) {
   return landing.u >= 0.0 && landing.u < size.width_px && landing.v >= 0.0 && landing.v < size.height_px;
 }
 
-std::optional<Landing> land(const Ray& ray, const Plane& plane, MonitorSize size) {
+std::optional<Landing> meet(const Ray& ray, const Plane& plane) {
   const Vec3 normal = cross(plane.right, plane.down);
   const double t = dot(normal, plane.corner - ray.origin) / dot(normal, ray.direction);
   if (!(t > 1e-9) || !std::isfinite(t)) return std::nullopt;
   const Vec3 p = ray.origin + t * ray.direction - plane.corner;
-  const Landing landing{.distance = t, .u = dot(p, plane.right), .v = dot(p, plane.down)};
-  if (!is_inside(landing, size)) return std::nullopt;
-  return landing;
+  return Landing{.distance = t, .u = dot(p, plane.right), .v = dot(p, plane.down)};
 }
 
-std::optional<Landing> land(const Ray& ray, const Panel& panel, MonitorSize back) {
-  if (panel.moved) return land(ray, *panel.moved, panel.size);
+// Where a ray meets a panel's plane, on the panel or beside it.
+std::optional<Landing> meet(const Ray& ray, const Panel& panel, MonitorSize back) {
+  if (panel.moved) return meet(ray, *panel.moved);
   const Vec3& o = ray.origin;
   const Vec3& d = ray.direction;
   double t = 0.0;
@@ -108,12 +107,57 @@ std::optional<Landing> land(const Ray& ray, const Panel& panel, MonitorSize back
   if (panel.side == Side::kLeft) landing.u = panel.size.width_px + p.z;
   if (panel.side == Side::kRight) landing.u = -p.z;
   if (panel.side == Side::kTop) landing.v = panel.size.height_px + p.z;
-  if (!is_inside(landing, panel.size)) return std::nullopt;
   return landing;
 }
 
-void add_path(const Path& path, const std::vector<Panel>& panels, MonitorSize back, double scale,
+std::optional<Landing> land(const Ray& ray, const Panel& panel, MonitorSize back) {
+  const std::optional<Landing> landing = meet(ray, panel, back);
+  return landing && is_inside(*landing, panel.size) ? landing : std::nullopt;
+}
+
+// Rays beside another: kBeside of its part of the camera's pixel further along x and y.
+constexpr double kBeside = 1e-3;
+struct Beside {
+  std::vector<Path> right, below;  // the same paths as those of the ray, or none
+};
+
+// What a part of a camera's pixel covers of a panel, to first order: as wide along u and v as the panel is
+// passed by the rays beside it. Empty: a point.
+struct Area {
+  double width_px = 0.0, height_px = 0.0;
+};
+std::optional<Area> area_of(const Landing& at, const Beside& beside, size_t path, const Panel& panel,
+                            MonitorSize back) {
+  constexpr double kLargest_px = 16.0;  // where light is focused the map is not linear
+  if (path >= beside.right.size() || path >= beside.below.size()) return std::nullopt;
+  const std::optional<Landing> right = meet(beside.right[path].ray, panel, back);
+  const std::optional<Landing> below = meet(beside.below[path].ray, panel, back);
+  if (!right || !below) return std::nullopt;
+  const Area area{.width_px = std::hypot(right->u - at.u, below->u - at.u) / kBeside,
+                  .height_px = std::hypot(right->v - at.v, below->v - at.v) / kBeside};
+  if (!(area.width_px > 0.0 && area.width_px < kLargest_px)) return std::nullopt;
+  if (!(area.height_px > 0.0 && area.height_px < kLargest_px)) return std::nullopt;
+  return area;
+}
+
+void add_area(const Landing& at, const Area& area, const Panel& panel, double weight,
               std::vector<Tap>& taps) {
+  const auto for_each = [](double middle, double width, int size, const auto& use) {
+    const double from = middle - 0.5 * width, to = middle + 0.5 * width;
+    for (int i = std::max(static_cast<int>(std::floor(from)), 0); i < size && i < to; ++i)
+      use(i, (std::min(to, i + 1.0) - std::max(from, 1.0 * i)) / width);
+  };
+  for_each(at.v, area.height_px, panel.size.height_px, [&](int v, double of_v) {
+    for_each(at.u, area.width_px, panel.size.width_px, [&](int u, double of_u) {
+      const auto light = static_cast<float>(weight * of_u * of_v);
+      if (light > 0.0f) taps.push_back({.monitor = panel.monitor, .x_px = u, .y_px = v, .weight = light});
+    });
+  });
+}
+
+// `number`: of the path among those of its ray.
+void add_path(const Path& path, size_t number, const Beside& beside, const std::vector<Panel>& panels,
+              MonitorSize back, double scale, std::vector<Tap>& taps) {
   std::optional<Landing> nearest;
   const Panel* on = nullptr;
   for (const Panel& panel : panels) {
@@ -124,6 +168,10 @@ void add_path(const Path& path, const std::vector<Panel>& panels, MonitorSize ba
     }
   }
   if (on == nullptr) return;
+  if (const std::optional<Area> area = area_of(*nearest, beside, number, *on, back)) {
+    add_area(*nearest, *area, *on, path.weight * scale, taps);
+    return;
+  }
   taps.push_back({.monitor = on->monitor,
                   .x_px = static_cast<std::int32_t>(nearest->u),
                   .y_px = static_cast<std::int32_t>(nearest->v),
@@ -265,8 +313,10 @@ class EmptyStage final : public Scene {
 class Tracer {
  public:
   static absl::StatusOr<Tracer> create(const std::vector<SceneMonitor>& monitors, int camera_width_px,
-                                       int camera_height_px, int rays_across, double focal_widths) {
+                                       int camera_height_px, int rays_across, double focal_widths,
+                                       bool areas) {
     Tracer tracer;
+    tracer.areas_ = areas;
     tracer.monitors_ = monitors;
     tracer.width_px_ = camera_width_px;
     tracer.height_px_ = camera_height_px;
@@ -346,11 +396,23 @@ class Tracer {
     return true;
   }
   int rays() const { return rays_across_ * rays_across_; }
-  Ray ray(int x, int y, int number) const {
+  // `right` and `below`: further, in parts of the pixel that each ray stands for.
+  Ray ray(int x, int y, int number, double right = 0.0, double below = 0.0) const {
     const int i = number % rays_across_, j = number / rays_across_;
-    const Vec3 target{(x + (i + 0.5) / rays_across_) * back_.width_px / width_px_,
-                      (y + (j + 0.5) / rays_across_) * back_.height_px / height_px_, 0.0};
+    const Vec3 target{(x + (i + 0.5 + right) / rays_across_) * back_.width_px / width_px_,
+                      (y + (j + 0.5 + below) / rays_across_) * back_.height_px / height_px_, 0.0};
     return {eye_, normalized(target - eye_)};
+  }
+  // One straight on where the ray misses the object.
+  static std::vector<Path> paths(const Scene& scene, const Ray& ray, int channel, int number) {
+    return scene.trace(ray, channel, number).value_or(std::vector<Path>{{.ray = ray, .weight = 1.0}});
+  }
+  Beside beside(const Scene& scene, int x, int y, int s, int channel, int number, size_t path_count) const {
+    if (!areas_) return {};
+    Beside beside{.right = paths(scene, ray(x, y, s, kBeside, 0.0), channel, number),
+                  .below = paths(scene, ray(x, y, s, 0.0, kBeside), channel, number)};
+    if (beside.right.size() != path_count || beside.below.size() != path_count) return {};
+    return beside;
   }
   bool hits(const Scene& scene, int x, int y) const {
     for (int s = 0; s < rays(); ++s) {
@@ -368,13 +430,15 @@ class Tracer {
       const int number = (y * rays_across_ + s / rays_across_) % kRaysAcross * kRaysAcross +
                          (x * rays_across_ + s % rays_across_) % kRaysAcross;
       const std::optional<std::vector<Path>> paths = scene.trace(seen, channel, number);
+      const Beside around = beside(scene, x, y, s, channel, number, paths ? paths->size() : 1);
       if (!paths) {
-        add_path({.ray = seen, .weight = 1.0}, panels_, back_, scale, taps);
+        add_path({.ray = seen, .weight = 1.0}, 0, around, panels_, back_, scale, taps);
         continue;
       }
       own_light += scene.foreground(seen)[channel];
-      for (const Path& path : *paths) {
-        add_path(path, panels_, back_, scale, taps);
+      for (size_t i = 0; i < paths->size(); ++i) {
+        const Path& path = (*paths)[i];
+        add_path(path, i, around, panels_, back_, scale, taps);
         if (const std::optional<Lamp> lamp = scene.lamp(); lamp && lamp->lights(path.ray))
           lamp_light += path.weight * lamp->radiance;
       }
@@ -386,6 +450,7 @@ class Tracer {
 
   std::vector<SceneMonitor> monitors_;
   int width_px_ = 0, height_px_ = 0, rays_across_ = 1;
+  bool areas_ = false;
   MonitorSize back_;
   std::vector<Panel> panels_;
   Vec3 eye_;
@@ -421,9 +486,9 @@ class Traced {
 absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                           int camera_height_px, int rays_across, double focal_widths,
-                                          const Turntable& table) {
-  GW_ASSIGN_OR_RETURN(const Tracer tracer,
-                      Tracer::create(monitors, camera_width_px, camera_height_px, rays_across, focal_widths));
+                                          const Turntable& table, bool areas) {
+  GW_ASSIGN_OR_RETURN(const Tracer tracer, Tracer::create(monitors, camera_width_px, camera_height_px,
+                                                          rays_across, focal_widths, areas));
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Scene> scene, make_scene(scene_name, tracer.back(), 0, table));
   const auto to_the_end = [](double) { return true; };
   if (!object || scene == nullptr) return tracer.trace(EmptyStage(), nullptr, to_the_end);
@@ -433,9 +498,9 @@ absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool ob
 absl::StatusOr<StageTransports> build_phases(const std::string& scene_name,
                                              const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                              int camera_height_px, int rays_across, double focal_widths,
-                                             const TraceReport& report, const Turntable& table) {
-  GW_ASSIGN_OR_RETURN(const Tracer tracer,
-                      Tracer::create(monitors, camera_width_px, camera_height_px, rays_across, focal_widths));
+                                             const TraceReport& report, const Turntable& table, bool areas) {
+  GW_ASSIGN_OR_RETURN(const Tracer tracer, Tracer::create(monitors, camera_width_px, camera_height_px,
+                                                          rays_across, focal_widths, areas));
   StageTransports stage;
   const auto share = [](Transport transport) {
     return std::make_shared<const Transport>(std::move(transport));

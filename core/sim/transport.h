@@ -143,11 +143,15 @@ inline constexpr double kFocalWidths = 4.0;  // the camera's focal length in wid
 // widths of the back monitor in front of its middle. At its own place the back monitor fills the camera's
 // view, one camera pixel covers (monitor / camera size) monitor pixels; "left", "right" and "top" stand at
 // its edges, perpendicular, towards the camera. `rays_across` 1 makes every ray a pixel, for a picture
-// kRaysAcross times as large. Deterministic. INVALID_ARGUMENT lists the known scenes or monitor names.
+// kRaysAcross times as large. A ray sees the pixel of a monitor on which it lands; with `areas`, where
+// tracing takes three times as long, what its part of the camera's pixel covers there, so that nothing
+// depends on how rays fall on monitors' pixels. Deterministic. INVALID_ARGUMENT lists the known scenes or
+// monitor names.
 absl::StatusOr<Transport> build_transport(const std::string& scene, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                           int camera_height_px, int rays_across = kRaysAcross,
-                                          double focal_widths = kFocalWidths, const Turntable& table = {});
+                                          double focal_widths = kFocalWidths, const Turntable& table = {},
+                                          bool areas = false);
 
 // Called once or twice for each row of a trace, by one thread at a time, with the share of the work that is
 // done: 0 to 1, never falling. Returns false to stop the trace.
@@ -164,7 +168,7 @@ absl::StatusOr<StageTransports> build_phases(const std::string& scene,
                                              const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                              int camera_height_px, int rays_across = kRaysAcross,
                                              double focal_widths = kFocalWidths,
-                                             const TraceReport& report = nullptr,
-                                             const Turntable& table = {});
+                                             const TraceReport& report = nullptr, const Turntable& table = {},
+                                             bool areas = false);
 
 }  // namespace glasswing

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Makes a data set of a cut crystal on a turntable, for others' solvers: captures it on simulated devices from all sides,
 exports it in every format of glasswing dataset, and writes its true surface, normals and correspondences. Needs SciPy.
+With --object ball it is one of a ball of glass, beside which lies a sheet of glass.
 
     export PYTHONPATH=$PWD/build/release/python PATH=$PWD/build/release/bin:$PATH
     client/python/examples/glass_dataset.py out/crystal
@@ -11,11 +12,11 @@ The same command continues an interrupted series. DIRECTORY gets, for each camer
 
     a/NAME.exr, a/rig.txtpb, a/poses.json    mattes, geometry, and where the object stood
     a/transport, a/neto, a/idr, ...          what solvers read; in idr/photographs frames before a natural background
-    a/truth/NNN.npz                          of each pixel: where the ray of its middle enters and leaves the crystal, the
+    a/truth/NNN.npz                          of each pixel: where the ray of its middle enters and leaves the object, the
                                              surface's normals there (object's frame, mm), and the point on the monitor;
                                              valid: it leaves at the second surface, as do those of the pixel's corners, and
                                              has most of the pixel's light
-    surface.ply                              the crystal, in the object's frame, mm
+    surface.ply                              the object, in its frame, mm
 """
 
 from __future__ import annotations
@@ -37,7 +38,6 @@ import glasswing
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 FORMATS = ("transport", "neto", "idr", "transforms", "colmap", "sofast")
-INDEX = 1.518  # of the crystal, green
 SERIES = "crystal"
 PHOTOGRAPH = ROOT / "deploy/pictures/harbour.png"  # a natural background
 
@@ -47,6 +47,9 @@ Doubles = npt.NDArray[np.float64]
 class Crystal:
     """The simulated scene "crystal" before a monitor of width x height mm, as planes normal . p = distance about its middle:
     the directions of an icosahedron's faces and corners (core/sim/scene.cpp)."""
+
+    scene, index = "crystal", 1.518  # of green
+    depth = 0.32  # of the table's axis before the monitor, in the monitor's widths
 
     def __init__(self, width: float, height: float) -> None:
         golden, radius = (1 + 5**0.5) / 2, 0.325 * min(width, height)
@@ -81,6 +84,9 @@ class Crystal:
             at = np.where(speed > 1e-12, room / speed, np.inf)
         return at.min(axis=1), at.argmin(axis=1)
 
+    def normal(self, _: Doubles, planes: npt.NDArray[np.intp]) -> Doubles:
+        return self.normals[planes]
+
     def write(self, path: pathlib.Path) -> None:
         """As a PLY file of triangles."""
         corners: list[Doubles] = []
@@ -100,10 +106,56 @@ class Crystal:
             spokes = points[on] - middle
             ring = on[np.arctan2(spokes @ np.cross(normal, spokes[0]), spokes @ spokes[0]).argsort()]
             faces += [(ring[0], ring[i], ring[i + 1]) for i in range(1, len(ring) - 1)]
-        head = ["ply", "format ascii 1.0", f"element vertex {len(points)}", *(f"property double {axis}" for axis in "xyz"),
-                f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
-        rows = [" ".join(map(repr, map(float, point))) for point in points] + [f"3 {a} {b} {c}" for a, b, c in faces]
-        path.write_text("\n".join([*head, *rows]) + "\n")
+        write_ply(path, points, faces)
+
+
+class Ball:
+    """That of the simulated scene "glass", as Crystal."""
+
+    scene, index = "glass", 1.5
+    depth = 0.5
+
+    def __init__(self, width: float, height: float) -> None:
+        self.centre: Doubles = np.array([-0.16 * width, -0.10 * height, -0.10 * width])
+        self.radius = 0.26 * height
+
+    def enter(self, origins: Doubles, directions: Doubles) -> tuple[Doubles, npt.NDArray[np.intp]]:
+        near, _, hit = self._meet(origins, directions)
+        return near, np.where(hit, 0, -1)
+
+    def leave(self, origins: Doubles, directions: Doubles) -> tuple[Doubles, npt.NDArray[np.intp]]:
+        return self._meet(origins, directions)[1], np.zeros(len(origins), np.intp)
+
+    def _meet(self, origins: Doubles, directions: Doubles) -> tuple[Doubles, Doubles, npt.NDArray[np.bool_]]:
+        away = origins - self.centre
+        along = np.sum(away * directions, axis=1)
+        root = along**2 - np.sum(away**2, axis=1) + self.radius**2
+        half = np.sqrt(np.maximum(root, 0.0))
+        return -along - half, -along + half, root > 0
+
+    def normal(self, points: Doubles, _: npt.NDArray[np.intp]) -> Doubles:
+        return (points - self.centre) / self.radius
+
+    def write(self, path: pathlib.Path) -> None:
+        rings, around = 90, 180
+        down, turn = np.mgrid[0:rings + 1, 0:around] * np.pi / [[[rings]], [[around / 2]]]
+        ball = np.stack([np.sin(down) * np.cos(turn), np.cos(down), np.sin(down) * np.sin(turn)], axis=2).reshape(-1, 3)
+        faces = []
+        for ring, step in itertools.product(range(rings), range(around)):
+            a, b = around * ring + step, around * ring + (step + 1) % around
+            faces += [(a, b, a + around), (b, b + around, a + around)]
+        write_ply(path, self.centre + self.radius * ball, faces)
+
+
+OBJECTS = {"crystal": Crystal, "ball": Ball}
+Body = Crystal | Ball
+
+
+def write_ply(path: pathlib.Path, points: Doubles, faces: Sequence[tuple[int, int, int]]) -> None:
+    head = ["ply", "format ascii 1.0", f"element vertex {len(points)}", *(f"property double {axis}" for axis in "xyz"),
+            f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    rows = [" ".join(map(repr, map(float, point))) for point in points] + [f"3 {a} {b} {c}" for a, b, c in faces]
+    path.write_text("\n".join([*head, *rows]) + "\n")
 
 
 def refracted(direction: Doubles, normal: Doubles, ratio: float) -> tuple[Doubles, Doubles]:
@@ -120,13 +172,13 @@ def refracted(direction: Doubles, normal: Doubles, ratio: float) -> tuple[Double
 class Camera:
     """Of a simulated rig (docs/simulation.md), whose monitor fills the picture."""
 
-    def __init__(self, focal_px: float, monitor: Sequence[int], pitch: float, picture: Sequence[int]) -> None:
+    def __init__(self, focal_px: float, monitor: Sequence[int], pitch: float, picture: Sequence[int], depth: float) -> None:
         self.focal_px, self.monitor_px, self.pitch = focal_px, monitor, pitch
         self.width, self.height = picture
         self.monitor_width, self.monitor_height = (pitch * side for side in monitor)  # mm
         self.focal_y_px = focal_px * self.height * self.monitor_width / (self.width * self.monitor_height)
         self.distance = focal_px * self.monitor_width / self.width
-        self.middle: Doubles = np.array([0.0, 0.0, self.distance - 0.32 * self.monitor_width])  # of the crystal
+        self.middle: Doubles = np.array([0.0, 0.0, self.distance - depth * self.monitor_width])  # of the table
 
     def geometry(self) -> str:
         """The file of "glasswing calibrate geometry"."""
@@ -138,14 +190,14 @@ class Camera:
                 f" {-self.monitor_height / 2}, {self.distance!r}] }}\n")
 
     def pose(self, degrees: float) -> Doubles:
-        """From the object's frame, whose origin is the crystal's middle, to the camera's."""
+        """From the object's frame, whose origin is on the table's axis, to the camera's."""
         turn = np.radians(degrees)
         matrix = np.eye(4)
         matrix[:3, :3] = [[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]]
         matrix[:3, 3] = self.middle
         return matrix
 
-    def truth(self, crystal: Crystal, degrees: float) -> dict[str, npt.NDArray[np.generic]]:
+    def truth(self, body: Body, degrees: float) -> dict[str, npt.NDArray[np.generic]]:
         """Of each pixel, as this script's help says."""
         pose = self.pose(degrees)
         y, x = np.mgrid[0:self.height, 0:self.width]
@@ -155,12 +207,12 @@ class Camera:
                                np.ones(x.shape)], axis=2).reshape(-1, 3)
             directions = slopes / np.linalg.norm(slopes, axis=1, keepdims=True) @ pose[:3, :3]
             origins = np.broadcast_to(-pose[:3, 3] @ pose[:3, :3], directions.shape)
-            near, first = crystal.enter(origins, directions)
+            near, first = body.enter(origins, directions)
             enter = origins + near[:, None] * directions
-            inside, passed = refracted(directions, crystal.normals[first], 1 / INDEX)
-            depth, second = crystal.leave(enter + 1e-9 * inside, inside)
+            inside, passed = refracted(directions, body.normal(enter, first), 1 / body.index)
+            depth, second = body.leave(enter + 1e-9 * inside, inside)
             out = enter + depth[:, None] * inside
-            beyond, left = refracted(inside, -crystal.normals[second], INDEX)
+            beyond, left = refracted(inside, -body.normal(out, second), body.index)
             planes.append((first, second))
             if (across, down) == (0.5, 0.5):
                 middle = enter, first, out, second, beyond, passed * left
@@ -178,8 +230,8 @@ class Camera:
         def picture(values: Doubles, where: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
             return np.where(where[:, None], values, 0.0).astype(np.float32).reshape(shape)
 
-        return {"enter_mm": picture(enter, hit), "enter_normal": picture(crystal.normals[first], hit),
-                "leave_mm": picture(out, valid), "leave_normal": picture(crystal.normals[second], valid),
+        return {"enter_mm": picture(enter, hit), "enter_normal": picture(body.normal(enter, first), hit),
+                "leave_mm": picture(out, valid), "leave_normal": picture(body.normal(out, second), valid),
                 "screen_mm": picture((screen - pose[:3, 3]) @ pose[:3, :3], valid),
                 "hit": hit.reshape(shape[:2]), "valid": valid.reshape(shape[:2])}
 
@@ -188,12 +240,13 @@ def run(command: Sequence[str | pathlib.Path], **environment: str) -> None:
     subprocess.run(list(map(str, command)), check=True, env=dict(os.environ, **environment), stdout=subprocess.DEVNULL)
 
 
-def capture(camera: Camera, arguments: argparse.Namespace, degrees: list[float], directory: pathlib.Path) -> None:
+def capture(camera: Camera, body: Body, arguments: argparse.Namespace, degrees: list[float], directory: pathlib.Path) -> None:
     """Captures and solves all poses on a rig of this camera, and fetches the mattes."""
     port = str(arguments.port)
     rig = [ROOT / "deploy/local-rig", "up", "--data", directory / "rig", "--port", port, "--noise", arguments.noise,
            "--size", "{}x{}".format(*camera.monitor_px), "--camera-size", f"{camera.width}x{camera.height}",
-           "--focal-length", camera.focal_px, "--camera-options", f"--axis=turn=0:360,--blur={arguments.blur}", *arguments.rig]
+           "--focal-length", camera.focal_px, "--scene", body.scene,
+           "--camera-options", f"--axis=turn=0:360,--ray-areas,--blur={arguments.blur}", *arguments.rig]
     run(rig)
     server = {"GLASSWING_SERVER": f"127.0.0.1:{port}"}
     plan = arguments.plan or directory / "plan.txtpb"
@@ -215,7 +268,7 @@ def capture(camera: Camera, arguments: argparse.Namespace, degrees: list[float],
         run([ROOT / "deploy/local-rig", "down", "--data", directory / "rig"])
 
 
-def export(camera: Camera, directory: pathlib.Path, crystal: Crystal, degrees: list[float]) -> None:
+def export(camera: Camera, directory: pathlib.Path, body: Body, degrees: list[float]) -> None:
     mattes = sorted(directory.glob(f"{SERIES}-*.exr"))
     if len(mattes) != len(degrees):
         raise glasswing.InvalidInput(f"{directory} has {len(mattes)} mattes of {SERIES}, but there are {len(degrees)} poses")
@@ -229,21 +282,21 @@ def export(camera: Camera, directory: pathlib.Path, crystal: Crystal, degrees: l
              "--background", PHOTOGRAPH, "--format", name, "-o", directory / name, *photographs])
     (directory / "truth").mkdir(exist_ok=True)
     for number, degree in enumerate(degrees):
-        np.savez_compressed(directory / f"truth/{number:03}.npz", **camera.truth(crystal, degree))
+        np.savez_compressed(directory / f"truth/{number:03}.npz", **camera.truth(body, degree))
 
 
 def make(arguments: argparse.Namespace) -> None:
     degrees = [360.0 * number / arguments.views for number in range(arguments.views)]
     directory = pathlib.Path(arguments.directory)
-    crystal = Crystal(*(arguments.pitch * side for side in arguments.size))
+    body: Body = OBJECTS[arguments.object](*(arguments.pitch * side for side in arguments.size))
     for letter, focal_px in zip("abcdefgh", arguments.focal_lengths):
-        camera = Camera(focal_px, arguments.size, arguments.pitch, arguments.camera_size)
+        camera = Camera(focal_px, arguments.size, arguments.pitch, arguments.camera_size, body.depth)
         own = directory / letter
         own.mkdir(parents=True, exist_ok=True)
-        capture(camera, arguments, degrees, own)
-        export(camera, own, crystal, degrees)
+        capture(camera, body, arguments, degrees, own)
+        export(camera, own, body, degrees)
         print(f"{own}: {len(degrees)} views from {camera.distance:g} mm before the monitor", flush=True)
-    crystal.write(directory / "surface.ply")
+    body.write(directory / "surface.ply")
 
 
 def size(text: str) -> tuple[int, int]:
@@ -254,6 +307,7 @@ def size(text: str) -> tuple[int, int]:
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directory", metavar="DIRECTORY", help="where the data set is made")
+    parser.add_argument("--object", choices=OBJECTS, default="crystal", help="what turns (default: %(default)s)")
     parser.add_argument("--views", type=int, default=36, metavar="N", help="poses, evenly round (default: 36)")
     parser.add_argument("--focal-lengths", type=lambda text: list(map(float, text.split(","))), default=[480.0, 640.0],
                         metavar="PX,...", help="of each camera, px of its picture (default: 480,640)")

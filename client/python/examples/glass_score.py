@@ -90,8 +90,14 @@ def said(name: str, values: npt.NDArray[np.float64], unit: str) -> None:
           f"({len(values)})")
 
 
-def score_data(camera: pathlib.Path) -> None:
-    """Correspondences against Snell's law, and their stated errors."""
+def coverage(ratio: Doubles) -> tuple[float, float]:
+    """The fraction of errors below their stated one (of a normal distribution in two axes 0.63), and their rms through it
+    (1)."""
+    return float(np.mean(ratio < 1)), float(np.sqrt(np.mean(ratio**2)))
+
+
+def score_data(camera: pathlib.Path) -> tuple[float, float]:
+    """Correspondences against Snell's law, and their stated errors. Returns coverage()."""
     points, sd = np.load(camera / "neto/screen_point.npy"), np.load(camera / "neto/screen_point_sd.npy")
     off, ratio, found, all_valid = [], [], 0, 0
     for number, path in enumerate(sorted((camera / "truth").glob("*.npz"))):
@@ -104,8 +110,10 @@ def score_data(camera: pathlib.Path) -> None:
         ratio.append(distance[stated > 0] / (2**0.5 * stated[stated > 0]))
         found, all_valid = found + int(both.sum()), all_valid + int(truth["valid"].sum())
     said(f"camera {camera.name}: correspondences, off Snell's law", np.concatenate(off), "mm")
-    said(f"camera {camera.name}: the same through their stated error", np.concatenate(ratio), "")
+    within, rms = coverage(np.concatenate(ratio))
+    print(f"camera {camera.name}: {100 * within:.1f} % within the stated error (63 % if it is normal), rms through it {rms:.2f}")
     print(f"camera {camera.name}: {100 * found / max(all_valid, 1):.1f} % of the {all_valid} pixels with one path have one")
+    return within, rms
 
 
 def score_normals(camera: pathlib.Path, directory: pathlib.Path) -> None:

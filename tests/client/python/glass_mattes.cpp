@@ -1,6 +1,8 @@
 // Mattes of a sphere of glass before two turned monitors at two depths, in closed form, and their geometry.
 //
 //   glass-mattes DIRECTORY    writes near.exr, far.exr, bare.exr (near, without the sphere) and rig.txtpb
+//   glass-mattes DIRECTORY points    the same with footprints that are points, also as views
+//                                    of cameras: vase.near.exr, of session vase.near, ...
 //
 // Monitors stand beside each other, turned by 20 degrees to either side, and tilted. A pixel's mode is where
 // its middle's ray goes by Snell's law; the footprint's width and the standard errors (0.02 px near, 0.05 px
@@ -123,13 +125,21 @@ Matte bare(const v1::RigGeometry& geometry) {
   return matte;
 }
 
-absl::Status write(const fs::path& directory) {
+void narrow(Matte& matte) {
+  for (int i = 0; i < kWidth * kHeight * kChannels; ++i) {
+    Mode& mode = matte.modes(i / kChannels % kWidth, i / kChannels / kWidth, i % kChannels)[0];
+    mode.xx_px2 = mode.yy_px2 = 0.0f;
+  }
+}
+
+absl::Status write(const fs::path& directory, bool points) {
   const v1::RigGeometry geometry = rig();
   const std::array<const char*, 3> names = {"near", "far", "bare"};
   std::array<Matte, 2> seen = {Matte(0, 0, kWidth, kHeight, 1), Matte(0, 0, kWidth, kHeight, 1)};
   see(geometry, seen);
   std::array<Matte, 3> mattes = {std::move(seen[0]), std::move(seen[1]), bare(geometry)};
   for (size_t depth = 0; depth < mattes.size(); ++depth) {
+    if (points) narrow(mattes[depth]);
     v1::MatteMetadata& metadata = mattes[depth].metadata;
     metadata.set_format_version(1);
     metadata.set_session(names[depth]);
@@ -143,6 +153,10 @@ absl::Status write(const fs::path& directory) {
     }
     GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(mattes[depth]));
     GW_RETURN_IF_ERROR(write_file_durably(directory / (std::string(names[depth]) + ".exr"), bytes));
+    if (!points) continue;
+    metadata.set_session(std::string("vase.") + names[depth]);
+    GW_ASSIGN_OR_RETURN(const std::string view, encode_matte(mattes[depth]));
+    GW_RETURN_IF_ERROR(write_file_durably(directory / (metadata.session() + ".exr"), view));
   }
   return write_file_durably(directory / "rig.txtpb", geometry_text(geometry));
 }
@@ -151,11 +165,11 @@ absl::Status write(const fs::path& directory) {
 }  // namespace glasswing
 
 int main(int count, char** words) {
-  if (count != 2) {
-    std::cerr << "usage: glass-mattes DIRECTORY\n";
+  if (count != 2 && count != 3) {
+    std::cerr << "usage: glass-mattes DIRECTORY [points]\n";
     return 2;
   }
-  const absl::Status written = glasswing::write(words[1]);
+  const absl::Status written = glasswing::write(words[1], count == 3);
   if (!written.ok()) std::cerr << written << "\n";
   return written.ok() ? 0 : 1;
 }

@@ -48,11 +48,14 @@ class SeriesTest(unittest.TestCase):
 
     def test_correspondences_are_those_of_snells_law(self):
         with contextlib.redirect_stdout(io.StringIO()) as said:
-            glass_score.score_data(self.camera)
+            within, rms = glass_score.score_data(self.camera)
         off = re.search(r"off Snell's law: median ([\d.]+) mm, .*\((\d+)\)", said.getvalue())
         self.assertIsNotNone(off, said.getvalue())
         self.assertGreater(int(off[2]), 500)
         self.assertLess(float(off[1]), 0.02, said.getvalue())
+        # Two thirds of the errors are within their stated ones.
+        self.assertTrue(0.60 < within < 0.75, said.getvalue())
+        self.assertLess(rms, 1.5, said.getvalue())
 
     def test_the_true_surface_scores_nothing(self):
         with contextlib.redirect_stdout(io.StringIO()) as said:

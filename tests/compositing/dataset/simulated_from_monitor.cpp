@@ -14,14 +14,14 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRays = 24;  // across a camera pixel
+constexpr int kRays = 12;  // across a camera pixel
 
 absl::Status write(char** words) {
   const auto number = [words](int i) { return std::atoi(words[i]); };
   const int width = number(0), height = number(1), camera_width = number(2), camera_height = number(3);
   const absl::StatusOr<Transport> transport = build_transport(
       "crystal", true, {{.name = "back", .size = {width, height}}}, camera_width, camera_height, kRays,
-      std::atof(words[4]) / camera_width, {.turn_deg = std::atof(words[5])});
+      std::atof(words[4]) / camera_width, {.turn_deg = std::atof(words[5])}, true);
   if (!transport.ok()) return transport.status();
   const float scale = static_cast<float>(width * height) / static_cast<float>(camera_width * camera_height);
   RadianceImage picture(width, height);

@@ -346,6 +346,55 @@ TEST(Transport, AnyFocalLengthFillsThePictureWithTheBackMonitor) {
   }
 }
 
+// With 1.6 pixels of the monitor to one of the camera, points of four rays fall on edges of pixels.
+TEST(Transport, AreasOfRaysTileThePixel) {
+  constexpr int kCamera_px = 10, kMonitor_px = 16;
+  constexpr double kRatio = 1.6;
+  const Transport transport = *build_transport("none", true, {{"back", {kMonitor_px, kMonitor_px}}},
+                                               kCamera_px, kCamera_px, kRaysAcross, kFocalWidths, {}, true);
+  const auto covered = [](int pixel, int of) {
+    return std::max(std::min(kRatio * (pixel + 1), of + 1.0) - std::max(kRatio * pixel, 1.0 * of), 0.0) /
+           kRatio;
+  };
+  for (int y = 0; y < kCamera_px; ++y) {
+    for (int x = 0; x < kCamera_px; ++x) {
+      double light = 0.0;
+      for (const Tap& tap : transport.taps(x, y, 0)) {
+        ASSERT_NEAR(tap.weight, covered(x, tap.x_px) * covered(y, tap.y_px), 1e-5) << x << " " << y;
+        light += tap.weight;
+      }
+      ASSERT_NEAR(light, 1.0, 1e-5);
+    }
+  }
+}
+
+// What the rays of a pixel cover together does not depend on how many they are.
+TEST(Transport, AreasOfFewRaysAreThoseOfMany) {
+  const auto traced = [](int rays_across, bool areas) {
+    return *build_transport("glass", true, {{"back", kSize}}, kWidth_px / 2, kHeight_px / 2, rays_across, 2.0,
+                            {}, areas);
+  };
+  const Transport many = traced(48, false), few = traced(4, true), points = traced(4, false);
+  std::vector<double> of_areas, of_points;  // how far their middles are off
+  for (int y = 0; y < kHeight_px / 2; ++y) {
+    for (int x = 0; x < kWidth_px / 2; ++x) {
+      const Footprint truth = footprint_of(many.taps(x, y, 0));
+      if (std::hypot(truth.x - (2 * x + 0.5), truth.y - (2 * y + 0.5)) < 1.0) continue;  // no object
+      const auto off = [&](const Transport& transport) {
+        const Footprint own = footprint_of(transport.taps(x, y, 0));
+        return std::hypot(own.x - truth.x, own.y - truth.y);
+      };
+      of_areas.push_back(off(few)), of_points.push_back(off(points));
+    }
+  }
+  const auto median = [](std::vector<double>& values) {
+    std::ranges::nth_element(values, values.begin() + std::ssize(values) / 2);
+    return values[values.size() / 2];
+  };
+  EXPECT_LT(median(of_areas), 0.01);
+  EXPECT_LT(median(of_areas), 0.5 * median(of_points));
+}
+
 // Rays that meet the plane of a moved monitor, in the frame of a pinhole camera, by Cramer's rule.
 TEST(Transport, AMovedMonitorIsSeenInPerspective) {
   constexpr int kCameraWidth_px = 80, kCameraHeight_px = 40;  // whose pixels are no squares
