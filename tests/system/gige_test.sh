@@ -11,11 +11,16 @@ gige() { # OPTIONS...: plugs the camera in
   gige_pid=$!
   until_true 10 grep -q ":0F74 " /proc/net/udp || fail "no camera listens at port 3956"
 }
+listening() { grep -c "listening on" "$work/camera.log"; }
 camera() { # OPTIONS...: starts the camera node
+  touch "$work/camera.log"
+  local before
+  before=$(listening) || true
   "$bin/glasswing-camera" --server "$server" --listen "127.0.0.1:$camera" --metrics "127.0.0.1:$((port + 3))" --data "$work/camera" \
     --backend aravis --device "$serial" --size 96x72 --format Mono8 "$@" >>"$work/camera.log" 2>&1 &
   camera_pid=$!
-  until_true 40 up 2 || fail "no camera"
+  # The server may still count the one before as up.
+  until_true 40 eval '(($(listening) > before))' && until_true 40 up 2 || fail "no camera"
 }
 ended() { # PID...
   kill "$@" 2>/dev/null || true

@@ -12,9 +12,6 @@ namespace {
 
 // Frames held, of which Aravis needs some to fill.
 constexpr size_t kBuffers_bytes = 128 << 20, kMinBuffers = 8, kMaxBuffers = 36, kFilled = 4;
-// Without packets of an incomplete frame for so long, those missing are requested; twice this time with the
-// last ones. Aravis' own 20 ms would outlast a picture.
-constexpr guint kPacketTimeout_us = 5000;
 constexpr int kReceiverNice = -10;
 
 const char* fault_of(ArvBufferStatus status) {
@@ -78,7 +75,7 @@ absl::Status AravisRun::stream() {
                         }));
     g_object_set(stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
                  static_cast<gint>(wanted_socket_bytes(payload, packet)), "packet-resend",
-                 ARV_GV_STREAM_PACKET_RESEND_ALWAYS, "packet-timeout", kPacketTimeout_us, nullptr);
+                 ARV_GV_STREAM_PACKET_RESEND_ALWAYS, nullptr);
   }
   const size_t buffers = std::clamp(kBuffers_bytes / std::max(payload, 1u), kMinBuffers, kMaxBuffers);
   max_waiting_ = buffers - kFilled;
