@@ -27,7 +27,7 @@ class Series:
         self.step = 360 // options.poses
         self.positions = [float(self.step * i) for i in range(options.poses)]
         self.plan = self.rig.work / "plan.txtpb"
-        self.rig.glasswing("plan", "design", "--images", "50", "--monitor", f"back:{options.size}", "-o", str(self.plan))
+        self.rig.glasswing("plan", "design", "--images", "50", "--noise", "0.001", "--monitor", f"back:{options.size}", "-o", str(self.plan))
         with self.plan.open("a") as plan:
             plan.write("retries: 100\n")
         self.archives = self.rig.work / "rig/camera/archives"
