@@ -8,10 +8,12 @@
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "compositing/dataset/point_errors.h"
 #include "core/base/status.h"
 #include "core/file/file.h"
+#include "core/footprint/mode_reduction.h"
 
 namespace glasswing {
 namespace {
@@ -93,6 +95,29 @@ bool together(const ScreenPoints& points, const Around& from, int width_px) {
   return step.norm() <= kStep_px;
 }
 
+double sigma_px(const Mode& mode) {
+  return std::sqrt(std::max(0.5 * (double{mode.xx_px2} + double{mode.yy_px2}), 0.0));
+}
+
+// The strongest mode with those beside it: a fit makes two of a footprint that is curved. Errors of the parts
+// are correlated, and say nothing about those of the whole: a part of the way from the strongest to the whole
+// stands for them. Without light its weight is 0.
+Mode point_mode(std::span<const Mode> modes, bool boxes) {
+  constexpr double kBeside = 1.5;  // sigmas of both
+  constexpr double kPart = 0.25;
+  const auto strongest = std::ranges::max_element(modes, {}, &Mode::weight);
+  Mode whole = *strongest;
+  for (auto mode = modes.begin(); mode != modes.end(); ++mode) {
+    if (mode == strongest || !(mode->weight > 0.0f) || mode->texture != strongest->texture) continue;
+    const double apart_px = std::hypot(mode->x_px - strongest->x_px, mode->y_px - strongest->y_px);
+    if (apart_px > kBeside * (sigma_px(*mode) + sigma_px(*strongest))) continue;
+    whole = merged(whole, *mode, boxes);
+    whole.centre_sd_px = static_cast<float>(
+        kPart * std::hypot(whole.x_px - strongest->x_px, whole.y_px - strongest->y_px) / std::numbers::sqrt2);
+  }
+  return whole;
+}
+
 }  // namespace
 
 absl::StatusOr<ObjectPoses> read_object_poses(const std::string& file) {
@@ -118,14 +143,12 @@ ScreenPoints screen_points(const DatasetView& view, int channel, bool object) {
   const Matte& matte = view.matte;
   ScreenPoints points;
   std::vector<PointFootprint> footprints;
+  const bool boxes = matte.metadata.footprint() == kBoxFootprint;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
       float all = 0.0f;
-      Mode strongest;
-      for (const Mode& mode : matte.modes(x, y, channel)) {
-        all += mode.weight;
-        if (mode.weight > strongest.weight) strongest = mode;
-      }
+      for (const Mode& mode : matte.modes(x, y, channel)) all += mode.weight;
+      const Mode strongest = point_mode(matte.modes(x, y, channel), boxes);
       const float coverage = matte.coverage(x, y);
       // Beside the object a poor fit only says that the stage is not smooth.
       const int flags = matte.flags(x, y) & (object ? ~kFlagNone : ~kFlagPoorFit);
@@ -145,10 +168,9 @@ ScreenPoints screen_points(const DatasetView& view, int channel, bool object) {
       const MonitorPlane& plane = view.monitors[strongest.texture];
       points.at_mm.back() = plane.at(strongest.x_px, strongest.y_px);
       points.sd_mm.back() = strongest.centre_sd_px * static_cast<float>(plane.pitch_mm);
-      const double spread_px2 = 0.5 * (double{strongest.xx_px2} + double{strongest.yy_px2});
       footprints.back() = {.weight = strongest.weight,
                            .weight_sd = strongest.weight_sd,
-                           .sigma_mm = plane.pitch_mm * std::sqrt(std::max(spread_px2, 0.0)),
+                           .sigma_mm = plane.pitch_mm * sigma_px(strongest),
                            .texture = strongest.texture};
     }
   }

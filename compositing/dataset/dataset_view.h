@@ -30,15 +30,15 @@ struct DatasetView {
 using ObjectPoses = std::map<std::string, Eigen::Matrix4d>;
 absl::StatusOr<ObjectPoses> read_object_poses(const std::string& file);
 
-// Where each pixel's light came from: the centre of its channel's strongest mode, on an object corrected for
-// what the pixel's size does to it (point_errors.h).
+// Where each pixel's light came from: the centre of its channel's strongest mode, together with those beside
+// it, on an object corrected for what the pixel's size does to it (point_errors.h).
 struct ScreenPoints {
   std::vector<std::uint8_t> known;     // by pixel: 1 where the others have a value
   std::vector<Eigen::Vector3d> at_mm;  // camera's frame
   std::vector<Eigen::Vector2d> at_px;
   std::vector<float> sd_mm;  // standard error of one of two axes, 0: not known
 };
-// Known where a mode has at least half of the channel's light, its centre is on its monitor, and the pixel
+// Known where these have at least half of the channel's light, its centre is on its monitor, and the pixel
 // has no flag. `object`: of pixels that the object covers completely, or of those beside it, whose standard
 // errors are those of the fit alone.
 ScreenPoints screen_points(const DatasetView& view, int channel, bool object);

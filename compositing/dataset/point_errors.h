@@ -12,7 +12,8 @@
 //
 // of one of two axes, so that an error's square is 2 sd^2 on average.
 //
-// fit      of the centre, from the frames' noise
+// fit      of the centre, from the frames' noise; of a footprint of several modes a quarter of the way from
+//          the strongest to their mean
 // scatter  of points about their neighbours: from second differences d = p(-1) - 2 p(0) + p(1) along rows,
 //          columns and diagonals in 5 x 5 pixels, of which opposite ones are averaged, less their median.
 //          Errors alone give |d|^2 an exponential distribution of mean 12 sd^2. What cuts explain of it is

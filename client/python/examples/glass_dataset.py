@@ -147,7 +147,7 @@ class Ball:
         write_ply(path, self.centre + self.radius * ball, faces)
 
 
-OBJECTS = {"crystal": Crystal, "ball": Ball}
+OBJECTS: dict[str, type[Crystal] | type[Ball]] = {"crystal": Crystal, "ball": Ball}
 Body = Crystal | Ball
 
 

@@ -23,13 +23,18 @@ SERIES = "ring"
 
 class Series:
     def __init__(self, options: argparse.Namespace) -> None:
-        self.rig = SimulatedRig("--size", options.size, "--camera-options", "--axis=turn=0:360,--axis-speed=400")
+        # Without an id patch, which the object would cover on a small monitor.
+        focal_px = 4 * int(options.size.split("x")[0])
+        self.rig = SimulatedRig("--size", options.size, "--focal-length", f"{focal_px}", "--camera-options", "--axis=turn=0:360,--axis-speed=400")
         self.step = 360 // options.poses
         self.positions = [float(self.step * i) for i in range(options.poses)]
         self.plan = self.rig.work / "plan.txtpb"
-        self.rig.glasswing("plan", "design", "--images", "50", "--monitor", f"back:{options.size}", "-o", str(self.plan))
-        with self.plan.open("a") as plan:
-            plan.write("retries: 100\n")
+        try:
+            self.rig.glasswing("plan", "design", "--images", "50", "--noise", "0.001", "--monitor", f"back:{options.size}", "-o", str(self.plan))
+        except BaseException:
+            self.rig.stop()
+            raise
+        self.plan.write_text(self.plan.read_text() + "retries: 100\n")
         self.archives = self.rig.work / "rig/camera/archives"
         self.mattes = self.rig.work / "rig/server/mattes"
 
@@ -46,8 +51,12 @@ class Series:
             return []
         return sorted(found, key=lambda each: each["name"])
 
-    def until_begun(self, count: int) -> None:
-        until(lambda: len(self.sessions()) >= count, f"{count} poses were begun", 900.0, 0.3)
+    def until_begun(self, count: int, run: subprocess.Popen[str]) -> None:
+        def begun() -> bool:
+            assert run.poll() is None, run.communicate()[0]
+            return len(self.sessions()) >= count
+
+        until(begun, f"{count} poses were begun", 900.0, 0.3)
 
     def captured(self) -> dict[str, Any]:
         """When the frames of whole sessions were written."""
@@ -82,10 +91,10 @@ def main() -> int:
         run = series.start()
         victims = ("server", "camera-1", "display-1", "solver-1")
         for number, victim in enumerate(victims, 1):
-            series.until_begun(number * options.poses // (len(victims) + 2))
+            series.until_begun(number * options.poses // (len(victims) + 2), run)
             series.rig.kill(victim)
             series.rig.start_again()
-        series.until_begun(5 * options.poses // 6)
+        series.until_begun(5 * options.poses // 6, run)
         run.kill()
         run.communicate()
         before = series.captured()

@@ -27,7 +27,7 @@ v1::MonitorPose facing() {
 template <typename Place>
 DatasetView seeing(const Place& place) {
   DatasetView view;
-  view.matte = Matte(0, 0, kWidth_px, kHeight_px, 1);
+  view.matte = Matte(0, 0, kWidth_px, kHeight_px, 2);
   v1::Monitor& monitor = *view.matte.metadata.add_monitors();
   monitor.set_width_px(1000), monitor.set_height_px(1000);
   view.monitors.emplace_back(facing());
@@ -114,6 +114,25 @@ TEST(PointErrors, MissingLightIsACutFootprint) {
   const double expected_px = kSigma_px * shift_of_cut(0.3) / std::numbers::sqrt2;
   EXPECT_NEAR(points.sd_mm[25 * kWidth_px + 30] / kPitch_mm, expected_px, 1e-3);
   EXPECT_NEAR(points.sd_mm[25 * kWidth_px + 40] / kPitch_mm, kFit_px, 1e-4);
+}
+
+TEST(PointErrors, ModesBesideEachOtherAreOneFootprint) {
+  DatasetView view = seeing(plain);
+  const Vector2d middle = plain(30, 25);
+  const auto split = [&](double part_px) {
+    const std::span<Mode> modes = view.matte.modes(30, 25, 1);
+    modes[1] = modes[0];
+    modes[0].weight = 0.5f, modes[1].weight = 0.3f;
+    modes[0].x_px = static_cast<float>(middle.x() - 0.3 * part_px);
+    modes[1].x_px = static_cast<float>(middle.x() + 0.5 * part_px);
+    return screen_points(view, 1, true);
+  };
+  const int pixel = 25 * kWidth_px + 30;
+  // At the weights' distances from their mean.
+  EXPECT_NEAR(split(1.0).at_px[pixel].x(), middle.x(), 1e-4);
+  EXPECT_GT(split(1.0).sd_mm[pixel], 0.25 * 0.3 * kPitch_mm / std::numbers::sqrt2 - 1e-6);
+  // Apart by more than three sigmas it is other light.
+  EXPECT_NEAR(split(4.0).at_px[pixel].x(), middle.x() - 1.2, 1e-4);
 }
 
 TEST(PointErrors, TheMonitorsPoseIsCommonToThem) {

@@ -24,8 +24,6 @@ sys.path.insert(0, str(EXAMPLES))
 import glass_score  # noqa: E402
 from daemon import free_port  # noqa: E402
 
-# Pixels of the camera are 1.66 of the monitor, an awkward number: the simulator samples each with 4 x 4 rays, which at
-# 1.6 would fall on the same places of the monitor's pixels everywhere.
 MONITOR, CAMERA, FOCAL_PX = (192, 144), (116, 87), 360.0
 
 
