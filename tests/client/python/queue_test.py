@@ -54,6 +54,12 @@ class Queue(unittest.TestCase):
         self.assertEqual(events, ["done", "captured as session first", "begun", "approved", "added"])
         with self.assertRaisesRegex(glasswing.Refused, "only one that waits"):
             queue.run(first.number)
+        with self.assertRaisesRegex(glasswing.NotFound, "has no composite"):
+            queue.composite("first")
+        picture = ROOT / "deploy/pictures/quilt.png"
+        with self.assertRaisesRegex(glasswing.InvalidInput, "ask for the solve too"):
+            queue.add(self.plan, "second", background={"back": picture})
+        queue.add(self.plan, "second", solve=True, background={"back": picture}, deadline=now)
 
 
 if __name__ == "__main__":

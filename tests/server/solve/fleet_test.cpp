@@ -176,7 +176,10 @@ TEST_F(FleetTest, SaysWhetherDeadlinesAreMet) {
   fleet_.claimed("a");
   fleet_.claimed("b");  // two solvers
   const auto job = [](std::int64_t id, int left, double due_s) {
-    JobState state{.id = id, .deadline = absl::Now() + absl::Seconds(due_s), .session = std::to_string(id)};
+    JobState state;
+    state.id = id;
+    state.session = std::to_string(id);
+    state.deadline = absl::Now() + absl::Seconds(due_s);
     state.counts.tiles = left;
     state.tile_seconds = 2.0;
     return state;
