@@ -107,10 +107,12 @@ refused 'axis "lift" moves along a line, in mm' \
   glasswing calibrate axis --series lift --board 7x5:8:6 --geometry "$work/rig.txtpb" -o "$work/axis.txtpb"
 
 echo "== doctor checks each camera's geometry in its own view"
-glasswing doctor --geometry "left=$work/rig.txtpb" --geometry "right=$work/rig.txtpb" >"$work/doctor" 2>&1 || true
+glasswing doctor --geometry "left=$work/rig.txtpb" --geometry "right=$work/rig.txtpb" --session vase >"$work/doctor" 2>&1 || true
 for camera in left right; do
-  grep -q "session deep.$camera sees its points" "$work/doctor" || fail "doctor did not check camera $camera: $(cat "$work/doctor")"
+  grep -q "session vase.$camera sees its points" "$work/doctor" || fail "doctor did not check camera $camera: $(cat "$work/doctor")"
 done
+# The newest session of each, whose waves leave no known places beside the crystal.
+refused 'in session "deep.right"' glasswing doctor --geometry "right=$work/rig.txtpb" --geometry "left=$work/rig.txtpb"
 refused 'where it is repeated it must be CAMERA=FILE' glasswing doctor --geometry "$work/rig.txtpb" --geometry "right=$work/rig.txtpb"
 
 echo "== the other verbs know the cameras"

@@ -273,7 +273,6 @@ TEST_F(SeveralTethered, EachStepIsHeldUntilEveryCameraHasIt) {
   const v1::Session session = captured();
   ASSERT_EQ(session.views_size(), 3);
   for (int camera = 0; camera < 3; ++camera) expect_whole(session, camera);
-  EXPECT_GT(session.views(2).frames_taken(), session.step_count()) << "twice";
 }
 
 TEST_F(SeveralTethered, OneThatSleepsLeavesTheOthersTheirFrames) {
