@@ -54,7 +54,10 @@ absl::StatusOr<std::vector<v1::Axis>> read_axes(const Client& client, const std:
     return absl::FailedPreconditionError(
         fmt::format("the rig has several cameras, {}; name the one with the stage", fmt::join(names, ", ")));
   }
-  const std::string& address = cameras[0].address();
+  return read_axes_at(cameras[0].address());
+}
+
+absl::StatusOr<std::vector<v1::Axis>> read_axes_at(const std::string& address) {
   const Peer<v1::AxisService> stage("camera node at " + address, address);
   const absl::StatusOr<v1::GetAxesResponse> found = call(stage, &v1::AxisService::Stub::GetAxes, {});
   if (absl::IsUnimplemented(found.status())) return std::vector<v1::Axis>();

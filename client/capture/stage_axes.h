@@ -14,6 +14,9 @@ namespace glasswing {
 // Of the camera node of this name; empty: of the only one that is up. None: it has no stage with axes.
 absl::StatusOr<std::vector<v1::Axis>> read_axes(const Client& client, const std::string& camera);
 
+// Of the stage of the camera node at this address.
+absl::StatusOr<std::vector<v1::Axis>> read_axes_at(const std::string& address);
+
 // The axis that is meant where none is named: the only one, else the only one of `unit`. FAILED_PRECONDITION:
 // there are several, or none. NOT_FOUND: the stage has not the named one.
 absl::StatusOr<v1::Axis> find_axis(const std::string& named, const std::vector<v1::Axis>& axes,

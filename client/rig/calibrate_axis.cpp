@@ -74,8 +74,8 @@ absl::StatusOr<RadianceImage> picture_of(const v1::Session& session, const v1::C
 }
 
 // FAILED_PRECONDITION: the stage says that the axis does not turn. One that does not answer is not needed.
-absl::Status check_turns(const Client& client, const std::string& camera, const std::string& name) {
-  const absl::StatusOr<std::vector<v1::Axis>> stage = read_axes(client, camera);
+absl::Status check_turns(const v1::Session& session, const std::string& name) {
+  const absl::StatusOr<std::vector<v1::Axis>> stage = read_axes_at(session.archive_address());
   if (!stage.ok()) return absl::OkStatus();
   const auto axis = std::ranges::find(*stage, name, &v1::Axis::name);
   if (axis == stage->end() || axis->unit() == "deg") return absl::OkStatus();
@@ -91,7 +91,7 @@ absl::StatusOr<Track> track_of_board(const Client& client, const AxisArguments& 
                       find_poses(client, arguments.sessions, arguments.series));
   Track track;
   GW_ASSIGN_OR_RETURN(track.axis, axis_of(sessions, arguments.axis));
-  GW_RETURN_IF_ERROR(check_turns(client, sessions.front().plan().camera(), track.axis));
+  GW_RETURN_IF_ERROR(check_turns(sessions.front(), track.axis));
   Waiting waiting("looking for the board");
   for (const v1::Session& session : sessions) {
     GW_ASSIGN_OR_RETURN(const RadianceImage picture, picture_of(session, camera));

@@ -29,10 +29,10 @@ absl::StatusOr<std::string> newest_solved(const Client& client, const std::strin
                       call_pages(server, &v1::SessionService::Stub::ListSessions, {}));
   for (const v1::Session& session : listed.sessions()) {
     if (session.frame_count() != 0) continue;
-    for (const v1::Session& view : session.views()) {
-      if (view.matte_ready() && view.view_camera() == camera) return view.name();
-    }
-    if (session.matte_ready() && (camera.empty() || session.plan().camera() == camera)) return session.name();
+    if (camera.empty() && session.matte_ready()) return session.name();
+    if (camera.empty() || (!session.matte_ready() && session.views().empty())) continue;
+    const absl::StatusOr<v1::Session> seen = session_of(client, session.name(), camera);
+    if (seen.ok() && seen->matte_ready()) return seen->name();
   }
   return absl::NotFoundError(
       fmt::format("no solved session{} shows where the monitors are; capture and solve one, or name a matte "

@@ -83,6 +83,9 @@ absl::Status check_rig(const Client& client, const DoctorArguments& arguments) {
   use_cameras(arguments.cameras, *request.mutable_plan());
   if (arguments.geometries.empty() && !arguments.session.empty())
     return absl::InvalidArgumentError("--session goes with --geometry");
+  // Before the rig is busy, which takes longer.
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Finding> geometry,
+                      check_rig_geometry(client, arguments.geometries, arguments.session));
   const Peer<v1::RigService> server(client.server_title(), client.server);
   grpc::ClientContext context;
   set_deadline(context, kDoctorTimeout);
@@ -93,13 +96,9 @@ absl::Status check_rig(const Client& client, const DoctorArguments& arguments) {
   if (interrupted())
     return absl::CancelledError("the check was interrupted; the rig is free again and unchanged");
   if (!status.ok()) return status_from(status, server.title);
-  if (!arguments.geometries.empty()) {
-    GW_ASSIGN_OR_RETURN(const std::vector<v1::Finding> geometry,
-                        check_rig_geometry(client, arguments.geometries, arguments.session));
-    for (const v1::Finding& finding : geometry) {
-      if (!client.json && !client.tsv) print_finding(client, finding);
-      findings.push_back(finding);
-    }
+  for (const v1::Finding& finding : geometry) {
+    if (!client.json && !client.tsv) print_finding(client, finding);
+    findings.push_back(finding);
   }
   print_together(client, findings);
   const auto problems = std::ranges::count(findings, v1::FINDING_LEVEL_PROBLEM, &v1::Finding::level);

@@ -165,7 +165,7 @@ class Fit {
             new Drawn<kWobbleNumbers>(drawn)),
         nullptr, wobble_.data());
     add_lens(ceres);
-    solution_.converged = solve(ceres);
+    solution_.converged = solve_least_squares(ceres);
     read(ceres, seen, axis.data(), boards);
     problem_.direction =
         (frame_.direction + axis[0] * frame_.across_x + axis[1] * frame_.across_y).normalized();

@@ -64,7 +64,7 @@ ReprojectionFit fit(Reprojection& problem, double huber_sd) {
   }
   if (!held.empty())
     ceres.SetManifold(problem.lens.data(), new ceres::SubsetManifold(static_cast<int>(kLensNumbers), held));
-  const bool converged = solve(ceres);
+  const bool converged = solve_least_squares(ceres);
   std::vector<double*> blocks = {problem.lens.data()};
   for (size_t k = 0; k < problem.poses.size(); ++k) {
     blocks.push_back(turns[k].data());

@@ -6,7 +6,7 @@
 namespace glasswing {
 
 // Returns whether the fit converged.
-inline bool solve(ceres::Problem& problem) {
+inline bool solve_least_squares(ceres::Problem& problem) {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   options.max_num_iterations = 50;

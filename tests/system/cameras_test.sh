@@ -102,17 +102,17 @@ cmp "$work/left.rounds" "$work/right.rounds" || fail "the cameras were shown dif
 echo "== a lift's poses are captured; an axis that does not turn is not calibrated as if it did"
 glasswing capture "$plan" --turn lift=0,10 --camera left --session lift 2>/dev/null || fail "the lift's series was not captured"
 echo 'camera { width_px: 72 height_px: 60 fx_px: 90 fy_px: 90 cx_px: 36 cy_px: 30 }
-monitors { name: "back" width_px: 96 height_px: 80 pitch_mm: 1 rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1] translation_mm: [-48, -40, 120] }' >"$work/rig.txtpb"
+monitors { name: "back" width_px: 96 height_px: 72 pitch_mm: 1 rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1] translation_mm: [-48, -40, 120] }' >"$work/rig.txtpb"
 refused 'axis "lift" moves along a line, in mm' \
   glasswing calibrate axis --series lift --board 7x5:8:6 --geometry "$work/rig.txtpb" -o "$work/axis.txtpb"
 
 echo "== doctor checks each camera's geometry in its own view"
-glasswing doctor --geometry "left=$work/rig.txtpb" --geometry "right=$work/rig.txtpb" --session vase >"$work/doctor" 2>/dev/null || true
+glasswing doctor --camera left --camera right --geometry "left=$work/rig.txtpb" --geometry "right=$work/rig.txtpb" --session vase >"$work/doctor" 2>&1 || true
 for camera in left right; do
   grep -q "session vase.$camera sees its points" "$work/doctor" || fail "doctor did not check camera $camera: $(cat "$work/doctor")"
 done
-glasswing doctor --geometry "right=$work/rig.txtpb" >"$work/doctor" 2>/dev/null || true
-grep -q "session deep.right sees its points" "$work/doctor" || fail "doctor did not take the newest view of camera right: $(cat "$work/doctor")"
+# The newest session of each, whose waves leave no known places beside the crystal.
+refused 'in session "deep.right"' glasswing doctor --geometry "right=$work/rig.txtpb" --geometry "left=$work/rig.txtpb"
 refused 'where it is repeated it must be CAMERA=FILE' glasswing doctor --geometry "$work/rig.txtpb" --geometry "right=$work/rig.txtpb"
 
 echo "== the other verbs know the cameras"
