@@ -40,7 +40,8 @@ constexpr std::array<Kind, 6> kKinds{{{"narrow", 0.4, 1.0, 1, false},
 // A ring of radius 12 px: a circle of 40 Gaussians of sigma 1, and 40 of sigma 2 px.
 PyramidFootprint ring(const Mode& mode) {
   constexpr int kAround = 40;
-  PyramidFootprint pyramid{.texture = mode.texture, .noise_sd = 0.005f, .prior_sd = 0.01f};
+  PyramidFootprint pyramid{
+      .texture = mode.texture, .noise_sd = 0.005f, .prior_sd = 0.01f, .coefficients = {}};
   for (int i = 0; i < 2 * kAround; ++i) {
     const int level = i % 2;
     const double angle = std::numbers::pi * i / kAround, step = std::ldexp(2.0, level);

@@ -1,6 +1,5 @@
 // Rendered scenes with 0.5 % of noise, solved with Gaussians and with footprints of any shape: PSNR of their
-// composites, how many of them are within three of the errors that the mattes state, and the size of the
-// files.
+// composites, how much of white is within three of the errors that the mattes state, and the size of files.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -37,13 +36,19 @@ Kind solved_kind(const RenderedScene& scene, const MethodOptions& options) {
   return {std::move(solved), std::move(compositor), share, bytes};
 }
 
-// Of the samples inside the object whose error is known: the share within three of it, in per cent.
+// Of the samples inside the object whose error is known, in every fourth row: the share within three of it,
+// in per cent.
 std::string within(const RenderedScene& scene, const Kind& kind, const Photograph& photograph,
                    const RadianceImage& made) {
-  const RadianceImage error = composite_error(kind.solved.matte, photograph.backgrounds).value();
+  Matte some = kind.solved.matte;
+  for (int y = 0; y < some.height_px(); ++y) {
+    for (int x = 0; y % 4 != 0 && x < some.width_px(); ++x) some.coverage(x, y) = 0.0f;
+  }
+  const RadianceImage error = composite_error(some, photograph.backgrounds).value();
+  const size_t row = 3 * static_cast<size_t>(made.width_px);
   double known = 0.0, good = 0.0, all = 0.0;
   for (size_t i = 0; i < made.samples.size(); ++i) {
-    if (scene.mask().samples[i] <= 32767) continue;
+    if (scene.mask().samples[i] <= 32767 || i / row % 4 != 0) continue;
     ++all;
     if (!std::isfinite(error.samples[i])) continue;
     ++known;
@@ -55,17 +60,21 @@ std::string within(const RenderedScene& scene, const Kind& kind, const Photograp
 void report(RenderedScene scene) {
   scene.calibrate({.noise_sd = kNoise});
   const std::array<Kind, 2> kinds{solved_kind(scene, {}), solved_kind(scene, {{"footprints", "any"}})};
-  std::vector<Photograph> photographs{scene.white()};
-  for (const std::string& name : scene.photograph_names()) photographs.push_back(scene.photograph(name));
+  std::vector<Photograph> photographs;
+  for (const std::string& name : scene.photograph_names()) {
+    if (name != "white") photographs.push_back(scene.photograph(name));
+  }
+  photographs.push_back(scene.white());  // errors take longest
   for (const Photograph& photograph : photographs) {
     std::array<std::string, 2> psnr, errors;
     for (size_t k = 0; k < kinds.size(); ++k) {
       const RadianceImage made = kinds[k].compositor.composite(photograph.backgrounds).value();
       psnr[k] = fmt::format("{:.1f}", scene.psnr(made, photograph.seen));
-      errors[k] = within(scene, kinds[k], photograph, made);
+      if (photograph.name == "white") errors[k] = within(scene, kinds[k], photograph, made);
     }
-    fmt::print("| {} | {} | {} → {} | {} → {} |\n", scene.name(), photograph.name, psnr[0], psnr[1],
-               errors[0], errors[1]);
+    fmt::print("| {} | {} | {} → {} | {} |\n", scene.name(), photograph.name, psnr[0], psnr[1],
+               errors[0].empty() ? "" : errors[0] + " → " + errors[1]);
+    std::fflush(stdout);
   }
   const PyramidShare& share = kinds[1].share;
   fmt::print(

@@ -97,7 +97,7 @@ TEST(WebMatte, HoldsWhatTheMatteHas) {
 TEST(WebMatte, HoldsPyramids) {
   Matte matte = a_matte();
   matte.metadata.set_footprint(std::string(kPyramidFootprint));
-  PyramidFootprint ring{.foreground = 0.2f};
+  PyramidFootprint ring{.foreground = 0.2f, .coefficients = {}};
   constexpr int kCoefficients = 120;
   for (int i = 0; i < kCoefficients; ++i) {
     const double angle = 2.0 * std::numbers::pi * i / kCoefficients;
