@@ -247,6 +247,7 @@ class SeveralTethered : public testing::Test {
     rig_ = std::make_unique<FaultyRig>(rig, 1, kPatchRows, data_);
     plan_ = stripes(4);
     plan_.set_hold_refreshes(16);
+    plan_.set_skip_empty_stage(true);
     for (int i = 1; i <= 3; ++i) plan_.add_cameras(fmt::format("camera-{}", i));
   }
   fs::path state(int number) const { return data_ / fmt::format("state-{}", number); }
