@@ -3,6 +3,7 @@
 #include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -190,7 +191,7 @@ std::string name_of(const testing::TestParamInfo<std::string>& shape) {
 
 // Floors at 0.5 % noise are goals: 38 dB of a ring and 36 of others by four sweeps, 40 by 100 designed
 // images, 44 by as many designed ones as the sweeps are. Gaussians are hardly better at any noise, except for
-// thin light.
+// thin light; above 60 dB nobody sees which is.
 TEST_P(AnyShape, IsShownAsItIs) {
   const double loss_db =
       GetParam() == "arc" || GetParam() == "spokes" || GetParam() == "crescent" ? 1.6 : 0.6;
@@ -220,7 +221,7 @@ TEST_P(AnyShape, IsShownAsItIs) {
       if (noise_sd == 0.005) {
         EXPECT_GE(any, floor_db) << name;
       }
-      EXPECT_GE(any, gaussian - loss_db) << name;
+      EXPECT_GE(any, std::min(gaussian, 60.0) - loss_db) << name;
     }
   }
 }
