@@ -177,6 +177,27 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
 
 }  // namespace
 
+namespace {
+
+// Of the average of a pyramid and the pixel's modes (solver/any/pyramid_fit.h): how far they are apart.
+double variance_between(const PyramidFootprint& pyramid, std::span<const Mode> modes,
+                        absl::FunctionRef<double(const Footprint&)> light) {
+  double weight = 0.0, seen = 0.0, of_modes = 0.0, seen_of_modes = 0.0;
+  for (const Coefficient& own : pyramid.coefficients) {
+    const bool is_mode = own.level >= kPyramidLevels;
+    Footprint place = footprint_of(is_mode ? modes[static_cast<size_t>(own.level - kPyramidLevels)]
+                                           : mode_of(own, pyramid.texture));
+    place.weight = 1.0;
+    const double own_weight = own.weight, own_seen = own_weight * light(place);
+    (is_mode ? of_modes : weight) += own_weight;
+    (is_mode ? seen_of_modes : seen) += own_seen;
+  }
+  if (!(weight > 0.0) || !(of_modes > 0.0)) return 0.0;
+  return weight * of_modes * std::pow(seen / weight - seen_of_modes / of_modes, 2);
+}
+
+}  // namespace
+
 double MatteCovariance::variance(const PyramidFootprint& pyramid, std::span<const Mode> modes,
                                  absl::FunctionRef<double(const Footprint&)> light) const {
   const Unsure unsure = unsure_of(pyramid, modes, extents_[pyramid.texture]);
@@ -219,7 +240,8 @@ double MatteCovariance::variance(const PyramidFootprint& pyramid, std::span<cons
     by[k + 1] = light(places[k]);
   }
   const Eigen::LLT<Eigen::MatrixXd> factor(information);
-  return factor.info() == Eigen::Success ? by.dot(factor.solve(by)) : INFINITY;
+  if (factor.info() != Eigen::Success) return INFINITY;
+  return by.dot(factor.solve(by)) + variance_between(pyramid, modes, light);
 }
 
 std::vector<MatteCovariance::Shown> MatteCovariance::shown(std::span<const Used> modes) const {

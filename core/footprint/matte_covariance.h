@@ -33,7 +33,8 @@ class MatteCovariance {
 
   // The variance of F + sum_k light(k) c_k, of a pyramid's coefficients and the channel's `modes` that are
   // kept: that of the Gaussian posterior (sum_i w_i J_i J_i' + prior^-1)^-1 of those above 0, and of their
-  // neighbours, to which light may belong as far as the samples can tell.
+  // neighbours, to which light may belong as far as the samples can tell; and that between the pyramid and
+  // the modes, where the footprint is the average of both.
   double variance(const PyramidFootprint& pyramid, std::span<const Mode> modes,
                   absl::FunctionRef<double(const Footprint&)> light) const;
 

@@ -3,25 +3,33 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
+#include <set>
 
 namespace glasswing {
 namespace {
 
+constexpr double kPrior = 8.0;          // of a coefficient, over the density of light
+constexpr double kWider = 2.0;          // than the modes in variance: where their light may be, and
+constexpr size_t kFewDirections = 4;    // that leave shapes open
+constexpr double kBlur_px2 = 4.0;       // of that density
 constexpr double kReach = 3.0;          // of a footprint: standard deviations beside its mean, and
 constexpr double kMargin_px = 2.0;      // this much
-constexpr size_t kMostPlaces = 2000;    // that take part; beyond that the narrowest level is left out
-constexpr size_t kMostKnown = 20000;    // answers kept
+constexpr size_t kMaxPlaces = 2000;     // that take part; beyond that the narrowest level is left out
+constexpr size_t kMaxKnown = 20000;     // answers kept
 constexpr double kBoundNoise = 4.0;     // standard deviations of a sample by which it bounds a coefficient
-constexpr float kLeastAnswer = 0.02f;   // of a place's highest answer: samples below bound nothing
-constexpr double kLeastOfPrior = 0.02;  // a coefficient that must be smaller is 0
+constexpr float kMinAnswer = 0.02f;     // of a place's highest answer: samples below bound nothing
+constexpr double kMinOfPrior = 0.02;    // of an even prior: a coefficient that must be smaller is 0
+constexpr double kMinPrior = 1e-3;      // of an even one: places of less have no light
 constexpr float kDark = 1e-4f;          // of the highest answer: samples below tell of F alone
-constexpr double kPrior = 8.0;          // s, over light that lies evenly on its area
-constexpr double kTemper = 20.0;        // of log evidence, which neglects that coefficients are positive
-constexpr int kMostRounds = 40;         // of the working set, which
-constexpr size_t kMostAdded = 64;       // grows by so many, and
-constexpr int kMostSteps = 200;         // of its minimum
-constexpr double kLeastGain = 1e-2;     // of chi2 / 2 by a step, or by a coefficient, that is worth another
-constexpr double kLeastShare = 0.1;     // of what Newton's step promises, by the projected one
+constexpr double kModeFreedom = 6.0;    // of the samples, that a mode takes
+constexpr double kMaxDispersion = 1.5;  // chi2 per degree of freedom; beyond it samples are weighed anew,
+constexpr int kMaxWeighings = 3;        // so often
+constexpr int kMaxRounds = 40;          // of the working set, which
+constexpr size_t kMaxAdded = 64;        // grows by so many, and
+constexpr int kMaxSteps = 200;          // of its minimum
+constexpr double kMinGain = 1e-2;       // of chi2 / 2 by a step, or by a coefficient, that is worth another
+constexpr double kMinShare = 0.1;       // of what Newton's step promises, by the projected one
 constexpr double kRounding = 1e-9;      // of a step
 
 // The place and widths of all light.
@@ -44,6 +52,41 @@ Extent extent_of(const Footprints& modes) {
     all.yy_px2 += mode.weight / all.weight * (mode.yy_px2 + std::pow(mode.y_px - all.y_px, 2));
   }
   return all;
+}
+
+// The density of light at the middle of `place`, blurred by it.
+double density(const Footprints& modes, const Footprint& place) {
+  double sum = 0.0;
+  for (const Footprint& mode : modes) {
+    const double xx = mode.xx_px2 + place.xx_px2 + kBlur_px2, yy = mode.yy_px2 + place.yy_px2 + kBlur_px2,
+                 xy = mode.xy_px2, determinant = xx * yy - xy * xy, x = place.x_px - mode.x_px,
+                 y = place.y_px - mode.y_px;
+    sum += mode.weight / (2.0 * std::numbers::pi * std::sqrt(determinant)) *
+           std::exp(-0.5 * (x * x * yy - 2.0 * x * y * xy + y * y * xx) / determinant);
+  }
+  return sum;
+}
+
+Footprints widened(Footprints modes) {
+  for (Footprint& mode : modes) {
+    mode.xx_px2 *= kWider;
+    mode.xy_px2 *= kWider;
+    mode.yy_px2 *= kWider;
+  }
+  return modes;
+}
+
+// Stripes and waves.
+size_t directions_of(const std::vector<ShownPattern>& patterns) {
+  std::set<long> found;
+  for (const ShownPattern& own : patterns) {
+    if (own.kind == ShownPattern::Kind::kArea) continue;
+    const bool is_wave = own.kind == ShownPattern::Kind::kWave;
+    const double turn_rad =
+        is_wave ? std::atan2(own.fy, own.fx) : std::atan2(own.axis.sin_phi, own.axis.cos_phi);
+    found.insert(std::lround(180.0 / std::numbers::pi * (turn_rad + 2.0 * std::numbers::pi)) % 180);
+  }
+  return found.size();
 }
 
 PyramidFitter::Range reached(double centre_px, double variance_px2, double size_px) {
@@ -97,17 +140,17 @@ class WorkingSet {
   void descend() {
     std::vector<Eigen::Index> free = free_now();
     bool is_all = true;
-    for (int step = 0; step < kMostSteps && !free.empty(); ++step) {
+    for (int step = 0; step < kMaxSteps && !free.empty(); ++step) {
       const Eigen::MatrixXd own = g_(free, free);
       const Eigen::VectorXd down = (b_ - g_ * x_)(free), newton = own.llt().solve(down);
       const double gain = 0.5 * newton.dot(down);
-      if (!(gain > kLeastGain)) {
+      if (!(gain > kMinGain)) {
         if (is_all) break;
         free = free_now();
         is_all = true;
         continue;
       }
-      if (project(free, newton, kLeastShare * gain)) {
+      if (project(free, newton, kMinShare * gain)) {
         free = free_now();
         is_all = true;
         continue;
@@ -137,9 +180,9 @@ class WorkingSet {
     for (Eigen::Index k = 0; k < a_.cols(); ++k) {
       if (is_in_[k] || !(slope[k] > 0.0)) continue;
       const double gain = 0.5 * slope[k] * slope[k] / (square[k] + prior_[k]);
-      if (gain > kLeastGain) gains.emplace_back(-gain, k);
+      if (gain > kMinGain) gains.emplace_back(-gain, k);
     }
-    const auto most = std::min(gains.size(), kMostAdded);
+    const auto most = std::min(gains.size(), kMaxAdded);
     std::ranges::partial_sort(gains, gains.begin() + static_cast<std::ptrdiff_t>(most));
     std::vector<Eigen::Index> best;
     for (size_t i = 0; i < most; ++i) best.push_back(gains[i].second);
@@ -147,18 +190,16 @@ class WorkingSet {
   }
 
   PositiveFit found() const {
-    PositiveFit fit{.x = Eigen::VectorXd::Zero(a_.cols()), .chi2 = (y_ - own_ * x_).squaredNorm()};
+    PositiveFit fit{.x = Eigen::VectorXd::Zero(a_.cols())};
     std::vector<Eigen::Index> above;
-    double prior = 0.0;
     for (Eigen::Index k = 0; k < x_.size(); ++k) {
       fit.x[set_[k]] = x_[k];
-      if (!is_signed(k) && !(x_[k] > 0.0)) continue;
-      above.push_back(k);
-      prior += x_[k] * x_[k] * prior_[set_[k]] - std::log(prior_[set_[k]]);
+      if (is_signed(k) || x_[k] > 0.0) above.push_back(k);
     }
     const Eigen::MatrixXd own = g_(above, above);
-    const Eigen::LLT<Eigen::MatrixXd> factor(own);
-    fit.evidence = -0.5 * (fit.chi2 + prior) - factor.matrixLLT().diagonal().array().log().sum();
+    const Eigen::MatrixXd covariance = own.llt().solve(Eigen::MatrixXd::Identity(own.rows(), own.cols()));
+    for (Eigen::Index i = 0; i < std::ssize(above); ++i)
+      fit.freedom += 1.0 - prior_[set_[above[i]]] * covariance(i, i);
     return fit;
   }
 
@@ -206,7 +247,7 @@ PositiveFit positive_minimum(const Eigen::Ref<const Eigen::MatrixXd>& a, const E
   const Eigen::VectorXd square = a.colwise().squaredNorm();
   set.add({0});
   set.descend();
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kMaxRounds; ++round) {
     const std::vector<Eigen::Index> wanted = set.wanted(square);
     if (wanted.empty()) break;
     set.add(wanted);
@@ -214,6 +255,9 @@ PositiveFit positive_minimum(const Eigen::Ref<const Eigen::MatrixXd>& a, const E
   }
   return set.found();
 }
+
+PyramidFitter::PyramidFitter(const PatternAnswers& answers)
+    : answers_(answers), few_directions_(directions_of(answers.patterns()) <= kFewDirections) {}
 
 const Eigen::VectorXf& PyramidFitter::answer(const Coefficient& place) {
   const std::int64_t key = (std::int64_t{place.level} << 40) + (std::int64_t{place.column} << 20) + place.row;
@@ -229,29 +273,39 @@ const Eigen::VectorXf& PyramidFitter::answer(const Coefficient& place) {
   return at->second;
 }
 
-std::vector<Coefficient> PyramidFitter::places_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
-                                                  const Eigen::VectorXd& peak, const Range& across,
-                                                  const Range& down, double prior_sd) {
+std::vector<PyramidFitter::Place> PyramidFitter::places_of(const Eigen::VectorXd& y,
+                                                           const Eigen::VectorXd& weight,
+                                                           const Eigen::VectorXd& peak,
+                                                           const Footprints& near, const Range& across,
+                                                           const Range& down, double prior_sd) {
+  const Footprints expected = widened(near);
   const Eigen::Index black = y.size() - 1;
   const Eigen::ArrayXf most =
       (y.head(black).array() - y[black] + kBoundNoise * weight.head(black).array().rsqrt()).cast<float>();
   const Eigen::ArrayXf peaks =
       (weight.head(black).array() > 0.0).select(peak.head(black).array(), 0.0).cast<float>();
-  std::vector<Coefficient> places, own;
+  std::vector<Place> places;
+  std::vector<Coefficient> own;
   Eigen::ArrayXf light;
   for (int level = kPyramidLevels - 2; level >= 0; --level) {
     own.clear();
     add_places(level, across, down, own);
     const size_t before = places.size();
-    const float least_sd = static_cast<float>(kLeastOfPrior * std::ldexp(prior_sd, 2 * level));
+    const double even_sd = std::ldexp(prior_sd, 2 * level);
+    const auto min_sd = static_cast<float>(kMinOfPrior * even_sd);
     for (const Coefficient& place : own) {
+      const double own_sd =
+          few_directions_
+              ? even_sd
+              : std::ldexp(kPrior * density(expected, footprint_of(mode_of(place, 0))), 2 * level);
+      if (own_sd < kMinPrior * even_sd) continue;
       light = answer(place).array() * peaks;
-      const float least = kLeastAnswer * light.maxCoeff();
+      const float least = kMinAnswer * light.maxCoeff();
       if (!(least > 0.0f)) continue;
-      if ((light > least && most < least_sd * light).any()) continue;
-      places.push_back(place);
+      if ((light > least && most < min_sd * light).any()) continue;
+      places.push_back({place, own_sd});
     }
-    if (places.size() <= kMostPlaces) continue;
+    if (places.size() <= kMaxPlaces) continue;
     places.resize(before);
     break;
   }
@@ -263,15 +317,16 @@ std::vector<Coefficient> PyramidFitter::places_of(const Eigen::VectorXd& y, cons
 struct PyramidFitter::Problem {
   Eigen::MatrixXd a;
   Eigen::VectorXd y, prior_sd;
+  Eigen::Index modes = 0;
   double chi2_apart = 0.0;  // of what any fit leaves
 };
 
 PyramidFitter::Problem PyramidFitter::problem_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
                                                  const Eigen::VectorXd& peak, const Footprints& near,
-                                                 const std::vector<Coefficient>& places, double prior_sd) {
+                                                 const std::vector<Place>& places) {
   const Eigen::Index black = y.size() - 1, first = 1 + near.size();
   Eigen::ArrayXf most = Eigen::ArrayXf::Zero(black);
-  for (const Coefficient& place : places) most = most.max(answer(place).array());
+  for (const Place& place : places) most = most.max(answer(place.at).array());
   const float least = kDark * most.maxCoeff();
   std::vector<Eigen::Index> seeing;
   double dark_weight = 0.0, dark = 0.0, dark_square = 0.0;
@@ -288,7 +343,8 @@ PyramidFitter::Problem PyramidFitter::problem_of(const Eigen::VectorXd& y, const
   const Eigen::Index rows = std::ssize(seeing);
   Problem own{.a = Eigen::MatrixXd::Zero(rows + 1, first + std::ssize(places)),
               .y = Eigen::VectorXd::Zero(rows + 1),
-              .prior_sd = Eigen::VectorXd::Ones(first + std::ssize(places))};
+              .prior_sd = Eigen::VectorXd::Ones(first + std::ssize(places)),
+              .modes = near.size()};
   own.a(rows, 0) = std::sqrt(dark_weight);
   if (dark_weight > 0.0) {
     own.y[rows] = dark / own.a(rows, 0);
@@ -309,13 +365,56 @@ PyramidFitter::Problem PyramidFitter::problem_of(const Eigen::VectorXd& y, const
     for (int m = 0; m < near.size(); ++m) own.a(i, 1 + m) = lit[i] * of_modes(sample, m);
   }
   for (Eigen::Index k = 0; k < std::ssize(places); ++k) {
-    const Eigen::VectorXf& light = answer(places[k]);
+    const Eigen::VectorXf& light = answer(places[k].at);
     for (Eigen::Index i = 0; i < rows; ++i)
       own.a(i, first + k) = lit[i] * static_cast<double>(light[seeing[i]]);
-    own.prior_sd[first + k] = std::ldexp(prior_sd, 2 * places[k].level);
+    own.prior_sd[first + k] = places[k].prior_sd;
   }
   return own;
 }
+
+struct PyramidFitter::Average {
+  explicit Average(const Problem& problem) : modes(problem.modes) {
+    Eigen::MatrixXd a = problem.a;
+    Eigen::VectorXd y = problem.y;
+    fit(problem, a, y);
+    for (int i = 0; i < kMaxWeighings && !explains(problem); ++i) {
+      const Eigen::ArrayXd off = (problem.y - problem.a * alone.x).array().square(),
+                           modes_off = (problem.y - problem.a * gaussians).array().square();
+      // Of noise with Cauchy's tails.
+      const Eigen::VectorXd root = (2.0 / (1.0 + off.max(modes_off))).min(1.0).sqrt();
+      a = root.asDiagonal() * problem.a;
+      y = root.asDiagonal() * problem.y;
+      fit(problem, a, y);
+    }
+    const Eigen::VectorXd rest = y - a * alone.x, differ = a * (alone.x - gaussians);
+    const double more = alone.freedom - 1.0 - kModeFreedom * static_cast<double>(modes),
+                 noise = rest.squaredNorm() / (static_cast<double>(y.size()) - alone.freedom);
+    share =
+        std::clamp((noise * more - rest.dot(differ)) / std::max(differ.squaredNorm(), kRounding), 0.0, 1.0);
+  }
+
+  Eigen::VectorXd x() const { return (1.0 - share) * alone.x + share * gaussians; }
+
+  PositiveFit alone;
+  Eigen::VectorXd gaussians;
+  double share = 0.0;  // of the Gaussians
+
+ private:
+  void fit(const Problem& problem, const Eigen::MatrixXd& a, const Eigen::VectorXd& y) {
+    alone = positive_minimum(a, y, problem.prior_sd, modes);
+    gaussians = Eigen::VectorXd::Zero(a.cols());
+    gaussians.head(1 + modes) =
+        positive_minimum(a.leftCols(1 + modes), y, problem.prior_sd.head(1 + modes)).x;
+  }
+
+  bool explains(const Problem& problem) const {
+    return (problem.y - problem.a * alone.x).squaredNorm() <
+           kMaxDispersion * (static_cast<double>(problem.y.size()) - alone.freedom);
+  }
+
+  Eigen::Index modes;
+};
 
 std::optional<PyramidFit> PyramidFitter::fit(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
                                              const Eigen::VectorXd& peak, const Footprints& near) {
@@ -326,27 +425,21 @@ std::optional<PyramidFit> PyramidFitter::fit(const Eigen::VectorXd& y, const Eig
   const double area_px2 = (across.high_px - across.low_px) * (down.high_px - down.low_px) / (kReach * kReach);
   if (!(area_px2 > 0.0)) return std::nullopt;
   const double prior_sd = kPrior * light.weight / area_px2;
-  if (known_.size() > kMostKnown) known_.clear();
-  const std::vector<Coefficient> places = places_of(y, weight, peak, across, down, prior_sd);
+  if (known_.size() > kMaxKnown) known_.clear();
+  const std::vector<Place> places = places_of(y, weight, peak, near, across, down, prior_sd);
   if (places.empty()) return std::nullopt;
-  const Problem all = problem_of(y, weight, peak, near, places, prior_sd);
-  const Eigen::Index n = std::ssize(places), modes = near.size();
-  // Each mode's place and widths were found from the same samples.
-  const double found = 2.5 * static_cast<double>(modes) * std::log(static_cast<double>(all.a.rows()));
-  const PositiveFit gaussians =
-      positive_minimum(all.a.leftCols(1 + modes), all.y, all.prior_sd.head(1 + modes));
-  const PositiveFit alone = positive_minimum(all.a, all.y, all.prior_sd, modes);
-  const double share = 1.0 / (1.0 + std::exp((alone.evidence - gaussians.evidence + found) / kTemper));
-  Eigen::VectorXd x = (1.0 - share) * alone.x;
-  x.head(1 + modes) += share * gaussians.x;
+  const Problem all = problem_of(y, weight, peak, near, places);
+  const Eigen::Index modes = near.size();
+  const Average average(all);
+  const Eigen::VectorXd x = average.x();
   PyramidFit fit;
   fit.prior_sd = prior_sd;
   fit.floor = x[0];
   fit.chi2 = (all.y - all.a * x).squaredNorm() + all.chi2_apart;
-  fit.gaussian = share;
+  fit.gaussian = average.share;
   for (Eigen::Index m = 0; m < modes; ++m) fit.modes.push_back(x[1 + m]);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    Coefficient own = places[k];
+  for (Eigen::Index k = 0; k < std::ssize(places); ++k) {
+    Coefficient own = places[k].at;
     own.weight = static_cast<float>(x[1 + modes + k]);
     if (own.weight > 0.0f) fit.coefficients.push_back(own);
   }

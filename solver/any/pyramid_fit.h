@@ -3,13 +3,16 @@
 //
 //   chi2 = sum_i w_i (y_i - F - sum_k c_k a_ik)^2 + sum_k (c_k / s_k)^2,  c_k >= 0
 //
-// with a_ik what Gaussian k answers to pattern i (pattern_answer.h). s_k is 4^level s: a Gaussian's part of
-// light that lies evenly on an eighth of the footprint's area. So where samples say nothing, light is spread
-// over wide Gaussians and over many of them; a coefficient that no sample pays for is 0. The minimum is
-// unique.
+// with a_ik what Gaussian k answers to pattern i (pattern_answer.h). s_k is 2 4^level times the light
+// expected on 4 px^2 there. Patterns of four directions leave shapes open: it is expected evenly on an eighth
+// of the footprint's area. Those of more show the modes' places, and it is expected around them: else noise
+// fits best with a little light everywhere and less F, as coefficients are positive. So where samples say
+// nothing, light is spread over wide Gaussians and over many of them; a coefficient that no sample pays for
+// is 0. The minimum is unique.
 //
-// Samples often leave open whether that or the pixel's modes are right. The fit is the average of both by
-// their evidence (log marginal likelihood), in one model: the modes, of less weight, beside the coefficients.
+// Neither that nor the pixel's modes need be right. The fit is the average of both that predicts the samples
+// best, by Mallows' criterion (Hansen 2007), in one model: the modes, of less weight, beside the
+// coefficients. Samples that neither explains have less weight.
 #pragma once
 
 #include <Eigen/Dense>
@@ -28,8 +31,8 @@ struct PyramidFit {
   std::vector<double> modes;  // by mode, what is left of its weight
   double floor = 0.0;         // F
   double chi2 = 0.0;          // without the prior's part
-  double prior_sd = 0.0;      // s
-  double gaussian = 0.0;      // probability that the modes alone explain the samples
+  double prior_sd = 0.0;      // of even light, of level 0
+  double gaussian = 0.0;      // the modes' share of the average
 };
 
 // min |y - A x|^2 + sum_k (x_k / s_k)^2 over x >= 0, except x_0, which may have any sign, and the `left_out`
@@ -37,8 +40,7 @@ struct PyramidFit {
 // projected Newton (Bertsekas 1982) on it.
 struct PositiveFit {
   Eigen::VectorXd x;
-  double chi2 = 0.0;      // |y - A x|^2
-  double evidence = 0.0;  // log marginal likelihood of the coefficients above 0
+  double freedom = 0.0;  // the samples' degrees of freedom that the coefficients above 0 take
 };
 PositiveFit positive_minimum(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::VectorXd& y,
                              const Eigen::Ref<const Eigen::VectorXd>& prior_sd, Eigen::Index left_out = 0);
@@ -51,24 +53,31 @@ class PyramidFitter {
   };
 
   // Keeps a reference.
-  explicit PyramidFitter(const PatternAnswers& answers) : answers_(answers) {}
+  explicit PyramidFitter(const PatternAnswers& answers);
 
   // y, weight and peak as in MixtureSamples, black last. `near`: the closest Gaussians, which say where light
-  // is and how much. None if there is no light, or if it is wider than a pyramid's coefficients can cover.
+  // is and how much. None if there is no light, or if it is
+  // wider than a pyramid's coefficients can cover.
   std::optional<PyramidFit> fit(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
                                 const Eigen::VectorXd& peak, const Footprints& near);
 
  private:
   struct Problem;
+  struct Average;
+  struct Place {
+    Coefficient at;
+    double prior_sd;
+  };
   Problem problem_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight, const Eigen::VectorXd& peak,
-                     const Footprints& near, const std::vector<Coefficient>& places, double prior_sd);
-  // Those where samples leave room for light.
-  std::vector<Coefficient> places_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
-                                     const Eigen::VectorXd& peak, const Range& across, const Range& down,
-                                     double prior_sd);
+                     const Footprints& near, const std::vector<Place>& places);
+  // Those where the prior and the samples leave room for light.
+  std::vector<Place> places_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
+                               const Eigen::VectorXd& peak, const Footprints& near, const Range& across,
+                               const Range& down, double prior_sd);
   const Eigen::VectorXf& answer(const Coefficient& place);
 
   const PatternAnswers& answers_;
+  bool few_directions_;
   std::unordered_map<std::int64_t, Eigen::VectorXf> known_;  // answers, by place
 };
 

@@ -9,13 +9,13 @@
 namespace glasswing {
 namespace {
 
-constexpr double kLeastNoise = 1e-4;     // the shape of pixels leaves as much
+constexpr double kMinNoise = 1e-4;       // the shape of pixels leaves as much
 constexpr double kUnknownNoise = 0.005;  // of cameras whose noise nothing tells
 constexpr double kMedianOfNormal = 0.67449;
 constexpr double kDetail = 0.002;      // of the highest sample
 constexpr double kBeyondNoise = 5.0;   // standard deviations of chi2, and
 constexpr double kDoubt = 2.5;         // of a fit of Gaussians, from which on pyramids are tried
-constexpr double kCertain = 0.9;       // probability from which on Gaussians are left as they are
+constexpr double kCertain = 0.9;       // share of the average from which on Gaussians are left as they are
 constexpr double kUnexplained = 0.05;  // of the highest sample, that a fit may leave
 
 // Of a camera that does not say: from second differences of stripes, which are smooth where noise is not.
@@ -102,7 +102,7 @@ bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
           merge(stack_, i < count ? monitor.shots[i] : layout_.stage.black, index, noise);
       seen[i] = merged.radiance;
       if (i < count) peak[i] = monitor.peaks[i][channel];
-      double variance = merged.variance + kLeastNoise * kLeastNoise;
+      double variance = merged.variance + kMinNoise * kMinNoise;
       if (i < count && monitor.patterns[i].kind == ShownPattern::Kind::kArea)
         variance += std::pow((monitor.patterns[i].lit.bars ? kBarsError : kWhiteError) * seen[i], 2);
       weight[i] = merged.saturated ? 0.0 : 1.0 / variance;
@@ -112,7 +112,7 @@ bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
   if (noise.read_sd <= 0.0) noise.read_sd = kUnknownNoise;
   read(noise);
   if (noise_.read_sd <= 0.0) {
-    noise.read_sd = std::max(noise_of_stripes(monitor.patterns, seen), kLeastNoise);
+    noise.read_sd = std::max(noise_of_stripes(monitor.patterns, seen), kMinNoise);
     read(noise);
   }
   // The narrowest Gaussians are wider than some shapes' details.
