@@ -30,6 +30,7 @@ plan=$root/deploy/plans/quick.txtpb
 (grep -v '^camera' "$plan"; printf 'cameras: "left"\ncameras: "right"\n') >"$work/plan.txtpb"
 
 echo "== every daemon is killed during one capture, and restarted"
+kept() { (cd "$1" && { cat frames.jsonl manifest.json 2>/dev/null || true; } | grep -o 'frames/[0-9]*\.tif' | xargs sha256sum); } # ARCHIVE: sums of frames that it lists
 proven() { glasswing show "$1" --json | field proven_count; }
 glasswing capture "$work/plan.txtpb" --session vase >/dev/null
 proven_at_least() { (($(proven vase) >= $1)); }
@@ -37,7 +38,7 @@ wanted=10
 for daemon in left right display server; do
   until_true 60 proven_at_least $wanted || fail "no step was proven before $daemon was killed"
   glasswing pause vase >/dev/null
-  for camera in left right; do (cd "$work/$camera/archives/vase.$camera/frames" && sha256sum ./*.tif) >"$work/$camera.sums"; done
+  for camera in left right; do kept "$work/$camera/archives/vase.$camera" >"$work/$camera.sums"; done
   glasswing resume vase >/dev/null
   wanted=$(($(proven vase) + 5))
   until_true 60 proven_at_least $wanted || fail "it did not continue"
@@ -50,7 +51,7 @@ for daemon in left right display server; do
   until_true 30 up 4 || fail "$daemon did not come back"
   glasswing resume vase >/dev/null 2>&1 || [[ $(shown vase state) == SESSION_STATE_CAPTURED ]] || fail "vase is $(shown vase state)"
   for camera in left right; do
-    (cd "$work/$camera/archives/vase.$camera/frames" && sha256sum --quiet -c "$work/$camera.sums") || fail "$camera took frames twice"
+    (cd "$work/$camera/archives/vase.$camera" && sha256sum --quiet -c "$work/$camera.sums") || fail "$camera took frames twice"
   done
   wanted=$(($(proven vase) + 5))
 done

@@ -193,6 +193,7 @@ std::string name_of(const testing::TestParamInfo<std::string>& shape) {
 // images, 44 by as many designed ones as the sweeps are. Gaussians are hardly better at any noise, except for
 // thin light; above 60 dB nobody sees which is.
 TEST_P(AnyShape, IsShownAsItIs) {
+  const bool is_new = GetParam() == "arc" || GetParam() == "comb" || GetParam() == "lobes";
   const double loss_db =
       GetParam() == "arc" || GetParam() == "spokes" || GetParam() == "crescent" ? 1.6 : 0.6;
   const Scene scene = scene_of(GetParam());
@@ -220,6 +221,9 @@ TEST_P(AnyShape, IsShownAsItIs) {
           static_cast<double>(coefficients) / std::max(pyramids, 1), static_cast<int>(flagged));
       if (noise_sd == 0.005) {
         EXPECT_GE(any, floor_db) << name;
+        if (!is_new) {
+          EXPECT_GE(any, gaussian - 1.0) << name;
+        }
       }
       EXPECT_GE(any, std::min(gaussian, 60.0) - loss_db) << name;
     }
@@ -339,6 +343,7 @@ TEST(Any, FilesHoldPyramids) {
 // Against the truth, bias of the prior included, over pixels and channels with noise of their own.
 TEST(Any, CompositesKnowTheirErrors) {
   constexpr int kPictures = 3;
+  double all_within = 0.0, all_squares = 0.0, all_count = 0.0;
   for (const auto& [name, shape] : shapes()) {
     const Scene scene = scene_of(name, 10);
     const Matte matte = solved(scene, kSweeps, 0.005, kAny);
@@ -361,10 +366,16 @@ TEST(Any, CompositesKnowTheirErrors) {
     }
     std::printf("%-8s %.0f samples: %.2f within one, rms z %.2f\n", name.c_str(), count, within / count,
                 std::sqrt(squares / count));
+    all_within += within, all_squares += squares, all_count += count;
     EXPECT_GT(count, 0.0) << name;
     EXPECT_LE(std::sqrt(squares / count), 1.5) << name;
     EXPECT_GE(within / count, 0.5) << name;
   }
+  EXPECT_GT(all_count, 60.0);
+  // Three channels of a pixel share their bias, so that some 30 pixels tell: a share of 0.68 is known to
+  // 0.085, an rms of 1 to 0.13. Goals are 0.6 to 0.75 and 1.5.
+  EXPECT_GE(all_within / all_count, 0.6 - 0.085);
+  EXPECT_LE(std::sqrt(all_squares / all_count), 1.5);
 }
 
 // A coefficient of which no matte is, or a count beyond the row, is refused. Who uses modes alone sees flags.
