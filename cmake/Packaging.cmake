@@ -65,7 +65,7 @@ set(shared "glasswing-common (= THIS_VERSION), glasswing-pictures (= THIS_VERSIO
 glasswing_package(server NAME glasswing-server SCRIPTS daemon UNIT glasswing-server
   SUMMARY "capture of environment mattes - server"
   TEXT "${about}\n.\nThis package contains the server, which runs sessions, proves which frame\nshows which pattern, hands work to solvers, and keeps finished mattes."
-  DEPENDS "${shared}" RECOMMENDS "glasswing-client, glasswing-console")
+  DEPENDS "${shared}" RECOMMENDS "glasswing-client, glasswing-compositing, glasswing-console")
 glasswing_package(console NAME glasswing-console SCRIPTS daemon UNIT glasswing-console
   SUMMARY "capture of environment mattes - console for browsers"
   TEXT "${about}\n.\nThis package contains the console, which shows a rig in browsers, with its\npage. It is a client of the server and runs as a user of its own."

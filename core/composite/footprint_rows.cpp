@@ -68,11 +68,14 @@ std::uint16_t FootprintRows::add_gaussians(std::vector<Mode> modes, int channel,
   std::ranges::stable_sort(modes, {}, &Mode::texture);
   int count = 0;
   for (size_t t = 0; t < tiles_.size(); ++t) {
-    const auto own = std::ranges::equal_range(modes, static_cast<std::int32_t>(t), {}, &Mode::texture);
-    const auto others = std::ranges::stable_partition(
-        own, [](const Mode& mode) { return mode.weight > 0.0f && FootprintTiles::is_wide_round(mode); });
-    count += tiles_[t].add_sum({own.begin(), others.begin()}, channel, row.words);
-    for (const Mode& mode : others) count += add(mode, channel, false, x, row);
+    const auto texture = static_cast<std::int32_t>(t);
+    const auto first = std::ranges::lower_bound(modes, texture, {}, &Mode::texture),
+               end = std::ranges::upper_bound(modes, texture, {}, &Mode::texture);
+    const auto others = std::stable_partition(first, end, [](const Mode& mode) {
+      return mode.weight > 0.0f && FootprintTiles::is_wide_round(mode);
+    });
+    count += tiles_[t].add_sum({first, others}, channel, row.words);
+    std::for_each(others, end, [&](const Mode& mode) { count += add(mode, channel, false, x, row); });
   }
   return static_cast<std::uint16_t>(count);
 }

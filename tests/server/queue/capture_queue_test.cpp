@@ -205,7 +205,7 @@ TEST_F(CaptureQueueTest, CapturesAgainWhatIsUnusual) {
   EXPECT_OK(queue().approve(6, kAnna));
   ended(6);
   const v1::QueueItem again = ended(7);
-  EXPECT_EQ(again.session(), "a-3-7");
+  EXPECT_EQ(again.session(), "a-7");
   EXPECT_EQ(again.state(), v1::QUEUE_ITEM_STATE_DONE);
   EXPECT_FALSE(again.wish().retake_unusual());
   EXPECT_THAT(history(3), HasSubstr("unusual: "));
