@@ -123,8 +123,8 @@ std::string choice_text(const Matte& matte, int x, int channel, int texture) {
     if (!is_mode) ++counts[static_cast<size_t>(coefficient.level)];
   }
   return fmt::format(
-      "pyramid: {} coefficients ({} of sigma 1, 2, 4, 8, 16 px) with {:.1f} % of a light of {:.5f}; by the "
-      "evidence of the samples the other {:.1f} % stay in {} Gaussians; F {:+.5f}",
+      "pyramid: {} coefficients ({} of sigma 1, 2, 4, 8, 16 px) with {:.1f} % of a light of {:.5f}; the "
+      "other {:.1f} % stay in {} Gaussians; F {:+.5f}",
       std::accumulate(counts.begin(), counts.end(), 0), fmt::join(counts, ", "),
       100.0 * in_pyramid / (in_pyramid + kept), in_pyramid + kept, 100.0 * kept / (in_pyramid + kept), modes,
       own->foreground);

@@ -349,8 +349,9 @@ void add_dataset_command(CLI::App& app, CommandLine& command_line, ReadMatte rea
       "  glasswing dataset vase.exr --format transport -o vase-transport\n"
       "  glasswing dataset vase-0*.exr --geometry rig.txtpb --object-poses poses.json --format neto -o "
       "vase-neto\n"
-      "  glasswing dataset vase-000.left vase-000.right --format colmap -o vase-colmap \\\n"
-      "    --geometry left=left.txtpb,right=right.txtpb --object-poses left=left.json,right=right.json");
+      "  glasswing dataset vase-000.left vase-000.right --format colmap --geometry "
+      "left=left.txtpb,right=right.txtpb "
+      "--object-poses left=left.json,right=right.json -o vase-colmap");
   auto arguments = std::make_shared<DatasetArguments>();
   arguments->read = std::move(read);
   add_dataset_options(command, *arguments);

@@ -23,6 +23,7 @@ constexpr double kMinOfPrior = 0.02;    // of an even prior: a coefficient that 
 constexpr double kMinPrior = 1e-3;      // of an even one: places of less have no light
 constexpr float kDark = 1e-4f;          // of the highest answer: samples below tell of F alone
 constexpr double kModeFreedom = 5.0;    // of the samples, that a mode takes: its place and widths
+constexpr double kTemper = 20.0;        // of log evidence, which neglects that coefficients are positive
 constexpr double kMaxDispersion = 1.5;  // chi2 per degree of freedom; beyond it samples are weighed anew,
 constexpr int kMaxWeighings = 3;        // so often
 constexpr int kMaxRounds = 40;          // of the working set, which
@@ -192,12 +193,18 @@ class WorkingSet {
   PositiveFit found() const {
     PositiveFit fit{.x = Eigen::VectorXd::Zero(a_.cols())};
     std::vector<Eigen::Index> above;
+    double prior = 0.0;
     for (Eigen::Index k = 0; k < x_.size(); ++k) {
       fit.x[set_[k]] = x_[k];
-      if (is_signed(k) || x_[k] > 0.0) above.push_back(k);
+      if (!is_signed(k) && !(x_[k] > 0.0)) continue;
+      above.push_back(k);
+      prior += x_[k] * x_[k] * prior_[set_[k]] - std::log(prior_[set_[k]]);
     }
     const Eigen::MatrixXd own = g_(above, above);
-    const Eigen::MatrixXd covariance = own.llt().solve(Eigen::MatrixXd::Identity(own.rows(), own.cols()));
+    const Eigen::LLT<Eigen::MatrixXd> factor(own);
+    fit.evidence =
+        -0.5 * ((y_ - own_ * x_).squaredNorm() + prior) - factor.matrixLLT().diagonal().array().log().sum();
+    const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(own.rows(), own.cols()));
     for (Eigen::Index i = 0; i < std::ssize(above); ++i)
       fit.freedom += 1.0 - prior_[set_[above[i]]] * covariance(i, i);
     return fit;
@@ -374,7 +381,7 @@ PyramidFitter::Problem PyramidFitter::problem_of(const Eigen::VectorXd& y, const
 }
 
 struct PyramidFitter::Average {
-  explicit Average(const Problem& problem) : modes(problem.modes) {
+  Average(const Problem& problem, bool few_directions) : modes(problem.modes) {
     Eigen::MatrixXd a = problem.a;
     Eigen::VectorXd y = problem.y;
     fit(problem, a, y);
@@ -387,11 +394,8 @@ struct PyramidFitter::Average {
       y = root.asDiagonal() * problem.y;
       fit(problem, a, y);
     }
-    const Eigen::VectorXd rest = y - a * alone.x, differ = a * (alone.x - gaussians);
-    const double more = alone.freedom - 1.0 - kModeFreedom * static_cast<double>(modes),
-                 noise = rest.squaredNorm() / (static_cast<double>(y.size()) - alone.freedom);
-    share =
-        std::clamp((noise * more - rest.dot(differ)) / std::max(differ.squaredNorm(), kRounding), 0.0, 1.0);
+    share = by_prediction(a, y);
+    if (few_directions) share = std::min(share, by_evidence(y.size()));
   }
 
   Eigen::VectorXd x() const { return (1.0 - share) * alone.x + share * gaussians; }
@@ -401,11 +405,28 @@ struct PyramidFitter::Average {
   double share = 0.0;  // of the Gaussians
 
  private:
+  // Samples leave open which of the two is right; the one that fits fewer values to them is likelier. Each
+  // mode's place and widths were found from the same samples.
+  double by_evidence(Eigen::Index samples) const {
+    const double found =
+        0.5 * kModeFreedom * static_cast<double>(modes) * std::log(static_cast<double>(samples));
+    return 1.0 / (1.0 + std::exp((alone.evidence - gaussians_evidence + found) / kTemper));
+  }
+
+  double by_prediction(const Eigen::MatrixXd& a, const Eigen::VectorXd& y) const {
+    const Eigen::VectorXd rest = y - a * alone.x, differ = a * (alone.x - gaussians);
+    const double more = alone.freedom - 1.0 - kModeFreedom * static_cast<double>(modes),
+                 noise = rest.squaredNorm() / (static_cast<double>(y.size()) - alone.freedom);
+    return std::clamp((noise * more - rest.dot(differ)) / std::max(differ.squaredNorm(), kRounding), 0.0,
+                      1.0);
+  }
+
   void fit(const Problem& problem, const Eigen::MatrixXd& a, const Eigen::VectorXd& y) {
     alone = positive_minimum(a, y, problem.prior_sd, modes);
+    const PositiveFit own = positive_minimum(a.leftCols(1 + modes), y, problem.prior_sd.head(1 + modes));
     gaussians = Eigen::VectorXd::Zero(a.cols());
-    gaussians.head(1 + modes) =
-        positive_minimum(a.leftCols(1 + modes), y, problem.prior_sd.head(1 + modes)).x;
+    gaussians.head(1 + modes) = own.x;
+    gaussians_evidence = own.evidence;
   }
 
   bool explains(const Problem& problem) const {
@@ -414,6 +435,7 @@ struct PyramidFitter::Average {
   }
 
   Eigen::Index modes;
+  double gaussians_evidence = 0.0;
 };
 
 std::optional<PyramidFit> PyramidFitter::fit(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
@@ -430,7 +452,7 @@ std::optional<PyramidFit> PyramidFitter::fit(const Eigen::VectorXd& y, const Eig
   if (places.empty()) return std::nullopt;
   const Problem all = problem_of(y, weight, peak, near, places);
   const Eigen::Index modes = near.size();
-  const Average average(all);
+  const Average average(all, few_directions_);
   const Eigen::VectorXd x = average.x();
   PyramidFit fit;
   fit.prior_sd = prior_sd;

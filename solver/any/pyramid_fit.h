@@ -12,7 +12,9 @@
 //
 // Neither that nor the pixel's modes need be right. The fit is the average of both that predicts the samples
 // best, by Mallows' criterion (Hansen 2007), in one model: the modes, of less weight, beside the
-// coefficients. Samples that neither explains have less weight.
+// coefficients. Where patterns have few directions, samples often leave open which is right: the modes then
+// get no more than their evidence (log marginal likelihood) gives them. Samples that neither explains have
+// less weight.
 #pragma once
 
 #include <Eigen/Dense>
@@ -40,7 +42,8 @@ struct PyramidFit {
 // projected Newton (Bertsekas 1982) on it.
 struct PositiveFit {
   Eigen::VectorXd x;
-  double freedom = 0.0;  // the samples' degrees of freedom that the coefficients above 0 take
+  double freedom = 0.0;   // the samples' degrees of freedom that the coefficients above 0 take
+  double evidence = 0.0;  // log marginal likelihood of the coefficients above 0
 };
 PositiveFit positive_minimum(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::VectorXd& y,
                              const Eigen::Ref<const Eigen::VectorXd>& prior_sd, Eigen::Index left_out = 0);

@@ -127,17 +127,17 @@ TEST_F(SharedJobs, ManyServersHandOutEachTileOnce) {
 
 TEST_F(SharedJobs, NewerTablesAreRefused) {
   open("a");
-  postgres_->run("UPDATE glasswing.version SET number = 4");
+  postgres_->run("UPDATE glasswing.version SET number = 5");
   const absl::Status refused = refusal(postgres_->connection());
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
-  EXPECT_NE(refused.message().find("version 4"), std::string::npos) << refused;
+  EXPECT_NE(refused.message().find("version 5"), std::string::npos) << refused;
 }
 
 TEST_F(SharedJobs, TablesOfTheVersionBeforeAreUpgraded) {
   open("a");
   postgres_->run(
       "ALTER TABLE glasswing.tiles DROP COLUMN unsolved_pixels; "
-      "ALTER TABLE glasswing.jobs DROP COLUMN priority, DROP COLUMN owner; "
+      "ALTER TABLE glasswing.jobs DROP COLUMN priority, DROP COLUMN owner, DROP COLUMN deadline; "
       "UPDATE glasswing.version SET number = 1");
   const auto after = open("b");
   const std::int64_t job = create(*after, 1);

@@ -58,6 +58,7 @@ TEST_F(JobsFile, AnotherBootEndsLeases) {
 TEST_F(JobsFile, JobsOfTheVersionsBeforeGoOn) {
   const std::string kUndo =
       "ALTER TABLE jobs DROP COLUMN priority; ALTER TABLE jobs DROP COLUMN owner; "
+      "ALTER TABLE jobs DROP COLUMN deadline; "
       "ALTER TABLE tiles DROP COLUMN unsolved_pixels; ";
   const std::int64_t job =
       open().value()->create({.session = "s", .computes = "c", .work = ""}, ranges(1)).value();
@@ -72,10 +73,10 @@ TEST_F(JobsFile, JobsOfTheVersionsBeforeGoOn) {
 
 TEST_F(JobsFile, ANewerVersionIsRefused) {
   ASSERT_OK(open());
-  run("PRAGMA user_version = 4");
+  run("PRAGMA user_version = 5");
   const absl::Status refused = open().status();
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
-  EXPECT_NE(refused.message().find("version 4"), std::string::npos) << refused;
+  EXPECT_NE(refused.message().find("version 5"), std::string::npos) << refused;
 }
 
 TEST(JobsInMemory, AreHandedOutAndCountedAsThoseOfAFile) {
