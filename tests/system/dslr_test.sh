@@ -10,17 +10,15 @@ echo "== nodes"
   >"$work/display.log" 2>&1 &
 until_true 20 up 1 || fail "no display"
 shoot="$program --tap 127.0.0.1:$((port + 1)) --folder {dir} --state $work/state --width 96 --height 72 --exposure-ms 20 --mosaic RGGB"
-camera() {
-  "$bin/glasswing-camera" --server "$server" --listen 127.0.0.1:$((port + 2)) --data "$work/data/camera" --backend folder \
-    --folder "$work/shots" "$@"
-}
+camera=("$bin/glasswing-camera" --server "$server" --listen 127.0.0.1:$((port + 2)) --data "$work/data/camera" --backend folder
+  --folder "$work/shots")
 says() { # WORDS COMMAND...: the command fails, and says so
   if "${@:2}" >"$work/said" 2>&1; then fail "accepted: ${*:2}"; fi
   grep -qF -- "$1" "$work/said" || fail "\"$(cat "$work/said")\" does not say \"$1\""
 }
 says "--backend folder needs --folder" "$bin/glasswing-camera" --server "$server" --data "$work/data/none" --backend folder
-says "take one with the settings" camera
-camera --shoot "$shoot" >"$work/camera.log" 2>&1 &
+says "take one with the settings" "${camera[@]}"
+"${camera[@]}" --shoot "$shoot" >"$work/camera.log" 2>&1 &
 until_true 30 up 2 || fail "no camera"
 glasswing nodes | grep -q "folder 96x72" || fail "the list of nodes does not say what the camera is"
 

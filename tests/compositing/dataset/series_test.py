@@ -41,7 +41,9 @@ class SeriesTest(unittest.TestCase):
         command = [sys.executable, EXAMPLES / "glass_dataset.py", cls.directory, "--views", "2", "--focal-lengths", f"{FOCAL_PX}",
                    "--size", "{}x{}".format(*MONITOR),
                    "--camera-size", "{}x{}".format(*CAMERA), "--port", str(free_port(3)), "--rig=--solvers", "--rig=1"]
-        subprocess.run(command, env=environment, check=True, capture_output=True, timeout=500)
+        done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=500)
+        if done.returncode:
+            raise AssertionError(done.stdout)
         cls.camera = cls.directory / "a"
 
     def test_correspondences_are_those_of_snells_law(self):
