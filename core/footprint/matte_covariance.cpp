@@ -141,6 +141,7 @@ namespace {
 struct Unsure {
   std::vector<Footprint> places;
   std::vector<double> prior_sd, weight;
+  Eigen::Index first_mode = 0;  // from here on they are modes that are kept
 };
 
 Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, const MonitorExtent& extent) {
@@ -165,6 +166,7 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
                            std::ldexp(static_cast<double>(pyramid.prior_sd), 2 * place[0]));
     all.weight.push_back(weight);
   }
+  all.first_mode = std::ssize(all.places);
   for (const Coefficient& kept : pyramid.coefficients) {
     if (kept.level < kPyramidLevels) continue;
     all.places.push_back(footprint_of(modes[static_cast<size_t>(kept.level - kPyramidLevels)]));
@@ -175,22 +177,15 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
   return all;
 }
 
-}  // namespace
-
-namespace {
-
 // Of the average of a pyramid and the pixel's modes (solver/any/pyramid_fit.h): how far they are apart.
-double variance_between(const PyramidFootprint& pyramid, std::span<const Mode> modes,
-                        absl::FunctionRef<double(const Footprint&)> light) {
+// `light`: of each place.
+double variance_between(const Unsure& unsure, const Eigen::Ref<const Eigen::VectorXd>& light) {
   double weight = 0.0, seen = 0.0, of_modes = 0.0, seen_of_modes = 0.0;
-  for (const Coefficient& own : pyramid.coefficients) {
-    const bool is_mode = own.level >= kPyramidLevels;
-    Footprint place = footprint_of(is_mode ? modes[static_cast<size_t>(own.level - kPyramidLevels)]
-                                           : mode_of(own, pyramid.texture));
-    place.weight = 1.0;
-    const double own_weight = own.weight, own_seen = own_weight * light(place);
-    (is_mode ? of_modes : weight) += own_weight;
-    (is_mode ? seen_of_modes : seen) += own_seen;
+  for (Eigen::Index k = 0; k < light.size(); ++k) {
+    const bool is_mode = k >= unsure.first_mode;
+    const double own = unsure.weight[k];
+    (is_mode ? of_modes : weight) += own;
+    (is_mode ? seen_of_modes : seen) += own * light[k];
   }
   if (!(weight > 0.0) || !(of_modes > 0.0)) return 0.0;
   return weight * of_modes * std::pow(seen / weight - seen_of_modes / of_modes, 2);
@@ -241,7 +236,7 @@ double MatteCovariance::variance(const PyramidFootprint& pyramid, std::span<cons
   }
   const Eigen::LLT<Eigen::MatrixXd> factor(information);
   if (factor.info() != Eigen::Success) return INFINITY;
-  return by.dot(factor.solve(by)) + variance_between(pyramid, modes, light);
+  return by.dot(factor.solve(by)) + variance_between(unsure, by.tail(count));
 }
 
 std::vector<MatteCovariance::Shown> MatteCovariance::shown(std::span<const Used> modes) const {
