@@ -17,12 +17,12 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMostFootprints = 255;  // of a pixel: its number of them is a byte
-constexpr int kMostOfPyramid = 48;       // footprints, of a channel
-constexpr double kPlaces = 65536.0;      // that a number of 16 bits tells apart
-constexpr double kBeside = 1.06;         // of the monitor's longer side: room for footprints beyond it
-constexpr int kDark = 16;                // of 255, a code of F
-constexpr double kAngles = 256.0;        // in half a turn
+constexpr size_t kMaxFootprints = 255;  // of a pixel: its number of them is a byte
+constexpr int kMaxOfPyramid = 48;       // footprints, of a channel
+constexpr double kPlaces = 65536.0;     // that a number of 16 bits tells apart
+constexpr double kBeside = 1.06;        // of the monitor's longer side: room for footprints beyond it
+constexpr int kDark = 16;               // of 255, a code of F
+constexpr double kAngles = 256.0;       // in half a turn
 
 enum Plane {
   kCount,
@@ -102,7 +102,7 @@ std::vector<Mode> modes_of(const Matte& matte, int x, int y, int channel) {
                            [](double sum, const Mode& mode) { return sum + double{mode.weight}; });
   };
   const double whole = light();
-  reduce_modes(modes, kMostOfPyramid, false);
+  reduce_modes(modes, kMaxOfPyramid, false);
   std::erase_if(modes, [](const Mode& mode) { return !(mode.weight >= kWeightUnit); });
   const double left = light();
   for (Mode& mode : modes) mode.weight *= static_cast<float>(whole / left);
@@ -249,7 +249,7 @@ class Writer {
   WebMatte& web_;
   std::array<std::string, kPlaneCount> planes_;
   std::array<int, kChannels> light_{};
-  std::array<Numbers, kMostFootprints> last_{};  // by place in a pixel's list
+  std::array<Numbers, kMaxFootprints> last_{};  // by place in a pixel's list
 };
 
 // The smallest region around the pixels that see a monitor's picture: not, for instance, the id patches below

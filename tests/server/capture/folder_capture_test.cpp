@@ -252,8 +252,7 @@ class SeveralTethered : public testing::Test {
   }
   fs::path state(int number) const { return data_ / fmt::format("state-{}", number); }
   v1::Session captured() {
-    const grpc::Status created = rig_->create(plan_);
-    EXPECT_TRUE(created.ok()) << created.error_message();
+    EXPECT_OK(rig_->create(plan_));
     return rig_->watch();
   }
   void expect_whole(const v1::Session& session, int camera) {

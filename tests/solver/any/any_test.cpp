@@ -191,7 +191,7 @@ std::string name_of(const testing::TestParamInfo<std::string>& shape) {
 
 // Floors at 0.5 % noise are goals: 38 dB of a ring and 36 of others by four sweeps, 40 by 100 designed
 // images, 44 by as many designed ones as the sweeps are. Gaussians are hardly better at any noise, except for
-// thin light; above 60 dB nobody sees which is.
+// thin light; above 60 dB no difference is visible.
 TEST_P(AnyShape, IsShownAsItIs) {
   const bool is_new = GetParam() == "arc" || GetParam() == "comb" || GetParam() == "lobes";
   const double loss_db =
