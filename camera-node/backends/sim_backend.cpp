@@ -49,9 +49,11 @@ absl::StatusOr<SensorCurve> parse_response(const std::string& text) {
 }
 
 void add_scene_options(CLI::App& app, SimOptions& camera) {
-  app.add_option("--scene", camera.sim.scene,
-                 "sim: crystal, glass, brushed, wobble (a moving drop of water), wobble-lit (with a lamp's "
-                 "highlight), board (a column with ChArUco boards) or none")
+  app.add_option(
+         "--scene", camera.sim.scene,
+         "sim: crystal, glass, brushed, still-life (frosted glass, a bubble, a brushed coin), wobble (a "
+         "moving drop of water), wobble-lit (with a lamp's highlight), board (a column with ChArUco "
+         "boards) or none")
       ->capture_default_str();
   app.add_option("--tap", camera.taps,
                  "sim: host:port of a display node whose light it sees; repeat for more");

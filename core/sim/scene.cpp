@@ -8,6 +8,7 @@
 
 #include "core/base/status.h"
 #include "core/sim/board_scene.h"
+#include "core/sim/still_life.h"
 
 namespace glasswing {
 namespace {
@@ -361,12 +362,13 @@ absl::StatusOr<std::unique_ptr<Scene>> make_still(const std::string& name, Monit
   if (name == "crystal") return std::make_unique<Crystal>(back);
   if (name == "glass") return std::make_unique<Glass>(back);
   if (name == "brushed") return std::make_unique<Brushed>(back);
+  if (name == "still-life") return make_still_life(back);
   if (name == "wobble") return std::make_unique<Drop>(back, phase, false);
   if (name == "wobble-lit") return std::make_unique<Drop>(back, phase, true);
   if (name == "board") return make_board(back);
   if (name == "none") return nullptr;
   return absl::InvalidArgumentError(fmt::format(
-      "scene is \"{}\"; there are: crystal, glass, brushed, wobble, wobble-lit, board, none", name));
+      "scene is \"{}\"; there are: crystal, glass, brushed, still-life, wobble, wobble-lit, board, none", name));
 }
 
 }  // namespace
@@ -386,6 +388,7 @@ Vec3 table_centre(const std::string& scene, MonitorSize back) {
   double depth = 0.32 * width;  // of the crystal
   if (scene == "glass" || scene == "board") depth = 0.5 * width;
   if (scene == "brushed") depth = 0.46 * width;
+  if (scene == "still-life") depth = 0.22 * width;
   if (scene.starts_with("wobble")) depth = 0.35 * std::min(back.width_px, back.height_px);
   return {0.5 * width, 0.5 * back.height_px, -depth};
 }

@@ -138,13 +138,13 @@ void Transport::add_columns(size_t monitor, int y, int first, int last, std::spa
 inline constexpr int kRaysAcross = 4;        // per camera pixel and axis
 inline constexpr double kFocalWidths = 4.0;  // the camera's focal length in widths of its picture
 
-// Scenes: "crystal", "glass", "brushed", "wobble", "wobble-lit", "board", "none"; a moving scene is in its
-// first phase. With object = false the stage is empty. Geometry: the camera is a pinhole, `focal_widths`
-// widths of the back monitor in front of its middle. At its own place the back monitor fills the camera's
-// view, one camera pixel covers (monitor / camera size) monitor pixels; "left", "right" and "top" stand at
-// its edges, perpendicular, towards the camera. `rays_across` 1 makes every ray a pixel, for a picture
-// kRaysAcross times as large. A ray sees the pixel of a monitor on which it lands; with `areas`, where
-// tracing takes three times as long, what its part of the camera's pixel covers there, so that nothing
+// Scenes: "crystal", "glass", "brushed", "still-life", "wobble", "wobble-lit", "board", "none"; a moving
+// scene is in its first phase. With object = false the stage is empty. Geometry: the camera is a pinhole,
+// `focal_widths` widths of the back monitor in front of its middle. At its own place the back monitor fills
+// the camera's view, one camera pixel covers (monitor / camera size) monitor pixels; "left", "right" and
+// "top" stand at its edges, perpendicular, towards the camera. `rays_across` 1 makes every ray a pixel, for a
+// picture kRaysAcross times as large. A ray sees the pixel of a monitor on which it lands; with `areas`,
+// where tracing takes three times as long, what its part of the camera's pixel covers there, so that nothing
 // depends on how rays fall on monitors' pixels. Deterministic. INVALID_ARGUMENT lists the known scenes or
 // monitor names.
 absl::StatusOr<Transport> build_transport(const std::string& scene, bool object,
