@@ -111,11 +111,13 @@ absl::StatusOr<RadianceImage> composite_file(std::string_view file,
   GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(file));
   GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(outline.metadata));
   GW_RETURN_IF_ERROR(check_backgrounds(outline.metadata, backgrounds));
-  const bool boxes = has_boxes(outline.metadata);
+  const bool boxes = has_boxes(outline.metadata),
+             pyramids = outline.metadata.footprint() == kPyramidFootprint;
   std::vector<FootprintTexture> textures = footprint_textures(outline.metadata);
   for (FootprintTexture& texture : textures) {
     // The rows' needs are not known yet.
     texture.level_count = static_cast<int>(texture.shape.levels().size());
+    texture.mesh_count = pyramids ? static_cast<int>(texture.shape.meshes().size()) : 0;
     texture.has_wide_boxes = boxes;
   }
   const BackgroundSamples samples(textures, mix, backgrounds, thread_count);

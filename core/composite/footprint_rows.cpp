@@ -43,7 +43,7 @@ void FootprintRows::prepare(const Matte& matte, int y, FootprintRow& row) {
     PixelTiles& pixel = row.tiles[x];
     if (!matte.pyramids(x, y, 0).empty() || !matte.pyramids(x, y, 1).empty() ||
         !matte.pyramids(x, y, 2).empty()) {
-      for (int c = 0; c < kChannels; ++c) pixel.own[c] = add_gaussians(matte.gaussians(x, y, c), c, x, row);
+      for (int c = 0; c < kChannels; ++c) pixel.own[c] = add_any(matte, x, y, c, row);
       continue;
     }
     const auto modes = [&](int c, size_t m) -> const Mode& { return matte.modes(x, y, c)[m]; };
@@ -64,18 +64,13 @@ void FootprintRows::prepare(const Matte& matte, int y, FootprintRow& row) {
   row.words.resize(row.words.size() + kTileWidth);  // padding that evaluate_tiles() may read
 }
 
-std::uint16_t FootprintRows::add_gaussians(std::vector<Mode> modes, int channel, int x, FootprintRow& row) {
-  std::ranges::stable_sort(modes, {}, &Mode::texture);
+std::uint16_t FootprintRows::add_any(const Matte& matte, int x, int y, int channel, FootprintRow& row) {
   int count = 0;
-  for (size_t t = 0; t < tiles_.size(); ++t) {
-    const auto texture = static_cast<std::int32_t>(t);
-    const auto first = std::ranges::lower_bound(modes, texture, {}, &Mode::texture),
-               end = std::ranges::upper_bound(modes, texture, {}, &Mode::texture);
-    const auto others = std::stable_partition(first, end, [](const Mode& mode) {
-      return mode.weight > 0.0f && FootprintTiles::is_wide_round(mode);
-    });
-    count += tiles_[t].add_sum({first, others}, channel, row.words);
-    std::for_each(others, end, [&](const Mode& mode) { count += add(mode, channel, false, x, row); });
+  for (const Mode& mode : matte.modes_beside_pyramids(x, y, channel))
+    count += add(mode, channel, false, x, row);
+  for (const PyramidFootprint& pyramid : matte.pyramids(x, y, channel)) {
+    const auto texture = static_cast<size_t>(pyramid.texture);
+    if (texture < tiles_.size()) count += tiles_[texture].add_pyramid(pyramid, channel, row.words);
   }
   return static_cast<std::uint16_t>(count);
 }
@@ -107,6 +102,7 @@ std::uint16_t FootprintRows::add(const Mode& mode, int channel, bool shared, int
 void FootprintRows::report(std::vector<FootprintTexture>& textures) const {
   for (size_t t = 0; t < textures.size(); ++t) {
     textures[t].level_count = std::max(textures[t].level_count, tiles_[t].highest_level() + 1);
+    textures[t].mesh_count = std::max(textures[t].mesh_count, tiles_[t].highest_mesh() + 1);
     textures[t].has_wide_boxes = textures[t].has_wide_boxes || wide_[t];
   }
 }
@@ -121,8 +117,8 @@ BackgroundSamples::BackgroundSamples(const std::vector<FootprintTexture>& textur
     const RadianceImage* const picture =
         t < backgrounds.size() && !backgrounds[t].empty() ? &backgrounds[t] : nullptr;
     if (picture != nullptr) {
-      fill_pyramid(*picture, mix, static_cast<int>(t), texture.shape, texture.level_count, thread_count,
-                   samples_.get());
+      fill_pyramid(*picture, mix, static_cast<int>(t), texture.shape, texture.level_count, texture.mesh_count,
+                   thread_count, samples_.get());
     } else {
       std::fill(samples_.get() + texture.shape.levels().front().offset, samples_.get() + texture.shape.end(),
                 0.0f);

@@ -26,6 +26,7 @@ inline constexpr int kMaxTiles = 1024;
 struct FootprintTexture {
   PyramidShape shape;
   int level_count = 0;  // levels that tiles use
+  int mesh_count = 0;   // meshes that points use
   bool has_wide_boxes = false;
 };
 // For all monitors, with each one's samples after those of the previous one; nothing is needed yet.
@@ -59,8 +60,8 @@ class FootprintRows {
   void report(std::vector<FootprintTexture>& textures) const;
 
  private:
-  // Those of a channel with pyramids.
-  std::uint16_t add_gaussians(std::vector<Mode> modes, int channel, int x, FootprintRow& row);
+  // A channel of a pixel with pyramids.
+  std::uint16_t add_any(const Matte& matte, int x, int y, int channel, FootprintRow& row);
   std::uint16_t add(const Mode& mode, int channel, bool shared, int x, FootprintRow& row);
 
   const bool boxes_;

@@ -248,57 +248,26 @@ int FootprintTiles::add_box(const Mode& mode, int channel, std::vector<std::uint
   return count_;
 }
 
-int FootprintTiles::add_sum(std::span<const Mode> modes, int channel, std::vector<std::uint16_t>& words) {
-  words_ = &words;
-  count_ = 0;
-  reach_ = kTileReach;
-  parts_.clear();
-  for (const Mode& mode : modes) parts_.push_back(place(mode));
-  std::ranges::stable_sort(parts_, {}, &Placement::level);
-  for (auto begin = parts_.begin(); begin != parts_.end();) {
-    const auto end = std::find_if(
-        begin, parts_.end(), [level = begin->level](const Placement& part) { return part.level != level; });
-    add_level_sum({begin, end}, channel);
-    highest_level_ = std::max(highest_level_, begin->level);
-    begin = end;
-  }
-  return count_;
-}
-
-void FootprintTiles::add_level_sum(std::span<const Placement> parts, int channel) {
-  const PyramidShape::Level& level = shape_.levels()[parts.front().level];
+int FootprintTiles::add_pyramid(const PyramidFootprint& pyramid, int channel,
+                                std::vector<std::uint16_t>& words) {
   constexpr int kBorder = PyramidShape::kBorder;
-  int left = level.width_px + kBorder, top = level.height_px + kBorder, right = -kBorder, bottom = -kBorder;
-  for (const Placement& part : parts) {
-    const double reach = reach_ * std::sqrt(part.xx);
-    left = std::min(left, static_cast<int>(std::floor(part.x - reach)));
-    right = std::max(right, static_cast<int>(std::floor(part.x + reach)) + 1);
-    top = std::min(top, static_cast<int>(std::floor(part.y - reach)));
-    bottom = std::max(bottom, static_cast<int>(std::floor(part.y + reach)) + 1);
-  }
-  left = std::max(left, -kBorder), top = std::max(top, -kBorder);
-  right = std::min(right, level.width_px + kBorder), bottom = std::min(bottom, level.height_px + kBorder);
-  if (left >= right || top >= bottom) return;
-  const auto width = static_cast<size_t>(right - left);
-  sum_.assign(width * static_cast<size_t>(bottom - top), 0.0f);
-  for (const Placement& part : parts) {
-    sample(part.x, Gaussian(part.xx), reach_, level.width_px, across_);
-    sample(part.y, Gaussian(part.yy), reach_, level.height_px, down_);
-    for (size_t r = 0; !across_.empty() && r < down_.weights.size(); ++r) {
-      const float weight = part.weight * down_.weights[r];
-      float* const row = &sum_[(static_cast<size_t>(down_.first - top) + r) * width +
-                               static_cast<size_t>(across_.first - left)];
-      for (size_t u = 0; u < across_.weights.size(); ++u) row[u] += weight * across_.weights[u];
+  const std::vector<PyramidShape::Level>& meshes = shape_.meshes();
+  int count = 0;
+  points_.clear();
+  for (const Coefficient& light : pyramid.coefficients) {
+    if (light.level >= kPyramidLevels || !(light.weight > 0.0f)) continue;
+    const auto l = static_cast<size_t>(light.level);
+    if (l >= meshes.size() || std::min(light.column, light.row) < -kBorder ||
+        light.column >= meshes[l].width_px + kBorder || light.row >= meshes[l].height_px + kBorder) {
+      count += add(mode_of(light, pyramid.texture), channel, words);
+      continue;
     }
+    points_.push_back({.sample = static_cast<std::uint32_t>(meshes[l].at(light.column, light.row, channel)),
+                       .weight = light.weight});
+    highest_mesh_ = std::max(highest_mesh_, light.level);
   }
-  for (int y = top; y < bottom; ++y) {
-    const std::span<const float> row(&sum_[static_cast<size_t>(y - top) * width], width);
-    for (size_t x = 0; x < width; x += row[x] == 0.0f ? 1 : kTileWidth) {
-      if (row[x] != 0.0f)
-        add_row(level, left + static_cast<int>(x), y, row.subspan(x, std::min<size_t>(kTileWidth, width - x)),
-                1.0, channel);
-    }
-  }
+  highest_level_ = std::max(highest_level_, highest_mesh_);
+  return count + add_points(points_, words);
 }
 
 bool FootprintTiles::is_small_box(const Mode& mode) {

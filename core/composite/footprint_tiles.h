@@ -37,17 +37,14 @@ class FootprintTiles {
   int add(const Mode& mode, int channel, std::vector<std::uint16_t>& words);
   // The same for an upright box (kBoxFootprint), on the picture itself.
   int add_box(const Mode& mode, int channel, std::vector<std::uint16_t>& words);
-  // The same for Gaussians with is_wide_round(), such as a pyramid's, which overlap: their weights of a
-  // level's samples are summed first, so that each sample is read once.
-  int add_sum(std::span<const Mode> modes, int channel, std::vector<std::uint16_t>& words);
-  static bool is_wide_round(const Mode& mode) {
-    return mode.xx_px2 >= 1.0f && mode.xx_px2 == mode.yy_px2 && mode.xy_px2 == 0.0f;
-  }
+  // The same for a pyramid's coefficients, as points of the picture's meshes.
+  int add_pyramid(const PyramidFootprint& pyramid, int channel, std::vector<std::uint16_t>& words);
   // True if the box covers so few pixels that a summed-area table would not be faster.
   static bool is_small_box(const Mode& mode);
 
-  // The highest level used by a tile.
+  // The highest level used by a tile, and the highest mesh, -1: none.
   int highest_level() const { return highest_level_; }
+  int highest_mesh() const { return highest_mesh_; }
 
  private:
   struct Placement {
@@ -71,7 +68,6 @@ class FootprintTiles {
   void sample(double centre, Gaussian gaussian, double reach, int extent, Taps& taps) const;
   void integrate(double centre, double variance, int extent, Taps& taps) const;
   void add_product(const PyramidShape::Level& level, double weight, int channel);
-  void add_level_sum(std::span<const Placement> parts, int channel);
   void add_oriented(const Placement& placed, double weight, int channel);
   // A footprint on the picture itself, narrow along u for each v: x and y, or the other way round.
   struct Thin {
@@ -88,14 +84,13 @@ class FootprintTiles {
 
   const PyramidShape& shape_;
   const int max_tiles_;
-  int highest_level_ = 0;
+  int highest_level_ = 0, highest_mesh_ = -1;
   // State of the footprint being added.
   double reach_ = 0.0, thin_reach_ = 0.0;  // sigmas
   Taps across_, down_;
   RowCuts cuts_;
   std::vector<Tap> thin_;
-  std::vector<Placement> parts_;
-  std::vector<float> sum_;
+  std::vector<Point> points_;
   std::vector<std::uint16_t>* words_ = nullptr;
   int count_ = 0;
 };

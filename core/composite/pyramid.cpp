@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <numbers>
 
 #include "core/base/for_rows.h"
 #include "core/composite/tile_kernel.h"
@@ -33,8 +35,22 @@ void fill_first(const RadianceImage& picture, const PrimaryMix& mix, int texture
   }
 }
 
-void fill_next(const PyramidShape::Level& above, const PyramidShape::Level& level, int first, int last,
-               float* samples) {
+constexpr SixTaps kHalving{.inner = 10.0f / 32.0f, .middle = 5.0f / 32.0f, .outer = 1.0f / 32.0f};
+
+// A Gaussian's values; what is beyond them goes to the outer two, so that light is conserved.
+SixTaps mesh_taps(int level) {
+  const double variance = 1.0 + 0.5 * std::ldexp(1.0, -2 * level) - 5.0 / 12.0;
+  const auto value = [&](double away) {
+    return std::exp(-0.5 * away * away / variance) / std::sqrt(2.0 * std::numbers::pi * variance);
+  };
+  const double inner = value(0.5), middle = value(1.5);
+  return {.inner = static_cast<float>(inner),
+          .middle = static_cast<float>(middle),
+          .outer = static_cast<float>(0.5 - inner - middle)};
+}
+
+void fill_next(const SixTaps& taps, const PyramidShape::Level& above, const PyramidShape::Level& level,
+               int first, int last, float* samples) {
   const size_t length = above.width_px + 2 * kBorder;
   const size_t kept = level.width_px + 2 * kBorder;
   // The filter of the first stored sample starts this far left of the stored samples of the level above.
@@ -48,9 +64,9 @@ void fill_next(const PyramidShape::Level& above, const PyramidShape::Level& leve
         const bool is_there = from >= -kBorder && from < above.height_px + kBorder;
         rows[k] = is_there ? samples + above.at(-kBorder, from, c) : dark.data();
       }
-      blend_rows(rows.data(), length, blended.data() + kLead);
+      blend_rows(taps, rows.data(), length, blended.data() + kLead);
       float* const out = samples + level.at(-kBorder, y, c);
-      halve_row(blended.data(), kept, out);
+      halve_row(taps, blended.data(), kept, out);
       std::fill(out + kept, out + level.stride, 0.0f);
     }
   }
@@ -59,28 +75,39 @@ void fill_next(const PyramidShape::Level& above, const PyramidShape::Level& leve
 }  // namespace
 
 PyramidShape::PyramidShape(int width_px, int height_px, size_t offset) : end_(offset) {
-  for (;;) {
+  const auto add = [&](std::vector<Level>& to) {
     // Room for a tile that starts at the last sample.
     const auto stride = static_cast<std::uint16_t>(width_px + 2 * kBorder + kTileWidth);
-    levels_.push_back({.width_px = width_px, .height_px = height_px, .stride = stride, .offset = end_});
+    to.push_back({.width_px = width_px, .height_px = height_px, .stride = stride, .offset = end_});
     end_ += static_cast<size_t>(height_px + 2 * kBorder) * 3 * stride;
-    if (std::max(width_px, height_px) <= kMinSide_px) return;
+  };
+  add(levels_);
+  while (std::max(width_px, height_px) > kMinSide_px) {
     width_px = (width_px + 1) / 2;
     height_px = (height_px + 1) / 2;
+    add(levels_);
+    add(meshes_);
   }
 }
 
 void fill_pyramid(const RadianceImage& picture, const PrimaryMix& mix, int texture, const PyramidShape& shape,
-                  int level_count, int thread_count, float* samples) {
-  for (int l = 0; l < level_count; ++l) {
-    const PyramidShape::Level& level = shape.levels()[l];
-    for_rows(level.height_px + 2 * kBorder, thread_count, [&](int first, int last) {
-      first -= kBorder, last -= kBorder;
+                  int level_count, int mesh_count, int thread_count, float* samples) {
+  const auto fill = [&](const PyramidShape::Level& level, const auto& rows) {
+    for_rows(level.height_px + 2 * kBorder, thread_count,
+             [&](int first, int last) { rows(level, first - kBorder, last - kBorder); });
+  };
+  for (size_t l = 0; l < static_cast<size_t>(level_count); ++l) {
+    fill(shape.levels()[l], [&](const PyramidShape::Level& level, int first, int last) {
       if (l == 0) {
         fill_first(picture, mix, texture, level, first, last, samples);
       } else {
-        fill_next(shape.levels()[static_cast<size_t>(l) - 1], level, first, last, samples);
+        fill_next(kHalving, shape.levels()[l - 1], level, first, last, samples);
       }
+    });
+  }
+  for (int l = 0; l < mesh_count; ++l) {
+    fill(shape.meshes()[l], [&](const PyramidShape::Level& mesh, int first, int last) {
+      fill_next(mesh_taps(l), shape.levels()[l], mesh, first, last, samples);
     });
   }
 }

@@ -6,6 +6,10 @@
 // px^2. Light is conserved: every pixel has the same total weight in a level. Aliases are attenuated by the
 // fifth power of their distance from multiples of the sampling frequency. Beyond the picture everything is
 // black; a level stores kBorder samples beyond each edge.
+//
+// A mesh holds what Gaussians of sigma 2^l px see that stand 2 sigma apart, centred at sigma (2i + 1): the
+// same with a filter of level l's samples that has the remaining variance, 1 + 4^-l / 2 - 5/12 samples^2
+// (footprint_tiles.h). It has the next level's size.
 #pragma once
 
 #include <cstddef>
@@ -35,16 +39,18 @@ class PyramidShape {
   PyramidShape(int width_px, int height_px, size_t offset);
 
   const std::vector<Level>& levels() const { return levels_; }
+  // One for each level but the last.
+  const std::vector<Level>& meshes() const { return meshes_; }
   size_t end() const { return end_; }
 
  private:
-  std::vector<Level> levels_;
+  std::vector<Level> levels_, meshes_;
   size_t end_ = 0;
 };
 
-// Fills levels [0, level_count) of `samples`. `picture` has the shape's size; `mix` converts it from the
-// primaries of texture `texture` to the camera's channels.
+// Fills levels [0, level_count) of `samples`, and meshes [0, mesh_count), which may be as many. `picture` has
+// the shape's size; `mix` converts it from the primaries of texture `texture` to the camera's channels.
 void fill_pyramid(const RadianceImage& picture, const PrimaryMix& mix, int texture, const PyramidShape& shape,
-                  int level_count, int thread_count, float* samples);
+                  int level_count, int mesh_count, int thread_count, float* samples);
 
 }  // namespace glasswing

@@ -6,6 +6,8 @@
 #include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
 
+#include <algorithm>
+
 #include "core/composite/tile_kernel.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -59,6 +61,24 @@ HWY_INLINE hn::Vec<T> Sum(const Tile& tile, const float* down, const float* samp
   return sum;
 }
 
+// Points, which stand where a tile's header says 0 rows.
+HWY_INLINE hn::Vec<T> SumPoints(const std::uint16_t*& words, const float* samples, hn::Vec<T> sum) {
+  const T d;
+  const H half;
+  const hn::RebindToSigned<T> whole;
+  const hn::Rebind<std::uint16_t, T> narrow;
+  const float* const from = samples + (words[0] | static_cast<size_t>(words[1]) << 16);
+  const size_t count = (words[2] + size_t{kTileWidth - 1}) / kTileWidth * kTileWidth;
+  const std::uint16_t* const distances = words + kTileHeader;
+  const auto* const weights = reinterpret_cast<const hwy::float16_t*>(distances + count);
+  words = distances + 2 * count;
+  for (size_t i = 0; i < count; i += hn::Lanes(d)) {
+    const auto light = hn::GatherIndex(d, from, hn::PromoteTo(whole, hn::LoadU(narrow, distances + i)));
+    sum = hn::MulAdd(hn::PromoteTo(d, hn::LoadU(half, weights + i)), light, sum);
+  }
+  return sum;
+}
+
 void EvaluateTiles(const PixelTiles* pixels, size_t count, const std::uint16_t* words, const float* samples,
                    float* light) {
   const T d;
@@ -75,6 +95,10 @@ void EvaluateTiles(const PixelTiles* pixels, size_t count, const std::uint16_t* 
     }
     const auto own = [&](int tiles, hn::Vec<T> sum) HWY_ATTR {
       for (int i = 0; i < tiles; ++i) {
+        if (words[3] == 0) {
+          sum = SumPoints(words, samples, sum);
+          continue;
+        }
         const Tile tile = NextTile(words, down);
         sum = Sum(tile, down, samples + tile.offset, sum);
       }
@@ -156,30 +180,30 @@ void SplitRow(const float* interleaved, size_t count, float* r, float* g, float*
   }
 }
 
-// [1 5 10 10 5 1] / 32, given sums of pairs from the middle outwards.
+// Given sums of pairs from the middle outwards.
 template <class V>
-HWY_INLINE V Blend(V inner, V middle, V outer) {
+HWY_INLINE V Blend(const SixTaps& taps, V inner, V middle, V outer) {
   const F d;
-  return hn::MulAdd(hn::Set(d, 0.3125f), inner,
-                    hn::MulAdd(hn::Set(d, 0.15625f), middle, hn::Mul(hn::Set(d, 0.03125f), outer)));
+  return hn::MulAdd(hn::Set(d, taps.inner), inner,
+                    hn::MulAdd(hn::Set(d, taps.middle), middle, hn::Mul(hn::Set(d, taps.outer), outer)));
 }
 
-float Blend(float inner, float middle, float outer) {
-  return 0.3125f * inner + (0.15625f * middle + 0.03125f * outer);
+float Blend(const SixTaps& taps, float inner, float middle, float outer) {
+  return taps.inner * inner + (taps.middle * middle + taps.outer * outer);
 }
 
-void BlendRows(const float* const* rows, size_t count, float* out) {
+void BlendRows(const SixTaps& taps, const float* const* rows, size_t count, float* out) {
   const F d;
   size_t i = 0;
   const auto pair = [&](int a, int b)
                         HWY_ATTR { return hn::Add(hn::LoadU(d, rows[a] + i), hn::LoadU(d, rows[b] + i)); };
   for (; i + hn::Lanes(d) <= count; i += hn::Lanes(d))
-    hn::StoreU(Blend(pair(2, 3), pair(1, 4), pair(0, 5)), d, out + i);
+    hn::StoreU(Blend(taps, pair(2, 3), pair(1, 4), pair(0, 5)), d, out + i);
   for (; i < count; ++i)
-    out[i] = Blend(rows[2][i] + rows[3][i], rows[1][i] + rows[4][i], rows[0][i] + rows[5][i]);
+    out[i] = Blend(taps, rows[2][i] + rows[3][i], rows[1][i] + rows[4][i], rows[0][i] + rows[5][i]);
 }
 
-void HalveRow(const float* in, size_t count, float* out) {
+void HalveRow(const SixTaps& taps, const float* in, size_t count, float* out) {
   const F d;
   size_t i = 0;
   for (; i + hn::Lanes(d) <= count; i += hn::Lanes(d)) {
@@ -187,11 +211,11 @@ void HalveRow(const float* in, size_t count, float* out) {
     hn::LoadInterleaved2(d, in + 2 * i, v0, v1);
     hn::LoadInterleaved2(d, in + 2 * i + 2, v2, v3);
     hn::LoadInterleaved2(d, in + 2 * i + 4, v4, v5);
-    hn::StoreU(Blend(hn::Add(v2, v3), hn::Add(v1, v4), hn::Add(v0, v5)), d, out + i);
+    hn::StoreU(Blend(taps, hn::Add(v2, v3), hn::Add(v1, v4), hn::Add(v0, v5)), d, out + i);
   }
   for (; i < count; ++i) {
     const float* at = in + 2 * i;
-    out[i] = Blend(at[2] + at[3], at[1] + at[4], at[0] + at[5]);
+    out[i] = Blend(taps, at[2] + at[3], at[1] + at[4], at[0] + at[5]);
   }
 }
 
@@ -223,6 +247,30 @@ void add_tile(std::uint32_t offset, std::uint16_t stride, std::span<const float>
   for (size_t i = 0; i < rows; ++i) to[i] = Imath::half(down[i]).bits();
 }
 
+int add_points(std::vector<Point>& points, std::vector<std::uint16_t>& words) {
+  std::ranges::sort(points, {}, &Point::sample);
+  int groups = 0;
+  for (auto begin = points.begin(); begin != points.end(); ++groups) {
+    constexpr std::uint32_t kFarthest = 0xffff;
+    const std::uint32_t offset = begin->sample;
+    const auto end = std::find_if(begin, points.end(),
+                                  [&](const Point& point) { return point.sample - offset > kFarthest; });
+    const auto count = static_cast<size_t>(end - begin);
+    const size_t filled = (count + kTileWidth - 1) / kTileWidth * kTileWidth, start = words.size();
+    words.resize(start + kTileHeader + 2 * filled);
+    std::uint16_t* to = &words[start];
+    *to++ = static_cast<std::uint16_t>(offset);
+    *to++ = static_cast<std::uint16_t>(offset >> 16);
+    *to++ = static_cast<std::uint16_t>(count);
+    *to++ = 0;
+    for (; begin != end; ++begin, ++to) {
+      to[0] = static_cast<std::uint16_t>(begin->sample - offset);
+      to[filled] = Imath::half(begin->weight).bits();
+    }
+  }
+  return groups;
+}
+
 void add_row_tile(std::uint32_t offset, std::uint16_t stride, const std::uint16_t* across,
                   std::vector<std::uint16_t>& words) {
   const std::array<std::uint16_t, kTileHeader> head{static_cast<std::uint16_t>(offset),
@@ -244,12 +292,12 @@ void split_row(const float* interleaved, size_t count, float* r, float* g, float
   HWY_DYNAMIC_DISPATCH(SplitRow)(interleaved, count, r, g, b);
 }
 
-void blend_rows(const float* const rows[6], size_t count, float* out) {
-  HWY_DYNAMIC_DISPATCH(BlendRows)(rows, count, out);
+void blend_rows(const SixTaps& taps, const float* const rows[6], size_t count, float* out) {
+  HWY_DYNAMIC_DISPATCH(BlendRows)(taps, rows, count, out);
 }
 
-void halve_row(const float* in, size_t count, float* out) {
-  HWY_DYNAMIC_DISPATCH(HalveRow)(in, count, out);
+void halve_row(const SixTaps& taps, const float* in, size_t count, float* out) {
+  HWY_DYNAMIC_DISPATCH(HalveRow)(taps, in, count, out);
 }
 
 }  // namespace glasswing

@@ -27,6 +27,18 @@ struct PixelTiles {
   std::uint16_t own[3] = {};
 };
 
+// Points of a picture, which are words like a tile: the lowest sample's offset (two words), their number, 0
+// instead of rows, their samples' distances from it, their weights; the latter two filled up to whole
+// multiples of kTileWidth.
+//
+//   sum over i of weight[i] * samples[offset + distance[i]]
+struct Point {
+  std::uint32_t sample = 0;
+  float weight = 0.0f;
+};
+// Sorts them, appends them, and returns the number of tiles that they count as.
+int add_points(std::vector<Point>& points, std::vector<std::uint16_t>& words);
+
 // Appends a tile. `across` has up to kTileWidth weights, `down` up to kMaxTileRows.
 void add_tile(std::uint32_t offset, std::uint16_t stride, std::span<const float> across,
               std::span<const float> down, std::vector<std::uint16_t>& words);
@@ -58,10 +70,15 @@ void add_row_tile(std::uint32_t offset, std::uint16_t stride, const std::uint16_
 // De-interleaves r, g, b.
 void split_row(const float* interleaved, size_t count, float* r, float* g, float* b);
 
-// Filters six rows to one by [1 5 10 10 5 1] / 32.
-void blend_rows(const float* const rows[6], size_t count, float* out);
+// A symmetric filter of six samples: the weights of the inner two, those beside them, and the outer two.
+struct SixTaps {
+  float inner, middle, outer;
+};
+
+// Filters six rows to one.
+void blend_rows(const SixTaps& taps, const float* const rows[6], size_t count, float* out);
 
 // The same along a row at half the resolution: out[i] combines in[2 i] to in[2 i + 5].
-void halve_row(const float* in, size_t count, float* out);
+void halve_row(const SixTaps& taps, const float* in, size_t count, float* out);
 
 }  // namespace glasswing

@@ -20,7 +20,7 @@ double blur_px2(double spacing_px) {
 
 LitMonitor::LitMonitor(const RadianceImage& picture, const PrimaryMix& mix, int texture, int thread_count)
     : shape_(picture.width_px, picture.height_px, 0), samples_(shape_.end()) {
-  fill_pyramid(picture, mix, texture, shape_, static_cast<int>(shape_.levels().size()), thread_count,
+  fill_pyramid(picture, mix, texture, shape_, static_cast<int>(shape_.levels().size()), 0, thread_count,
                samples_.data());
 }
 

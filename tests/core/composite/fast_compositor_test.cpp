@@ -191,6 +191,22 @@ TEST(FastCompositor, PyramidsAreTheExactOnes) {
     EXPECT_LE(error_of(matte, {picture}), kMaxRms);
 }
 
+// So far apart that their distance takes more than 16 bits.
+TEST(FastCompositor, APyramidMayCoverALargeMonitor) {
+  constexpr int kWide = 512, kHigh = 300;
+  Matte matte = matte_of(2, 1, [](Random&) { return round(100.0, 100.0, 2.0); });
+  matte.metadata.set_footprint(std::string(kPyramidFootprint));
+  matte.metadata.mutable_monitors(0)->set_width_px(kWide);
+  matte.metadata.mutable_monitors(0)->set_height_px(kHigh);
+  for (int c = 0; c < kChannels; ++c) {
+    matte.add_pyramid(1, 0, c,
+                      {.coefficients = {{.level = 0, .column = 5, .row = 3, .weight = 0.4f},
+                                        {.level = 0, .column = 250, .row = 140, .weight = 0.3f},
+                                        {.level = 2, .column = 60, .row = 20, .weight = 0.2f}}});
+  }
+  EXPECT_LE(error_of(matte, {waves(kWide, kHigh)}), kMaxRms);
+}
+
 TEST(FastCompositor, PointsAreTheirPixels) {
   const RadianceImage picture = noise(kWidth, kHeight);
   Matte matte = matte_of(30, 20, [](Random& random) {
