@@ -4,6 +4,7 @@ place there, by exact sums over the monitor's flat pixels."""
 import json
 import pathlib
 import struct
+from collections.abc import Callable
 
 import numpy as np
 
@@ -11,6 +12,8 @@ WIDTH, HEIGHT = 128, 96  # of the monitor
 WEIGHT, FOREGROUND = 0.6, 0.02
 SWEEPS = ((0, 4.0), (90, 4.0), (45, 4.0), (-45, 4.0))  # degrees, sigma in px
 STEP_PX = 3.0
+
+View = Callable[[np.ndarray], np.ndarray]  # what a monitor shows, as a camera sees it
 
 
 def write_frame(path: pathlib.Path, light: np.ndarray) -> None:
@@ -46,10 +49,10 @@ def rings(columns: int, rows: int, margin_px: float = 20.0) -> np.ndarray:
                      for j in range(rows)]).astype(np.float32)
 
 
-def stimuli() -> list[tuple[dict, np.ndarray]]:
+def stimuli(width: int = WIDTH, height: int = HEIGHT) -> list[tuple[dict, np.ndarray]]:
     """Stimuli and what the monitor shows of them, gray."""
-    x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    shown = [({"kind": "solid", "colour": [light] * 3, "panel": "back"}, np.full((HEIGHT, WIDTH), float(light))) for light in (0, 1)]
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    shown = [({"kind": "solid", "colour": [light] * 3, "panel": "back"}, np.full((height, width), float(light))) for light in (0, 1)]
     for degrees, sigma in SWEEPS:
         phi = np.radians(degrees)
         along = x * np.cos(phi) + y * np.sin(phi)
@@ -63,22 +66,47 @@ def write_archive(folder: pathlib.Path, seen: np.ndarray, noise_sd: float = 0.00
     """`seen`: (rows, columns, HEIGHT, WIDTH) shares. The outermost pixels of the camera's picture see the monitor without the
     object."""
     rows, columns = seen.shape[:2]
-    random = np.random.default_rng(1)
     straight = (np.arange(rows)[:, None] * HEIGHT // rows, np.arange(columns)[None] * WIDTH // columns)
     border = np.ones((rows, columns), bool)
     border[:, 1:-1] = False
+
+    def look(shown: np.ndarray) -> np.ndarray:
+        through = (seen.reshape(rows * columns, -1) @ shown.astype(np.float32).ravel()).reshape(rows, columns)
+        return np.where(border, shown[straight], FOREGROUND + WEIGHT * through)
+
+    write_views(folder, "ring", look, lambda shown: shown[straight], stimuli(), noise_sd)
+
+
+def bars(width: int, height: int, levels: int = 7) -> list[tuple[dict, np.ndarray]]:
+    """The same of square waves and their complements, which show where the object is."""
+    shown = []
+    period = 2 ** int(np.ceil(np.log2(max(width, height))))
+    for orient, place in (("vertical_bars", np.arange(width)[None]), ("horizontal_bars", np.arange(height)[:, None])):
+        for level in range(1, levels + 1):
+            for inverse in (False, True):
+                bar = period // 2**level
+                lit = (((place + 0.5) // bar % 2 == 0) != inverse) * np.ones((height, width))
+                shown.append(({"kind": "square", "orient": orient, "level": level, "bar_width_px": bar, "inverse": inverse,
+                               "colour": [1, 1, 1], "panel": "back"}, lit))
+    return shown
+
+
+def write_views(folder: pathlib.Path, scene: str, look: View, look_at_nothing: View, shown_by: list[tuple[dict, np.ndarray]], noise_sd: float) -> None:
+    """An archive of what a camera sees of stimuli: `look` with the object, `look_at_nothing` without, gray."""
+    random = np.random.default_rng(1)
     frames = []
     folder.mkdir(parents=True)
-    for number, (stimulus, shown) in enumerate(stimuli()):
-        through = (seen.reshape(rows * columns, -1) @ shown.astype(np.float32).ravel()).reshape(rows, columns)
-        views = {True: np.where(border, shown[straight], FOREGROUND + WEIGHT * through)}
-        if stimulus["kind"] == "solid":
-            views[False] = shown[straight]
+    for number, (stimulus, shown) in enumerate(shown_by):
+        views = {True: look(shown)}
+        if stimulus["kind"] in ("solid", "square"):
+            views[False] = look_at_nothing(shown)
         for is_object, light in views.items():
             name = f"{'obj' if is_object else 'bg'}_{number:03}.tiff"
-            noisy = light[..., None] * np.ones(3) + noise_sd * random.standard_normal((rows, columns, 3))
+            noisy = light[..., None] * np.ones(3) + noise_sd * random.standard_normal((*light.shape, 3))
             write_frame(folder / name, noisy)
             frames.append({"file": name, "object": is_object, "stimulus": stimulus})
-    manifest = {"scene": "ring", "monitor": {"back": {"width": WIDTH, "height": HEIGHT}}, "image": {"width": columns, "height": rows},
+    height, width = shown_by[0][1].shape
+    rows, columns = views[True].shape
+    manifest = {"scene": scene, "monitor": {"back": {"width": width, "height": height}}, "image": {"width": columns, "height": rows},
                 "sensor": {"read_noise_sd": max(noise_sd, 1e-5)}, "frames": frames}
     (folder / "manifest.json").write_text(json.dumps(manifest))
