@@ -89,8 +89,8 @@ void print_details(const v1::Session& session) {
   row("session", session.name());
   row("state", state_name(session.state()));
   if (session.has_waiting()) {
-    row("waits for", session.waiting().what() +
-                         (session.waiting().since().empty() ? "" : ", since " + session.waiting().since()));
+    row("waiting", session.waiting().what() +
+                       (session.waiting().since().empty() ? "" : ", since " + session.waiting().since()));
     row("", session.waiting().advice());
   }
   // The reason of a running capture or solve is what it is waiting for.

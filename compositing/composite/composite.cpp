@@ -27,28 +27,30 @@
 namespace glasswing {
 namespace {
 
-// Reports how many pixels are not solved, and how they were handled.
+// "; 12 pixels are not solved: " and how they were handled; empty: none.
+std::string unsolved_note(const CompositeArguments& arguments, std::int64_t pixels) {
+  if (pixels == 0) return "";
+  return fmt::format("; {} not solved: {}", pixels == 1 ? "1 pixel is" : fmt::format("{} pixels are", pixels),
+                     !arguments.from.empty() ? "without light"
+                     : arguments.fill        ? "filled from neighbours"
+                                             : "black, or filled from neighbours with --fill");
+}
+
 void print_composite(const CommandLine& command_line, const CompositeArguments& arguments,
                      const RadianceImage& picture, const v1::MatteMetadata* metadata = nullptr,
                      const PixelCount& pixels = {}) {
-  const std::int64_t unsolved = pixels.unsolved;
   if (command_line.json) {
     nlohmann::ordered_json written = {{"file", arguments.output},
                                       {"width_px", picture.width_px},
                                       {"height_px", picture.height_px},
-                                      {"unsolved_pixels", unsolved},
+                                      {"unsolved_pixels", pixels.unsolved},
                                       {"filled", arguments.fill}};
     if (metadata != nullptr) add_notes(warnings_of(*metadata), pixels, written);
     std::cout << written.dump(1) << "\n";
     return;
   }
-  std::cout << fmt::format("{}: {}x{}", arguments.output, picture.width_px, picture.height_px);
-  if (unsolved > 0) {
-    std::cout << fmt::format("; {} pixels are not solved: {}", unsolved,
-                             arguments.fill ? "filled from their neighbours"
-                                            : "they are black, or filled from their neighbours with --fill");
-  }
-  std::cout << "\n";
+  std::cout << fmt::format("{}: {}x{}{}\n", arguments.output, picture.width_px, picture.height_px,
+                           unsolved_note(arguments, pixels.unsolved));
   print_flagged(pixels);
 }
 

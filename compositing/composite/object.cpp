@@ -4,10 +4,26 @@
 #include "core/base/status.h"
 #include "core/composite/compositor.h"
 #include "core/footprint/composite_error.h"
+#include "core/matte/pixel_count.h"
 
 namespace glasswing {
 
 namespace fs = std::filesystem;
+
+namespace {
+
+// What --crop leaves, in the camera's pixels; all if it is empty or, which cropped() refuses, invalid.
+MatteRegion kept_region(const std::string& crop, const MatteOutline& outline) {
+  const absl::StatusOr<MatteRegion> region = parse_region(crop);
+  const bool inside = region.ok() && check_region(*region, outline.width_px, outline.height_px).ok();
+  MatteRegion kept =
+      inside ? *region : MatteRegion{.width_px = outline.width_px, .height_px = outline.height_px};
+  kept.x_px += outline.x0_px;
+  kept.y_px += outline.y0_px;
+  return kept;
+}
+
+}  // namespace
 
 ObjectInFront::ObjectInFront(std::string file, std::shared_ptr<const MappedFile> mapped, MatteOutline outline,
                              const CompositeArguments& arguments)
@@ -45,7 +61,7 @@ void ObjectInFront::take(Matte& rows) {
   const int top = rows.y0_px() - outline_.y0_px;
   note_unsolved(rows, top, unsolved_);
   {
-    const PixelCount count = count_pixels(rows);
+    const PixelCount count = count_pixels(rows, kept_region(crop_, outline_));
     const std::lock_guard lock(counted_->mutex);
     counted_->pixels += count;
   }

@@ -3,8 +3,6 @@
 
 #include <absl/status/statusor.h>
 
-#include <algorithm>
-#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -42,9 +40,7 @@ class ObjectInFront {
   const v1::MatteMetadata& metadata() const { return outline_.metadata; }
   absl::StatusOr<ObjectPicture> composite(const std::vector<RadianceImage>& backgrounds,
                                           const std::function<void(double)>& progress = nullptr);
-  // The unsolved pixels; known after a composite.
-  std::int64_t unsolved_count() const { return std::ranges::count(unsolved_, 1); }
-  // The same by flags.
+  // Of the composite, without what --crop leaves out; known after a composite.
   const PixelCount& pixels() const { return counted_->pixels; }
   // The standard error of the composite due to the frames' noise (core/footprint/composite_error.h).
   absl::StatusOr<RadianceImage> error(const std::vector<RadianceImage>& backgrounds,

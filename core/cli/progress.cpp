@@ -100,9 +100,10 @@ void Progress::write(const std::string& plain, const std::string& bar) {
 
 double Progress::seconds_left(double fraction) {
   const Clock::time_point now = now_();
-  if (first_fraction_ < 0.0) {
+  if (last_seen_ == Clock::time_point()) {  // no advance yet
+    if (first_fraction_ >= 0.0 && fraction > first_fraction_) last_seen_ = now;
     first_fraction_ = fraction;
-    first_seen_ = last_seen_ = now;
+    first_seen_ = now;
   }
   const double elapsed_s = seconds_of(now - first_seen_), advanced = fraction - first_fraction_;
   if (elapsed_s < 1.0 || advanced < 0.01) return -1.0;

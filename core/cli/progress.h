@@ -40,7 +40,7 @@ class Progress {
   const Clock::time_point begun_;
   Clock::time_point last_written_;
   bool drawn_ = false;
-  // State at the first update, and the expected end.
+  // State at the first advance, before which a rig starts, and the expected end.
   double first_fraction_ = -1.0;
   Clock::time_point first_seen_{}, last_seen_{}, end_{};
 };

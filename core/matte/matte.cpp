@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/matte/pixel_count.h"
 #include "core/matte/pyramid_share.h"
 
 namespace glasswing {
@@ -118,9 +119,16 @@ void Matte::drop_pyramids() {
 }
 
 PixelCount count_pixels(const Matte& matte) {
+  return count_pixels(matte, MatteRegion{matte.x0_px(), matte.y0_px(), matte.width_px(), matte.height_px()});
+}
+
+PixelCount count_pixels(const Matte& matte, const MatteRegion& region) {
   PixelCount count;
-  for (int y = 0; y < matte.height_px(); ++y) {
-    for (int x = 0; x < matte.width_px(); ++x) {
+  const int left = std::max(region.x_px - matte.x0_px(), 0), top = std::max(region.y_px - matte.y0_px(), 0),
+            right = std::min(region.x_px + region.width_px - matte.x0_px(), matte.width_px()),
+            bottom = std::min(region.y_px + region.height_px - matte.y0_px(), matte.height_px());
+  for (int y = top; y < bottom; ++y) {
+    for (int x = left; x < right; ++x) {
       if ((matte.flags(x, y) & kFlagNoData) != 0) ++count.unsolved;
       if (matte.coverage(x, y) <= 0.0f) continue;
       ++count.object;

@@ -448,12 +448,20 @@ absl::StatusOr<ComparedFrames> compare_frames(const v1::CaptureManifest& manifes
   GW_ASSIGN_OR_RETURN(const Exposures exposures, Exposures::of(manifest));
   compared.layout = lay_out_stage(manifest, exposures);
   const std::vector<int> areas = frames_of(compared.layout);
-  GW_ASSIGN_OR_RETURN(compared.maps, measure_stage_maps(manifest, sweeps ? frames : areas, read));
   std::vector<int> all = areas;
   all.insert(all.end(), frames.begin(), frames.end());
   std::ranges::sort(all);
   all.erase(std::unique(all.begin(), all.end()), all.end());
-  GW_ASSIGN_OR_RETURN(compared.samples, sample_frames(manifest, all, read));
+  FrameSampler sampler(manifest, std::move(all));
+  // Both together from the top, so that each strip of a compressed frame is unpacked once.
+  const LightReader with_samples = [&](int row,
+                                       const std::vector<int>& wanted) -> absl::StatusOr<FrameStack> {
+    GW_RETURN_IF_ERROR(sampler.read_to(row + 1, read));
+    return read(row, wanted);
+  };
+  GW_ASSIGN_OR_RETURN(compared.maps, measure_stage_maps(manifest, sweeps ? frames : areas, with_samples));
+  GW_RETURN_IF_ERROR(sampler.read_to(manifest.camera().height_px(), read));
+  compared.samples = std::move(sampler).take();
   compared.noise_sd = std::sqrt(sample_noise(manifest.camera(), kUsualNoise).variance(0.25));
   compared.beside = beside_object(compared.samples, manifest, compared.layout, compared.noise_sd);
   return compared;

@@ -23,30 +23,42 @@ std::vector<int> places(int length, int max_count, bool alternate) {
 
 }  // namespace
 
-absl::StatusOr<SessionSamples> sample_frames(const v1::CaptureManifest& manifest,
-                                             const std::vector<int>& frames, const LightReader& read) {
-  SessionSamples samples;
-  samples.light.resize(manifest.frames_size());
-  samples.middle_x_px = 0.5 * (manifest.camera().width_px() - 1);
-  samples.middle_y_px = 0.5 * (manifest.camera().height_px() - 1);
-  const bool mosaic = !manifest.camera().mosaic().empty();
-  const std::vector<int> columns = places(manifest.camera().width_px(), kMaxColumns, mosaic);
-  for (const int y : places(manifest.camera().height_px(), kMaxRows, mosaic)) {
-    GW_ASSIGN_OR_RETURN(const FrameStack row, read(y, frames));
-    samples.lanes_per_pixel = row.samples_per_pixel();
-    for (const int x : columns) {
-      samples.pixels.push_back({.x = x, .y = y});
+FrameSampler::FrameSampler(const v1::CaptureManifest& manifest, std::vector<int> frames)
+    : frames_(std::move(frames)) {
+  const v1::Camera& camera = manifest.camera();
+  const bool mosaic = !camera.mosaic().empty();
+  columns_ = places(camera.width_px(), kMaxColumns, mosaic);
+  rows_ = places(camera.height_px(), kMaxRows, mosaic);
+  samples_.light.resize(manifest.frames_size());
+  samples_.middle_x_px = 0.5 * (camera.width_px() - 1);
+  samples_.middle_y_px = 0.5 * (camera.height_px() - 1);
+}
+
+absl::Status FrameSampler::read_to(int end_row, const LightReader& read) {
+  for (; rows_read_ < rows_.size() && rows_[rows_read_] < end_row; ++rows_read_) {
+    const int y = rows_[rows_read_];
+    GW_ASSIGN_OR_RETURN(const FrameStack row, read(y, frames_));
+    samples_.lanes_per_pixel = row.samples_per_pixel();
+    for (const int x : columns_) {
+      samples_.pixels.push_back({.x = x, .y = y});
       for (const int c : row.channels(x, 0)) {
-        samples.channel.push_back(c);
+        samples_.channel.push_back(c);
         const size_t at = row.sample_index(x, 0, c);
-        for (const int frame : frames) {
+        for (const int frame : frames_) {
           const std::uint16_t code = row.rows[frame][at];
-          samples.light[frame].push_back(code >= kSaturatedCode ? NAN : row.radiance(code));
+          samples_.light[frame].push_back(code >= kSaturatedCode ? NAN : row.radiance(code));
         }
       }
     }
   }
-  return samples;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<SessionSamples> sample_frames(const v1::CaptureManifest& manifest,
+                                             const std::vector<int>& frames, const LightReader& read) {
+  FrameSampler sampler(manifest, frames);
+  GW_RETURN_IF_ERROR(sampler.read_to(manifest.camera().height_px(), read));
+  return std::move(sampler).take();
 }
 
 }  // namespace glasswing

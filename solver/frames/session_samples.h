@@ -3,6 +3,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <utility>
 #include <vector>
 
 #include "solver/background/stage_maps.h"
@@ -25,7 +26,23 @@ struct SessionSamples {
   size_t pixel_of(size_t lane) const { return lane / static_cast<size_t>(lanes_per_pixel); }
 };
 
-// Evenly over the picture, at most 48 rows of 128 pixels. Errors are those of `read`.
+// Samples these frames evenly over the picture, at most 48 rows of 128 pixels.
+class FrameSampler {
+ public:
+  FrameSampler(const v1::CaptureManifest& manifest, std::vector<int> frames);
+
+  // Reads its rows before `end_row` that it has not read. Errors are those of `read`.
+  absl::Status read_to(int end_row, const LightReader& read);
+  // The samples, once all rows are read.
+  SessionSamples take() && { return std::move(samples_); }
+
+ private:
+  std::vector<int> frames_, columns_, rows_;
+  size_t rows_read_ = 0;
+  SessionSamples samples_;
+};
+
+// Of the whole picture.
 absl::StatusOr<SessionSamples> sample_frames(const v1::CaptureManifest& manifest,
                                              const std::vector<int>& frames, const LightReader& read);
 

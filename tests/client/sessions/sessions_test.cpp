@@ -353,6 +353,19 @@ TEST_F(VideoFetch, ShowTellsWhatTheVideoIs) {
   EXPECT_NE(outcome.out.find("5 of them: 0 to 1, 4 to 6"), std::string::npos) << outcome.out;
 }
 
+TEST_F(SessionCommands, ShowGivesTheReasonOfAWaitAsASentence) {
+  v1::Session& session = server_.sessions_.session;
+  session.set_name("vase");
+  session.set_state(v1::SESSION_STATE_CAPTURING);
+  session.mutable_waiting()->set_what("press the camera's button: picture 1 of 6 is due");
+  session.mutable_waiting()->set_advice("the capture continues by itself when it arrives");
+  const Outcome shown = run({"show", "vase"});
+  EXPECT_NE(shown.out.find("\nwaiting   press the camera's button: picture 1 of 6 is due\n"
+                           "          the capture continues by itself when it arrives\n"),
+            std::string::npos)
+      << shown.out;
+}
+
 TEST(RailPositions, AreNumbersOfOneMonitor) {
   const RailPositions plain = parse_rail_positions("--rail-mm", "200,251.2").value();
   EXPECT_EQ(plain.monitor, "");

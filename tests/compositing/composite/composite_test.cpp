@@ -345,11 +345,16 @@ TEST_F(CompositeCommand, UnsolvedPixelsAreToldAndFilledWhereAskedFor) {
     return run_glasswing(more);
   };
   const auto middle = [&] { return read_radiance(path("out.exr"), Encoding::kLinear)->at(5, 4, 1); };
-  EXPECT_NE(run({}).out.find("1 pixels are not solved: they are black"), std::string::npos);
+  EXPECT_NE(run({}).out.find("; 1 pixel is not solved: black, or filled"), std::string::npos);
   EXPECT_EQ(middle(), 0.0f);
   const nlohmann::json written = nlohmann::json::parse(run({"--fill", "--json"}).out);
   EXPECT_EQ(written["unsolved_pixels"], 1);
   EXPECT_EQ(written["filled"], true);
+  // Pixels that --crop leaves out do not count; the corner of this crop is the pixel.
+  EXPECT_EQ(nlohmann::json::parse(run({"--crop", "5x3+6+2", "--json"}).out)["unsolved_pixels"], 0);
+  EXPECT_EQ(nlohmann::json::parse(run({"--crop", "5x3+5+4", "--json"}).out)["unsolved_pixels"], 1);
+  EXPECT_EQ(run({"--crop", "5x4+0+0"}).out.find("not solved"), std::string::npos);
+  ASSERT_EQ(run({"--fill"}).status, 0);
   // The background is a plane, and so is what the object does to it.
   EXPECT_NEAR(middle(), 0.125f + 0.5f * gradient().at(5, 4, 1), kExrRounding);
 }

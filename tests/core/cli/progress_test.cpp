@@ -119,5 +119,35 @@ TEST_F(ProgressOutput, TheTimeLeftIsSteady) {
   EXPECT_GT(elapsed_s, 30.0);
 }
 
+// 4 s of start-up, then 40 s of steps of 100 ms; of a resumed session a part is done before. The rate of
+// equal steps is exact, so that the time left is too, but for its rounding up by less than 5 s.
+TEST_F(ProgressOutput, TheTimeLeftLeavesOutTheStart) {
+  for (const int done : {0, 300}) {
+    const std::string text = written(false, [&] {
+      Progress progress("working", clock_);
+      const int steps = done + 400;
+      for (int i = 0; i <= 440; ++i) {
+        progress.update(static_cast<double>(done + std::max(0, i - 40)) / steps);
+        now_ += milliseconds(100);
+      }
+    });
+    std::istringstream lines(text);
+    double elapsed_s = 0.0;
+    for (std::string line; std::getline(lines, line);) {
+      elapsed_s += 5.0;
+      const size_t comma = line.find(", ");
+      if (elapsed_s < 10.0) {
+        EXPECT_EQ(comma, std::string::npos) << line;  // no second of steps has passed
+        continue;
+      }
+      ASSERT_NE(comma, std::string::npos) << line;
+      const double late_s = std::stod(line.substr(comma + 2)) - (44.0 - elapsed_s);
+      EXPECT_GT(late_s, -0.1) << line;
+      EXPECT_LT(late_s, 5.0) << line;
+    }
+    EXPECT_EQ(elapsed_s, 40.0);
+  }
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -26,10 +26,13 @@ using testing::HasSubstr;
 constexpr int kPatchRows = 16;
 constexpr double kExposure_ms = 10.0;
 
-// About so many steps, without the object and with it.
-v1::Plan stripes(int steps) {
+enum class EmptyStage { kShown, kSkipped };
+
+// About so many steps with the object, and without it too if the empty stage is shown.
+v1::Plan stripes(int steps, EmptyStage empty = EmptyStage::kSkipped) {
   v1::Plan plan;
   plan.set_method("gaussian");
+  plan.set_skip_empty_stage(empty == EmptyStage::kSkipped);
   v1::Sweep& sweep = *plan.add_sweeps();
   sweep.set_sigma_px(2.0 * FaultyRig::kWidth_px / steps);
   sweep.set_step_px(1.4 * sweep.sigma_px());
@@ -118,11 +121,11 @@ TEST(FolderCapture, FaultyFilesNeverPassForAnotherStep) {
       [](const fs::path& state) {
         return stand_in(
             state,
-            "--late 0.06 --late-s 7.5 --twice 0.1 --cut 0.05 --slow 0.1 --swapped 0.05 --lost 0.03 "
+            "--late 0.06 --late-s 3.75 --twice 0.1 --cut 0.05 --slow 0.1 --swapped 0.05 --lost 0.03 "
             "--stale 0.06");
       },
-      6.0);
-  const v1::Plan plan = stripes(steps_from_environment(16));
+      3.0);
+  const v1::Plan plan = stripes(steps_from_environment(16), EmptyStage::kShown);
   const grpc::Status created = tethered.rig().create(plan);
   ASSERT_TRUE(created.ok()) << created.error_message();
   const v1::Session end = tethered.rig().watch();
@@ -247,7 +250,6 @@ class SeveralTethered : public testing::Test {
     rig_ = std::make_unique<FaultyRig>(rig, 1, kPatchRows, data_);
     plan_ = stripes(4);
     plan_.set_hold_refreshes(16);
-    plan_.set_skip_empty_stage(true);
     for (int i = 1; i <= 3; ++i) plan_.add_cameras(fmt::format("camera-{}", i));
   }
   fs::path state(int number) const { return data_ / fmt::format("state-{}", number); }

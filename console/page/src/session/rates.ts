@@ -2,19 +2,23 @@ import type { MonitorJson } from "../gen/glasswing/v1/archive_pb";
 import type { PlanJson } from "../gen/glasswing/v1/plan_pb";
 
 const kWindow_s = 5;
+const kLeast_s = 1;
 const kUsualHold = 2;
 
 /**
- * Steps per second over the last `window` seconds before `now`. `times`: when each step was proven, ascending from 0; undefined:
- * none was.
+ * Steps per second over the last `window` seconds before `now`, at most since the first proof: the time before it, in which the
+ * rig starts, is no part of the rate. `times`: when each step was proven, ascending; undefined: less than a second has passed
+ * since the first.
  */
 export function recentRate(times: Float64Array, now: number, window = kWindow_s): number | undefined {
   const last = times.at(-1);
-  if (!last) return undefined;
+  if (last === undefined) return undefined;
   const end = Math.max(now, last);
+  const begin = Math.max(end - window, times[0]!);
+  if (end - begin < kLeast_s) return undefined;
   let first = times.length;
-  while (first > 0 && times[first - 1]! > end - window) --first;
-  return (times.length - first) / Math.min(window, end);
+  while (first > 0 && times[first - 1]! > begin) --first;
+  return (times.length - first) / (end - begin);
 }
 
 /** Steps per second that the plan's slowest monitor allows, at holdRefreshes per step; undefined: no monitor is known. */

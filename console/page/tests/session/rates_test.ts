@@ -9,12 +9,16 @@ describe("recentRate", () => {
         (_, i) => (Math.floor(i / atOnce) + 1) * (atOnce / 32),
       );
       for (let proven = atOnce; proven <= 960; proven += atOnce)
-        expect(recentRate(times.subarray(0, proven), times[proven - 1]!)).toBe(32);
+        expect(recentRate(times.subarray(0, proven), times[proven - 1]!)).toBe(
+          proven < 32 + atOnce ? undefined : 32,
+        );
     }
   });
 
-  it("counts the time before the first proof, in which nothing came", () => {
-    expect(recentRate(Float64Array.of(2, 2, 2, 2), 2)).toBe(2);
+  it("leaves out the time before the first proof, in which the rig starts", () => {
+    const times = Float64Array.from({ length: 64 }, (_, i) => 4 + i / 32);
+    expect(recentRate(times.subarray(0, 17), 4.5)).toBeUndefined();
+    expect(recentRate(times.subarray(0, 49), 5.5)).toBe(32);
   });
 
   it("looks at the last seconds alone", () => {
