@@ -9,7 +9,8 @@ namespace glasswing {
 namespace {
 
 constexpr double kMinStep = 1.0 / 65535.0;
-constexpr int kNeighbours = 4;  // each way along the row
+constexpr int kNeighbours = 4;   // each way along the row
+constexpr double kAgrees = 5.0;  // standard deviations of one picture: beyond chance
 
 }  // namespace
 
@@ -109,6 +110,16 @@ std::span<const BackgroundPoint> Surroundings::background(int x, int y) {
   return points_;
 }
 
+void Surroundings::set_foreground(int x, int y, const BackgroundPoint& point, Matte& matte) {
+  for (const int c : stack_.channels(x, y)) {
+    float& foreground = matte.foreground(x, y)[c];
+    const double differs = point.foreground[c] - static_cast<double>(foreground),
+                 variance = noise_.variance(static_cast<double>(foreground));
+    const bool agrees = !point.ambiguous && differs * differs <= kAgrees * kAgrees * variance;
+    if (layout_.black.empty() || agrees) foreground = static_cast<float>(point.foreground[c]);
+  }
+}
+
 bool Surroundings::map_background(int x, int y, Matte& matte) {
   bool sure = true;
   std::array<size_t, kChannels> slot{};
@@ -116,10 +127,7 @@ bool Surroundings::map_background(int x, int y, Matte& matte) {
   for (size_t m = 0; m < points.size(); ++m) {
     const BackgroundPoint& point = points[m];
     if (!point.seen) continue;
-    if (layout_.black.empty()) {
-      for (const int c : stack_.channels(x, y))
-        matte.foreground(x, y)[c] = static_cast<float>(point.foreground[c]);
-    }
+    set_foreground(x, y, point, matte);
     if (point.ambiguous) matte.flags(x, y) |= kFlagPoorFit;
     sure = sure && !point.ambiguous;
     for (const int c : stack_.channels(x, y)) {

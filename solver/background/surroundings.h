@@ -29,8 +29,9 @@ class Surroundings {
 
   // Solves row y of the stack into row y of the matte: F and coverage of every pixel, the modes of those that
   // the object does not change, and a flag for those that see an id patch. `read_sd`: by pixel if the
-  // camera's noise is unknown; empty: that of a typical camera. F is the light of black with the object. If
-  // that was not recorded, it is the background map's, and 0 on the object.
+  // camera's noise is unknown; empty: that of a typical camera. F of the object is the light of black with
+  // it, or 0 if that was not recorded. Beside the object it is the background map's, from all pictures of the
+  // empty stage, unless black with the object contradicts it.
   SettledRow settle_row(int y, std::span<const double> read_sd, Matte& matte);
 
   // The radiance of black with the object, which must have been recorded; `lane` counts the samples of a
@@ -55,6 +56,7 @@ class Surroundings {
   BackgroundPoint point_on_map(size_t monitor, int x, int y);
   // Sets on_map_ and refuted_ of row y.
   void judge_maps(int y);
+  void set_foreground(int x, int y, const BackgroundPoint& point, Matte& matte);
   // False: the modes are a guess.
   bool map_background(int x, int y, Matte& matte);
 

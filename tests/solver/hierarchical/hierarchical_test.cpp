@@ -194,6 +194,20 @@ TEST(Hierarchical, FindsEveryPixelsBox) {
   }
 }
 
+// Of n pictures, half of them of the lit and half of the unlit monitor, the light of the unlit one is known
+// to the noise of one over sqrt(n / 2): 0.28 of it for 26. Black with the object alone would be known to 1.
+TEST(Hierarchical, LightBesideTheObjectIsThatOfAllPictures) {
+  const Matte matte = SimulatedStack({}).solve().value();
+  double square = 0.0;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = kWidth / 2; x < kWidth; ++x) {
+      for (const float found : matte.foreground(x, y))
+        square += std::pow(static_cast<double>(found) - kRoom, 2);
+    }
+  }
+  EXPECT_LT(std::sqrt(square / (kHeight * kWidth / 2 * kChannels)), 0.5 * kNoise);
+}
+
 TEST(Hierarchical, WithoutComplements) {
   expect_truth(SimulatedStack({.complements = false}).solve().value());
 }
