@@ -15,7 +15,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kDirections = 8, kShapeDirections = 32;
-constexpr double kNextPeriod = 1.25;
+constexpr double kNextPeriod = 1.25, kNextShapePeriod = 1.12;
 constexpr double kAgain = 1.03;  // to the period of a wave that is chosen again
 constexpr double kLeftOver = 1.0 / 30.0;
 constexpr double kMaxWeightError = 0.3;  // of a weight, by its own standard error
@@ -168,11 +168,12 @@ std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const K
 
 std::vector<DesignedWave> usual_waves(const MonitorExtent& extent, bool any_shape) {
   const int directions = any_shape ? kShapeDirections : kDirections;
-  const double finest_px = any_shape ? kFinestShape_px : kFinestPeriod_px;
+  const double finest_px = any_shape ? kFinestShape_px : kFinestPeriod_px,
+               next = any_shape ? kNextShapePeriod : kNextPeriod;
   std::vector<DesignedWave> waves;
   for (int d = 0; d < directions; ++d) {
     const double longest_px = std::max(extent.width_px, extent.height_px);
-    for (double period_px = finest_px; period_px < longest_px; period_px *= kNextPeriod)
+    for (double period_px = finest_px; period_px < longest_px; period_px *= next)
       waves.push_back(
           {.phi_deg = 180.0 * d / directions, .period_px = std::round(100.0 * period_px) / 100.0});
   }
