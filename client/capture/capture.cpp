@@ -38,7 +38,7 @@ struct CaptureArguments {
   std::vector<std::string> tags, cameras;
   bool solve = false, watch = false, dry_run = false;
   bool adapt = false;
-  std::string target_error, rail_mm, turn;
+  std::string target_error, footprints, rail_mm, turn;
   int at_most = 0;  // 0: as the plan says
 };
 
@@ -73,8 +73,9 @@ absl::StatusOr<v1::Plan> first_images(const Client& client) {
 }
 
 absl::StatusOr<v1::Plan> plan_to_capture(const Client& client, const CaptureArguments& arguments) {
-  if (!arguments.adapt && (!arguments.target_error.empty() || arguments.at_most != 0))
-    return absl::InvalidArgumentError("--target-error and --at-most need --adapt");
+  if (!arguments.adapt &&
+      (!arguments.target_error.empty() || arguments.at_most != 0 || !arguments.footprints.empty()))
+    return absl::InvalidArgumentError("--target-error, --at-most and --footprints need --adapt");
   if (arguments.plan.empty() && !arguments.adapt)
     return absl::InvalidArgumentError("name a plan, a .txtpb file; without one --adapt makes its own");
   GW_ASSIGN_OR_RETURN(v1::Plan plan,
@@ -85,6 +86,7 @@ absl::StatusOr<v1::Plan> plan_to_capture(const Client& client, const CaptureArgu
   v1::Adapt& adapt = *plan.mutable_adapt();
   if (!arguments.target_error.empty()) GW_RETURN_IF_ERROR(read_target(arguments.target_error, adapt));
   if (arguments.at_most != 0) adapt.set_at_most(arguments.at_most);
+  if (!arguments.footprints.empty()) adapt.set_footprints(arguments.footprints);
   GW_RETURN_IF_ERROR(check_plan(plan));
   return plan;
 }
@@ -193,6 +195,7 @@ void add_capture_command(CLI::App& app, Client& client) {
       "  glasswing capture deploy/plans/crystal.txtpb --session vase --solve --watch\n"
       "  glasswing capture --adapt --session vase --watch\n"
       "  glasswing capture deploy/plans/design-50.txtpb --adapt --target-error 42dB --at-most 150\n"
+      "  glasswing capture --adapt --footprints any --session lens --watch\n"
       "  glasswing capture deploy/plans/crystal.txtpb --rail-mm 200,251.2 --session vase --solve --watch\n"
       "  glasswing capture deploy/plans/crystal.txtpb --turn 0:350:10 --session vase --solve\n"
       "  glasswing capture deploy/plans/crystal.txtpb --session vase --camera left --camera right --solve\n"
@@ -219,6 +222,12 @@ void add_capture_command(CLI::App& app, Client& client) {
       .add_option("--at-most", arguments->at_most,
                   fmt::format("with --adapt: stop at this many images; default: {}", kDefaultAtMost))
       ->check(CLI::Range(30, 20000));
+  command
+      .add_option(
+          "--footprints", arguments->footprints,
+          "with --adapt: gaussian, or any: pixels that no few Gaussians explain get footprints of any "
+          "shape, and ask for waves in more directions; default: gaussian")
+      ->check(CLI::IsMember({"gaussian", "any"}));
   command
       .add_option(
           "--rail-mm", arguments->rail_mm,

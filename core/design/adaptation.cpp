@@ -51,6 +51,9 @@ JudgedPixel judged_pixel(const Matte& matte, int x, int y, size_t monitors) {
     known.centre_sd_px[at] = mode.centre_sd_px;
     known.modes.push_back(footprint_of(mode));
   }
+  for (const PyramidFootprint& pyramid : matte.pyramids(x, y, strongest)) {
+    if (static_cast<size_t>(pyramid.texture) < monitors) pixel[pyramid.texture].any_shape = true;
+  }
   return pixel;
 }
 
@@ -115,17 +118,33 @@ absl::StatusOr<Judgement> judge(std::vector<JudgedPixel> pixels, const v1::Plan&
   return judgement;
 }
 
+double share_below(const std::vector<double>& errors, double target) {
+  const auto below = std::ranges::count_if(errors, [&](double error) { return error <= target; });
+  return static_cast<double>(below) / static_cast<double>(errors.size());
+}
+
+// What all but 5 % of them do not exceed.
+double decibels_of(std::vector<double> errors) {
+  return -20.0 * std::log10(std::clamp(quantile(std::move(errors), kShare), 1e-6, 1.0));
+}
+
 void put_findings(const Judgement& judgement, const RoundTarget& target, v1::AdaptedRound& found) {
-  std::vector<double> composite, centre_px;
-  int known = 0;
-  for (const PixelError& error : judgement.errors) {
-    composite.push_back(error.composite);
-    centre_px.push_back(error.centre_px);
-    known += error.of(target.kind) <= target.error ? 1 : 0;
+  std::vector<double> composite, centre_px, any_shape;
+  for (size_t p = 0; p < judgement.pixels.size(); ++p) {
+    composite.push_back(judgement.errors[p].composite);
+    centre_px.push_back(judgement.errors[p].centre_px);
+    if (std::ranges::any_of(judgement.pixels[p], &KnownPixel::any_shape))
+      any_shape.push_back(composite.back());
   }
-  found.set_known_share(known / static_cast<double>(judgement.errors.size()));
-  found.set_error_db(-20.0 * std::log10(std::clamp(quantile(composite, kShare), 1e-6, 1.0)));
+  found.set_known_share(
+      share_below(target.kind == RoundTarget::Kind::kCentre ? centre_px : composite, target.error));
+  found.set_error_db(decibels_of(composite));
   found.set_error_px(std::min(quantile(centre_px, kShare), static_cast<double>(kMaxSide_px)));
+  if (any_shape.empty()) return;
+  v1::AnyShape& shapes = *found.mutable_any_shape();
+  shapes.set_share(static_cast<double>(any_shape.size()) / static_cast<double>(composite.size()));
+  shapes.set_known_share(share_below(any_shape, target.error));
+  shapes.set_error_db(decibels_of(std::move(any_shape)));
 }
 
 // The pixels that are not known well enough, on the monitor with most of them.
@@ -164,6 +183,7 @@ int most_waves(const v1::Plan& plan, size_t monitors, int images) {
   return std::min(at_most - images, std::max(images, kMinWaves * each)) / each;
 }
 
+// `found`: of the view that knows least.
 v1::Round round_of(std::vector<DesignedWave> waves, const RoundTarget& target,
                    const v1::AdaptedRound& found) {
   std::ranges::sort(waves, [](const DesignedWave& a, const DesignedWave& b) {
@@ -179,6 +199,13 @@ v1::Round round_of(std::vector<DesignedWave> waves, const RoundTarget& target,
       "{:.1f} dB and {:.3f} px",
       100.0 * found.known_share(), asked, found.image_count(), 100.0 * kShare, found.error_db(),
       found.error_px()));
+  if (found.has_any_shape()) {
+    *round.mutable_why() += fmt::format(
+        "; {:.0f} % have footprints of any shape, {:.0f} % of which were known, 95 % to {:.1f} dB: waves in "
+        "{} directions",
+        100.0 * found.any_shape().share(), 100.0 * found.any_shape().known_share(),
+        found.any_shape().error_db(), round.fringes_size());
+  }
   return round;
 }
 
@@ -207,7 +234,11 @@ absl::StatusOr<Adaptation> adapt(std::vector<JudgedView> views, const v1::Plan& 
   for (JudgedView& view : views) {
     std::vector<JudgedPixel> judged = some_of(std::move(view.pixels), kJudged);
     for (JudgedPixel& pixel : judged) {
-      for (KnownPixel& on_monitor : pixel) on_monitor.noise = noise_of(view.camera);
+      for (KnownPixel& on_monitor : pixel) {
+        on_monitor.noise = noise_of(view.camera);
+        // Positions are those of Gaussians.
+        if (target.kind == RoundTarget::Kind::kCentre) on_monitor.any_shape = false;
+      }
     }
     GW_ASSIGN_OR_RETURN(Judgement judgement, judge(std::move(judged), plan, monitors, target.kind));
     v1::AdaptedRound& found = adaptation.found.emplace_back();
@@ -224,7 +255,8 @@ absl::StatusOr<Adaptation> adapt(std::vector<JudgedView> views, const v1::Plan& 
   const Uncertain uncertain = uncertain_in(open, target);
   const PatternAnswers& shown = open.front()->shown[uncertain.monitor];
   std::vector<DesignedWave> possible(waves.begin(), waves.end());
-  if (possible.empty()) possible = usual_waves(shown.extent());
+  if (possible.empty())
+    possible = usual_waves(shown.extent(), std::ranges::any_of(uncertain.pixels, &KnownPixel::any_shape));
   const v1::AdaptedRound& least =
       *std::ranges::min_element(adaptation.found, {}, &v1::AdaptedRound::known_share);
   adaptation.next = round_of(

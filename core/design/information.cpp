@@ -11,7 +11,6 @@ namespace glasswing {
 namespace {
 
 constexpr double kBlackSd = 0.05;        // of F
-constexpr double kContrast = 0.25;       // rms of a background
 constexpr int kRadii = 10, kAngles = 8;  // of the background's spectrum
 constexpr double kFinestDetail = 0.25;   // cycles a pixel, of a background
 

@@ -32,7 +32,8 @@ ShownPattern wave_of(const DesignedWave& wave, double phase_rad);
 // Adds a wave's two phases, a quarter of a period apart.
 void add_phases(const DesignedWave& wave, std::vector<ShownPattern>& patterns);
 
-// A background of contrast 0.25.
+inline constexpr double kContrast = 0.25;  // rms of a background
+
 class Background {
  public:
   explicit Background(const MonitorExtent& extent);

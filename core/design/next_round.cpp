@@ -4,15 +4,18 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numbers>
 
 #include "core/base/median.h"
+#include "core/design/known_shape.h"
+#include "core/design/shape_waves.h"
 
 namespace glasswing {
 namespace {
 
-constexpr int kDirections = 8;
-constexpr double kNextPeriod = 1.25;
+constexpr int kDirections = 8, kShapeDirections = 32;
+constexpr double kNextPeriod = 1.25, kNextShapePeriod = 1.12;
 constexpr double kAgain = 1.03;  // to the period of a wave that is chosen again
 constexpr double kLeftOver = 1.0 / 30.0;
 constexpr double kMaxWeightError = 0.3;  // of a weight, by its own standard error
@@ -22,6 +25,12 @@ constexpr double kMaxTurn = 0.8;  // radians of a wave: a less certain position 
 Footprints through_pixels(Footprints modes) {
   for (Footprint& mode : modes) mode.xx_px2 += kFlatPixel_px2, mode.yy_px2 += kFlatPixel_px2;
   return modes;
+}
+
+ShapeKind kind_of(const KnownPixel& pixel) {
+  double light = 0.0;
+  for (const Footprint& mode : pixel.modes) light += mode.weight;
+  return shape_kind(through_pixels(pixel.modes), pixel.excess * std::sqrt(pixel.noise.variance(0.5 * light)));
 }
 
 // C, for F and then (R, cx, cy, xx, xy, yy) of each mode.
@@ -94,6 +103,29 @@ struct Update {
   }
 };
 
+// Pixels of any shape, by kind.
+struct ShapeGroup {
+  KnownShape shape;
+  std::ptrdiff_t pixels = 0;
+};
+std::map<ShapeKind, ShapeGroup> shapes_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels,
+                                          std::span<const DesignedWave> waves) {
+  std::vector<SeenFrequency> seen;
+  std::map<ShapeKind, ShapeGroup> groups;
+  for (const KnownPixel& pixel : pixels) {
+    if (!pixel.any_shape) continue;
+    if (seen.empty()) seen = seen_frequencies(shown.patterns());
+    const ShapeKind kind = kind_of(pixel);
+    const auto known = groups.find(kind);
+    if (known == groups.end()) {
+      groups.insert({kind, {.shape = KnownShape(kind, seen, waves), .pixels = 1}});
+    } else {
+      ++known->second.pixels;
+    }
+  }
+  return groups;
+}
+
 }  // namespace
 
 void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels) {
@@ -108,7 +140,7 @@ void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels) {
       const bool alone = pixel.weight_sd[m] <= kMaxWeightError * pixel.modes[m].weight;
       if (alone && sd_px > 0.0 && sd_px < least_px) least_px = sd_px, best = m;
     }
-    if (best < 0) {
+    if (best < 0 || pixel.any_shape) {
       unknown.push_back(&pixel);
       continue;
     }
@@ -122,21 +154,28 @@ void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels) {
 
 std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels) {
   const Background background(shown.extent());
+  const std::map<ShapeKind, ShapeGroup> shapes =
+      shapes_of(shown, pixels, usual_waves(shown.extent(), /*any_shape=*/true));
   std::vector<PixelError> errors;
   for (const KnownPixel& pixel : pixels) {
     const Known known = known_of(shown, pixel, background);
-    errors.push_back({.composite = known.composite(), .centre_px = known.centre_px()});
+    const double composite =
+        pixel.any_shape ? std::sqrt(shapes.at(kind_of(pixel)).shape.square()) : known.composite();
+    errors.push_back({.composite = composite, .centre_px = known.centre_px()});
   }
   return errors;
 }
 
-std::vector<DesignedWave> usual_waves(const MonitorExtent& extent) {
+std::vector<DesignedWave> usual_waves(const MonitorExtent& extent, bool any_shape) {
+  const int directions = any_shape ? kShapeDirections : kDirections;
+  const double finest_px = any_shape ? kFinestShape_px : kFinestPeriod_px,
+               next = any_shape ? kNextShapePeriod : kNextPeriod;
   std::vector<DesignedWave> waves;
-  for (int d = 0; d < kDirections; ++d) {
+  for (int d = 0; d < directions; ++d) {
     const double longest_px = std::max(extent.width_px, extent.height_px);
-    for (double period_px = kFinestPeriod_px; period_px < longest_px; period_px *= kNextPeriod)
+    for (double period_px = finest_px; period_px < longest_px; period_px *= next)
       waves.push_back(
-          {.phi_deg = 180.0 * d / kDirections, .period_px = std::round(100.0 * period_px) / 100.0});
+          {.phi_deg = 180.0 * d / directions, .period_px = std::round(100.0 * period_px) / 100.0});
   }
   return waves;
 }
@@ -149,23 +188,29 @@ std::vector<DesignedWave> choose_waves(const PatternAnswers& shown, std::span<co
   const Background background(shown.extent());
   std::vector<Known> known;
   std::vector<Eigen::MatrixXd> slopes;  // by pixel: two rows a wave
+  std::map<ShapeKind, ShapeGroup> shapes = shapes_of(shown, pixels, waves);
   for (const KnownPixel& pixel : pixels) {
+    if (pixel.any_shape) continue;
     known.push_back(known_of(shown, pixel, background));
     slopes.push_back(whitened_slopes(answers, pixel.modes, pixel.noise) / pixel.excess);
   }
   const double enough = target.error * target.error;
   const auto done = [&] {
-    const auto missing = std::ranges::count_if(
+    std::ptrdiff_t missing = std::ranges::count_if(
         known, [&](const Known& pixel) { return pixel.of(target.kind) > target.error; });
-    return static_cast<double>(missing) <= kLeftOver * static_cast<double>(known.size());
+    for (const auto& [kind, group] : shapes) missing += group.shape.square() > enough ? group.pixels : 0;
+    return static_cast<double>(missing) <= kLeftOver * static_cast<double>(pixels.size());
   };
   while (std::ssize(chosen) < most && (std::ssize(chosen) < least || !done())) {
     std::vector<double> before;
     for (const Known& pixel : known) before.push_back(std::pow(pixel.of(target.kind), 2));
+    Eigen::ArrayXd of_shapes = Eigen::ArrayXd::Zero(std::ssize(waves));
+    for (const auto& [kind, group] : shapes)
+      of_shapes += static_cast<double>(group.pixels) * (group.shape.lowered() + enough).log();
     size_t best = 0;
     double lowest = std::numeric_limits<double>::infinity();
     for (size_t w = 0; w < waves.size(); ++w) {
-      double sum = 0.0;
+      double sum = of_shapes[static_cast<Eigen::Index>(w)];
       for (size_t p = 0; p < known.size(); ++p) {
         const Known& pixel = known[p];
         if (!pixel.suits(waves[w])) {
@@ -183,6 +228,7 @@ std::vector<DesignedWave> choose_waves(const PatternAnswers& shown, std::span<co
       const Update update(known[p].covariance, slopes[p].middleRows(2 * static_cast<Eigen::Index>(best), 2));
       known[p].covariance -= update.by_covariance.transpose() * update.gain;
     }
+    for (auto& [kind, group] : shapes) group.shape.show(static_cast<Eigen::Index>(best));
     chosen.push_back(waves[best]);
     waves[best].period_px = std::round(100.0 * kAgain * waves[best].period_px) / 100.0;
   }

@@ -10,6 +10,8 @@
 //
 // most, given all previous ones: with B its two rows of derivatives, I^-1 becomes C - C B'(1 + B C B')^-1 B
 // C. A wave gives no information about a pixel whose position is not yet known to an eighth of its period.
+//
+// Pixels that no few Gaussians explain have the errors of known_shape.h in the same sum.
 #pragma once
 
 #include <array>
@@ -27,6 +29,9 @@ struct KnownPixel {
   std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
   CameraNoise noise = {};
   double excess = 1.0;  // over `noise`, by find_excess()
+  // No few Gaussians explain it: `modes` tell its place and extent alone, composites' error is that of a
+  // shape.
+  bool any_shape = false;
 };
 
 struct RoundTarget {
@@ -44,15 +49,15 @@ struct PixelError {
   }
 };
 
-// Sets `excess` of pixels that were solved from these patterns; if no position is known by itself, to the
-// median of the others.
+// Sets `excess` of pixels that were solved from these patterns; of any shape, or if no position is known by
+// itself, to the median of the others.
 void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels);
 
 // In the pixels' order; each must have modes.
 std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels);
 
-// Eight directions, periods from 6 px to the monitor's longer side.
-std::vector<DesignedWave> usual_waves(const MonitorExtent& extent);
+// Periods to the monitor's longer side, in eight directions from 6 px; for any shape, in 32 from 3 px.
+std::vector<DesignedWave> usual_waves(const MonitorExtent& extent, bool any_shape = false);
 
 // From `waves`, at least `least` and at most `most`, but no more than needed to bring all but a thirtieth of
 // the pixels to the target. Each pixel has modes. A wave that is chosen again gets a slightly longer period.

@@ -1,11 +1,12 @@
 #include "core/design/shape_waves.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 #include <set>
+
+#include "core/design/shape_posterior.h"
 
 namespace glasswing {
 namespace {
@@ -14,59 +15,10 @@ constexpr int kTurns = 32, kSteps = 40;
 constexpr double kPi = std::numbers::pi;
 constexpr double kUsualSide_px = 128.0;
 constexpr std::array<double, 2> kRadius_px{4.5, 9.0};  // rho, on a monitor of the usual side
-constexpr int kLevels = 4;                             // of the prior
 constexpr double kLowest = 0.3;                        // E |H|^2 of the lowest frequencies
 constexpr int kPlaceWaves = 12;                        // of the coarse ladder, which
 constexpr double kPlace_px = 20.0;                     // ends at this period, on a monitor of the usual side
 constexpr double kLongest = 1.5;                       // of a shape's period, over the monitor's longer side
-
-struct Frequency {
-  double phi_deg, x, y;
-};
-
-double spectrum(double square) {
-  double sum = 0.0, at_0 = 0.0;
-  for (int l = 0; l < kLevels; ++l) {
-    sum += std::ldexp(1.0, 2 * l) * std::exp(-std::ldexp(4.0 * kPi * kPi, 2 * l) * square);
-    at_0 += std::ldexp(1.0, 2 * l);
-  }
-  return sum / at_0;
-}
-
-// The covariance of the spectrum's real parts, or of its imaginary ones, at all frequencies, for one radius.
-class Posterior {
- public:
-  Posterior(const std::vector<Frequency>& frequencies, double rho_px, double sign)
-      : covariance_(std::ssize(frequencies), std::ssize(frequencies)) {
-    std::vector<double> root;
-    for (const Frequency& f : frequencies)
-      root.push_back(std::sqrt(kLowest * spectrum(f.x * f.x + f.y * f.y)));
-    const auto near = [&](double dx, double dy) {
-      return std::exp(-2.0 * kPi * kPi * rho_px * rho_px * (dx * dx + dy * dy));
-    };
-    for (Eigen::Index i = 0; i < covariance_.rows(); ++i) {
-      for (Eigen::Index k = 0; k <= i; ++k) {
-        const Frequency &f = frequencies[i], &g = frequencies[k];
-        covariance_(i, k) = covariance_(k, i) = static_cast<float>(
-            0.5 * root[i] * root[k] * (near(f.x - g.x, f.y - g.y) + sign * near(f.x + g.x, f.y + g.y)));
-      }
-    }
-  }
-
-  // By how much a wave of each frequency would lower the sum of all variances: on a grid of the logarithm of
-  // frequency, that is the error of composites before backgrounds of equal power on every octave.
-  Eigen::ArrayXf gains(float noise_variance) const {
-    return covariance_.colwise().squaredNorm().transpose().array() /
-           (covariance_.diagonal().array() + noise_variance);
-  }
-  void measure(Eigen::Index i, float noise_variance) {
-    const Eigen::VectorXf column = covariance_.col(i) / std::sqrt(covariance_(i, i) + noise_variance);
-    covariance_.noalias() -= column * column.transpose();
-  }
-
- private:
-  Eigen::MatrixXf covariance_;
-};
 
 }  // namespace
 
@@ -84,21 +36,21 @@ std::vector<DesignedWave> shape_waves(const MonitorExtent& extent, int count, do
           std::round(100.0 * longest_px *
                      std::pow(finest_px / longest_px, static_cast<double>(r) / (kSteps - 1))) /
           100.0;
-      frequencies.push_back({phi_deg, std::cos(phi_rad) / period_px, std::sin(phi_rad) / period_px});
+      frequencies.push_back({std::cos(phi_rad) / period_px, std::sin(phi_rad) / period_px});
       grid.push_back({.phi_deg = phi_deg, .period_px = period_px});
     }
   }
-  std::vector<Posterior> posteriors;
+  std::vector<ShapePosterior> posteriors;
   for (const double rho_px : kRadius_px) {
-    for (const double sign : {1.0, -1.0}) posteriors.emplace_back(frequencies, rho_px * unit_px, sign);
+    for (const auto part : {ShapePosterior::Part::kReal, ShapePosterior::Part::kImaginary})
+      posteriors.emplace_back(frequencies, ShapePrior{.rho_px = rho_px * unit_px, .lowest = kLowest}, part);
   }
-  // A wave shows half of H's parts.
-  const auto variance = static_cast<float>(4.0 * noise.variance(0.5));
+  const auto variance = static_cast<float>(kWaveVariance * noise.variance(0.5));
   constexpr std::array<double, 4> kAlong{0.0, 90.0, 45.0, -45.0};
   std::vector<DesignedWave> waves =
       wave_ladder(extent, kAlong, std::min(kPlaceWaves, count), kPlace_px * unit_px);
   const auto measure = [&](Eigen::Index i) {
-    for (Posterior& own : posteriors) own.measure(i, variance);
+    for (ShapePosterior& own : posteriors) own.measure(i, variance);
   };
   for (const DesignedWave& wave : waves) {
     const double phi_rad = wave.phi_deg * kPi / 180.0, x = std::cos(phi_rad) / wave.period_px,
@@ -111,7 +63,7 @@ std::vector<DesignedWave> shape_waves(const MonitorExtent& extent, int count, do
   std::set<Eigen::Index> taken;
   while (std::ssize(waves) < count) {
     Eigen::ArrayXf gains = Eigen::ArrayXf::Zero(std::ssize(frequencies));
-    for (const Posterior& own : posteriors) gains += own.gains(variance);
+    for (const ShapePosterior& own : posteriors) gains += own.gains(std::ssize(frequencies), variance);
     for (const Eigen::Index i : taken) gains[i] = 0.0f;
     Eigen::Index best = 0;
     gains.maxCoeff(&best);

@@ -1,11 +1,5 @@
-// Waves for footprints of any shape. A wave shows the shape's spectrum H at one frequency, of which nearby
-// ones tell the more the smaller the shape is. Shapes are drawn from a Gaussian process, the prior with which
-// pyramids are fitted (solver/any/pyramid_fit.h), within a blurred disc of radius rho:
-//
-//   E H(f) conj H(g) = sqrt(S(f) S(g)) exp(-2 pi^2 rho^2 |f - g|^2)
-//   S(f) = sum_l 4^l exp(-4^(l + 1) pi^2 f^2)
-//
-// Each wave is the one that lowers the expected error of composites most (information.h), given those before.
+// Waves for footprints of any shape (shape_posterior.h). Each is the one that lowers the expected error of
+// composites most (information.h), given those before.
 #pragma once
 
 #include <vector>

@@ -158,9 +158,13 @@ std::string describe(const v1::Draft& draft) {
 }
 
 std::string describe(const v1::AdaptedRound& round) {
-  return fmt::format(
+  const std::string known = fmt::format(
       "after {} images {:.0f} % of the pixels are known well enough; 95 % to {:.1f} dB, {:.3g} px",
       round.image_count(), std::floor(100.0 * round.known_share()), round.error_db(), round.error_px());
+  if (!round.has_any_shape()) return known;
+  return fmt::format("{}; {:.0f} % are of any shape, {:.0f} % of these known, 95 % to {:.1f} dB", known,
+                     100.0 * round.any_shape().share(), std::floor(100.0 * round.any_shape().known_share()),
+                     round.any_shape().error_db());
 }
 
 }  // namespace glasswing

@@ -212,6 +212,9 @@ absl::Status check_adapt(const v1::Plan& plan, const Location& location) {
     return here.bad(adapt, "target_px", 0, adapt.target_px(), "left out where target_db is given");
   if (adapt.has_at_most() && !within(adapt.at_most(), 30, kMaxSteps))
     return here.bad(adapt, "at_most", 0, adapt.at_most(), fmt::format("30 to {}", kMaxSteps));
+  if (!adapt.footprints().empty() && adapt.footprints() != "gaussian" && adapt.footprints() != "any")
+    return here.bad(adapt, "footprints", 0, fmt::format("\"{}\"", adapt.footprints()),
+                    "\"gaussian\" or \"any\"");
   return absl::OkStatus();
 }
 

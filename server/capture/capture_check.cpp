@@ -41,6 +41,14 @@ absl::Status check_line(const RigLinks& links, const v1::Plan& plan, const std::
   return absl::OkStatus();
 }
 
+absl::Status check_footprints(const v1::Camera& camera, const v1::Plan& plan) {
+  if (plan.adapt().footprints() != "any" || camera.mosaic().empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("footprints of any shape need all colours of each pixel; camera \"{}\" measures one: leave "
+                  "adapt.footprints out",
+                  camera.name()));
+}
+
 // A camera that takes pictures on demand provides no times that could prove a step.
 absl::Status check_patches(const v1::GetCameraResponse& camera, const v1::Plan& plan,
                            const std::vector<v1::Monitor>& monitors, const std::vector<Step>& steps) {
@@ -145,6 +153,7 @@ absl::StatusOr<CheckedCapture> check_camera(const NodeRegistry& rig, const Calib
   checked.info = links.camera_info;
   GW_ASSIGN_OR_RETURN(checked.steps, expand(plan, monitors));
   GW_RETURN_IF_ERROR(check_exposures(checked.steps, links.camera_info));
+  GW_RETURN_IF_ERROR(check_footprints(links.camera_info.camera(), plan));
   GW_RETURN_IF_ERROR(check_line(links, plan, checked.steps));
   GW_RETURN_IF_ERROR(check_patches(links.camera_info, plan, monitors, checked.steps));
   v1::CaptureManifest header;

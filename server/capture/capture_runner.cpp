@@ -152,6 +152,8 @@ absl::StatusOr<std::vector<v1::Session>> CaptureRunner::sessions_of(const v1::Cr
   GW_RETURN_IF_ERROR(check_new_name(session.name()));
   session.set_method(request.plan().method());
   session.set_solve_follows(request.solve() || request.plan().has_adapt());
+  if (!request.plan().adapt().footprints().empty())
+    session.mutable_options()->insert({"footprints", request.plan().adapt().footprints()});
   if (is_video(request.plan())) session.set_frame_count(ramp_frames_of(request.plan().ramp()));
   session.set_step_count(static_cast<int>(checked.steps.size()));
   GW_ASSIGN_OR_RETURN(*session.mutable_rail_mm(),

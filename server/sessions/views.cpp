@@ -73,6 +73,12 @@ void add_rounds(const std::vector<v1::Session>& views, v1::Session& sum) {
       least.set_known_share(std::min(least.known_share(), found.known_share()));
       least.set_error_db(std::min(least.error_db(), found.error_db()));
       least.set_error_px(std::max(least.error_px(), found.error_px()));
+      if (!found.has_any_shape()) continue;
+      if (!least.has_any_shape()) *least.mutable_any_shape() = found.any_shape();
+      v1::AnyShape& shapes = *least.mutable_any_shape();
+      shapes.set_share(std::max(shapes.share(), found.any_shape().share()));
+      shapes.set_known_share(std::min(shapes.known_share(), found.any_shape().known_share()));
+      shapes.set_error_db(std::min(shapes.error_db(), found.any_shape().error_db()));
     }
   }
 }

@@ -269,6 +269,7 @@ v1::ClaimTileResponse Drafts::claim(const std::string& solver) {
   response.set_first_row((*claimed)->range.first);
   response.set_row_count((*claimed)->range.count);
   response.set_method(running_->session.plan().method());
+  *response.mutable_options() = running_->session.options();
   response.set_archive_address(running_->session.archive_address());
   *response.mutable_draft() = running_->draft;
   response.set_draft_pixel_step(running_->pixel_step);

@@ -43,6 +43,7 @@ absl::Status FollowingSolves::solve(const std::string& name) {
   if (!captured.ok() || !shall_be_solved(*captured)) return captured.status();
   v1::SolveSessionRequest request;
   request.set_name(name);
+  *request.mutable_options() = captured->options();
   const absl::Status status = solves_.solve(request).status();
   if (status.ok()) return status;
   SessionStore::Edit edit = sessions_.edit();

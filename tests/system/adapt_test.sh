@@ -16,6 +16,7 @@ echo "== what cannot be asked for"
 refused '--target-error is "much"' glasswing capture "$plan" --adapt --target-error much
 refused 'need --adapt' glasswing capture "$plan" --at-most 40
 refused 'target_db is 90' glasswing capture "$plan" --adapt --target-error 90dB
+refused 'need --adapt' glasswing capture "$plan" --footprints any
 refused 'name a plan' glasswing capture
 
 echo "== it ends when the object is known"
@@ -58,6 +59,20 @@ cmp "$work/finished.exr" "$work/afterwards.exr" || fail "drafts changed the matt
 echo "== it ends at most at so many images"
 glasswing capture "$plan" --adapt --target-error 70dB --at-most 44 --session few --watch 2>/dev/null || fail "few is $(shown few state)"
 (($(images few) > 30 && $(images few) <= 44)) || fail "few took $(images few) images"
+
+# The crystal's rims are of no few Gaussians.
+echo "== pixels of any shape ask for more directions"
+glasswing capture "$plan" --adapt --footprints any --target-error 70dB --at-most 60 --session rim --watch 2>"$work/watch" || fail "rim is $(shown rim state)"
+grep -q 'after 30 images .*% are of any shape' "$work/watch" || fail "watch does not tell of shapes: $(cat "$work/watch")"
+glasswing show rim --json | grep -q '"footprints": *"any"' || fail "it was solved otherwise: $(glasswing show rim)"
+glasswing export rim "$work/rim" >/dev/null
+python3 - "$work/rim/manifest.json" "$work/fine/manifest.json" <<'E' || fail "the rounds are $(grep '"why"' "$work/rim/manifest.json")"
+import json, sys
+rim, fine = (json.load(open(path))["plan"]["rounds"] for path in sys.argv[1:])
+assert "footprints of any shape" in rim[0]["why"] and "any shape" not in fine[0]["why"]
+directions = [{fringes.get("orientation_deg", 0) for fringes in rounds[0]["fringes"]} for rounds in (rim, fine)]
+assert any(phi % 22.5 for phi in directions[0]) and not any(phi % 22.5 for phi in directions[1]), directions
+E
 
 echo "== without a solver it says what it waits for, and can be cancelled"
 kill -TERM "$(cat "$work/rig/run/solver-1.pid")"

@@ -80,9 +80,17 @@ for camera in left right; do
   cmp "$work/alone-$camera.exr.out.exr" "$work/vase.$camera.exr.out.exr" || fail "the matte of $camera differs alone"
 done
 
-echo "== an adaptive capture shows every camera the same rounds, after a draft of each"
+echo "== an adaptive capture shows every camera the same rounds, after a draft of each; the server is killed meanwhile"
 glasswing capture "$root/deploy/plans/design-30.txtpb" --adapt --target-error 70dB --at-most 42 --camera left --camera right \
-  --session deep --watch 2>"$work/watch" || fail "deep is $(shown deep state): $(shown deep reason)"
+  --session deep >/dev/null
+judged() { glasswing show deep --json | grep -q '"image_count"'; }
+until_true 60 judged || fail "no draft of deep was judged"
+kill -KILL "$server_pid"
+wait "$server_pid" 2>/dev/null || true
+server_up
+until_true 30 up 4 || fail "the server did not come back"
+glasswing resume deep >/dev/null
+glasswing watch deep 2>"$work/watch" || fail "deep is $(shown deep state): $(shown deep reason)"
 [[ $(shown deep state) == SESSION_STATE_DONE ]] || fail "deep is $(shown deep state): $(shown deep reason)"
 for session in deep deep.left deep.right; do
   images=$(glasswing show $session --json | sed -n 's/.*"image_count": \([0-9]*\).*/\1/p' | head -n 2 | tr '\n' ' ')

@@ -30,6 +30,7 @@ glasswing plan make --for-rig --quality draft --images 26 -o "$work/plan.txtpb"
 glasswing capture "$work/plan.txtpb" --dry-run >"$work/dry" || fail "the plan does not fit"
 grep -q "takes its pictures on demand: each step is held until its picture has arrived" "$work/dry" || fail "dry run: $(cat "$work/dry")"
 if grep -q "calibrate sync" "$work/dry"; then fail "the dry run advises what this camera cannot do: $(cat "$work/dry")"; fi
+refused "footprints of any shape need all colours of each pixel" glasswing capture "$work/plan.txtpb" --adapt --footprints any --dry-run
 refused "raw files are linear, so that mattes need no calibration of the camera" glasswing calibrate camera
 
 echo "== capture"

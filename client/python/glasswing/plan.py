@@ -95,12 +95,14 @@ class Adapt:
 
     ``target_db``: the error of a composite due to noise, in decibels below full scale, 10 to 80, default 40.
     ``target_px``: alternatively, the standard error of a position on the monitor, 0.001 to 100. ``at_most``: images,
-    including those without the object, 30 to 20000, default 200.
+    including those without the object, 30 to 20000, default 200. ``footprints``: "gaussian", the default, or "any": as
+    method gaussian's option; pixels that no few Gaussians explain then ask for waves in more directions.
     """
 
     target_db: float | None = None
     target_px: float | None = None
     at_most: int | None = None
+    footprints: str = ""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -28,7 +28,7 @@ FULL = glasswing.Plan(
     fringes=[glasswing.Fringes(90, period_px=[144, 64], phases=3, object_only=True)],
     camera="studio",
     cameras=["left", "right"],
-    adapt=glasswing.Adapt(target_db=42, target_px=0.1, at_most=100),
+    adapt=glasswing.Adapt(target_db=42, target_px=0.1, at_most=100, footprints="any"),
     rounds=[glasswing.Round([glasswing.Fringes(45, period_px=[12], phases=2, object_only=True)], why="edges")],
 )
 

@@ -1,9 +1,12 @@
-// The rounds of captures with several cameras.
+// The rounds of captures with several cameras, and of those with pixels of any shape.
 #include "core/design/adaptation.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <string>
 
 #include "core/design/plan_design.h"
@@ -96,6 +99,72 @@ TEST(Adaptation, RoundsEndWhenEveryCameraKnowsEnough) {
   }
   EXPECT_FALSE(adaptation.next);
   for (const v1::AdaptedRound& found : adaptation.found) EXPECT_GE(found.known_share(), 0.95);
+}
+
+// The first `shapes` of them are of any shape.
+JudgedView with_shapes(int shapes) {
+  JudgedView view = view_of(1.0, 0.005);
+  for (int i = 0; i < shapes; ++i) {
+    KnownPixel& pixel = view.pixels[i].front();
+    pixel.any_shape = true;
+    pixel.modes[0].xx_px2 = pixel.modes[0].yy_px2 = 64.0;
+  }
+  return view;
+}
+
+// Waves in directions that Gaussians do not ask for.
+int other_waves(const Adaptation& adaptation) {
+  int count = 0;
+  const v1::Round& round = adaptation.next.value();
+  for (const v1::Fringes& fringes : round.fringes())
+    count += std::remainder(fringes.orientation_deg(), 22.5) != 0.0 ? fringes.period_px_size() : 0;
+  return count;
+}
+
+// As recorded before there were shapes.
+TEST(Adaptation, GaussiansChooseWhatTheyWouldWithoutShapes) {
+  std::string chosen;
+  const Adaptation adaptation = adapted({with_shapes(0)}, plan(48.0));
+  for (const v1::Fringes& fringes : adaptation.next->fringes()) {
+    for (const double period_px : fringes.period_px())
+      chosen += fmt::format("{}:{} ", fringes.orientation_deg(), period_px);
+  }
+  EXPECT_FALSE(adaptation.found.front().has_any_shape());
+  EXPECT_EQ(chosen, "0:6 45:6 67.5:6 90:6 135:6 157.5:6 ");
+}
+
+// The error of the first pixel once the round was shown.
+double error_after(const Adaptation& adaptation, v1::Plan plan, const JudgedView& view) {
+  *plan.add_rounds() = adaptation.next.value();
+  KnownPixel pixel = view.pixels.front().front();
+  pixel.noise = noise_of(view.camera);
+  const PatternAnswers shown(shown_by(plan, monitors().front()).value(), extent_of(monitors().front()));
+  return errors_of(shown, std::array{pixel}).front().composite;
+}
+
+TEST(Adaptation, TheMorePixelsOfAnyShapeTheBetterTheyAreKnown) {
+  const v1::Plan first = plan(48.0);
+  const JudgedView all = with_shapes(30);
+  double before = error_after(adapted({with_shapes(0)}, first), first, all);
+  for (const int shapes : {6, 30}) {
+    const Adaptation adaptation = adapted({with_shapes(shapes)}, first);
+    const v1::AdaptedRound& found = adaptation.found.front();
+    EXPECT_DOUBLE_EQ(found.any_shape().share(), shapes / 30.0);
+    EXPECT_NE(adaptation.next->why().find("any shape"), std::string::npos) << adaptation.next->why();
+    EXPECT_GT(other_waves(adaptation), 0);
+    const double error = error_after(adaptation, first, all);
+    EXPECT_LT(error, before);
+    before = error;
+  }
+}
+
+TEST(Adaptation, PositionsAreThoseOfGaussians) {
+  v1::Plan positions = plan(48.0);
+  positions.mutable_adapt()->clear_target_db();
+  positions.mutable_adapt()->set_target_px(0.001);
+  const Adaptation adaptation = adapted({with_shapes(10)}, positions);
+  EXPECT_FALSE(adaptation.found.front().has_any_shape());
+  EXPECT_EQ(other_waves(adaptation), 0);
 }
 
 }  // namespace

@@ -67,6 +67,8 @@ TEST(Plan, ComplaintsNameFileLineValueAndWhatIsAccepted) {
             "p.txtpb:3: target_px is 1; it must be left out where target_db is given"},
            {"method: \"gaussian\"\nfringes { period_px: 64 }\nadapt { at_most: 20 }",
             "p.txtpb:3: at_most is 20; it must be 30 to 20000"},
+           {"method: \"gaussian\"\nfringes { period_px: 64 }\nadapt { footprints: \"ring\" }",
+            "p.txtpb:3: footprints is \"ring\"; it must be \"gaussian\" or \"any\""},
            {"method: \"gaussian\"\nfringes { period_px: 64 }\nrounds {\n  fringes { period_px: 1 }\n}",
             "p.txtpb:4: period_px is 1; it must be in [2, 100000]"},
        }) {

@@ -1,0 +1,216 @@
+// Adaptive captures of light that no few Gaussians describe: drafts say which pixels, and these choose
+// waves. Truth is by brute force: sums over a monitor's flat pixels (tests/gate/light.h).
+#include <google/protobuf/text_format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <random>
+#include <set>
+#include <string>
+
+#include "core/composite/compositor.h"
+#include "core/design/adaptation.h"
+#include "core/design/plan_design.h"
+#include "solver/methods.h"
+#include "solver/worker/parallel_solve.h"
+#include "tests/gate/scene.h"
+#include "tests/solver/stack_of.h"
+#include "tests/support/status.h"
+
+namespace glasswing::adaptive {
+namespace {
+
+using gate::Scene;
+
+constexpr gate::Size kMonitor{128, 96};
+constexpr double kNoise_sd = 0.005;
+constexpr int kPixels = 10;  // in each row that see the object
+
+gate::Shares ring_at(double x_px, double y_px, double radius_px) {
+  constexpr int kSide = 5;  // samples across a pixel
+  gate::Shares shares;
+  double sum = 0.0;
+  for (int y = 0; y < kMonitor.height_px; ++y) {
+    for (int x = 0; x < kMonitor.width_px; ++x) {
+      double light = 0.0;
+      for (int i = 0; i < kSide * kSide; ++i) {
+        const double r =
+            std::hypot(x + (i % kSide + 0.5) / kSide - x_px, y + (i / kSide + 0.5) / kSide - y_px);
+        light += std::exp(-0.5 * std::pow(r - radius_px, 2));
+      }
+      if (light < 1e-6) continue;
+      shares.push_back({x, y, light});
+      sum += light;
+    }
+  }
+  for (gate::Share& share : shares) share.part /= sum;
+  return shares;
+}
+
+// Two rows of pixels, all but the ends of which see the object: the first `rings` of each rings, the others
+// Gaussians, each elsewhere.
+Scene scene_of(int rings, double radius_px = 12.0) {
+  Scene scene = gate::empty_scene("adaptive", {});
+  scene.camera = {kPixels + 2, 2};
+  scene.monitors = {kMonitor};
+  scene.empty.clear();
+  std::mt19937 random(9);
+  const auto in = [&](double low, double high) { return low + (high - low) * gate::uniform(random); };
+  const int count = scene.camera.width_px * scene.camera.height_px;
+  for (int i = 0; i < count; ++i) {
+    const gate::Box behind{.x_px = 6.0 * (i % scene.camera.width_px) + 5.0,
+                           .y_px = 6.0 * (i / scene.camera.width_px) + 30.0,
+                           .width_px = 2.0,
+                           .height_px = 2.0};
+    scene.empty.push_back(
+        {.foreground = {}, .paths = {{.tint = {1, 1, 1}, .shares = gate::shares_of(behind, kMonitor)}}});
+  }
+  scene.object = scene.empty;
+  scene.inside.assign(scene.empty.size(), false);
+  for (int i = 0; i < count; ++i) {
+    const int x = i % scene.camera.width_px;
+    if (x == 0 || x > kPixels) continue;
+    const double x_px = in(26, 102), y_px = in(26, 70);
+    const gate::Shares shares =
+        x <= rings ? ring_at(x_px, y_px, radius_px)
+                   : gate::shares_of(gate::gaussian({x_px, y_px, in(1.0, 4.0), in(0.7, 3.0), in(0.0, 180.0)}),
+                                     kMonitor);
+    scene.object[i] = {.foreground = {0.02, 0.02, 0.02},
+                       .paths = {{.tint = {0.6, 0.6, 0.6}, .shares = shares}}};
+    scene.inside[i] = true;
+  }
+  return scene;
+}
+
+const std::vector<v1::Monitor>& monitors() {
+  static const std::vector<v1::Monitor> monitors = [] {
+    v1::Monitor back;
+    back.set_name("back");
+    back.set_width_px(kMonitor.width_px);
+    back.set_height_px(kMonitor.height_px);
+    return std::vector<v1::Monitor>{back};
+  }();
+  return monitors;
+}
+
+v1::Plan designed(int images, bool any) {
+  const DesignWish wish{
+      .images = images, .noise = {.read_sd = kNoise_sd, .full_well = {}}, .any_footprints = any};
+  return design_plan(wish, {.monitors = monitors(), .camera = {}}).value().plan;
+}
+
+Matte solved(const Scene& scene, const v1::Plan& plan, const std::map<std::string, std::string>& options) {
+  std::string text;
+  google::protobuf::TextFormat::PrintToString(plan, &text);
+  gate::Recording recording = gate::recorded(scene, text);
+  recording.manifest.mutable_camera()->set_read_sd(kNoise_sd);
+  const std::vector<Image16> frames = gate::noisy(recording.frames, kNoise_sd);
+  auto matte = solve_in_bands(*make_method("gaussian", options).value(), recording.manifest,
+                              stack_of(recording.manifest, frames));
+  EXPECT_OK(matte);
+  return *std::move(matte);
+}
+
+const std::map<std::string, std::string> kAny{{"footprints", "any"}};
+
+struct Grown {
+  v1::Plan plan;
+  Matte matte;  // of all its images
+  v1::AdaptedRound first, last;
+};
+// A capture that begins with 50 images and may have `at_most`; its drafts are solved with these options.
+Grown grown(const Scene& scene, const std::map<std::string, std::string>& options, int at_most,
+            double target_db = 80.0) {
+  Grown grown{.plan = designed(50, false), .matte = {}, .first = {}, .last = {}};
+  grown.plan.mutable_adapt()->set_target_db(target_db);
+  grown.plan.mutable_adapt()->set_at_most(at_most);
+  while (true) {
+    grown.matte = solved(scene, grown.plan, options);
+    JudgedView view;
+    view.camera.set_read_sd(kNoise_sd);
+    add_pixels_of_object(grown.matte, 0, 1, 1, view.pixels);
+    Adaptation adaptation = adapt({std::move(view)}, grown.plan, monitors()).value();
+    grown.last = adaptation.found.front();
+    if (grown.plan.rounds().empty()) grown.first = grown.last;
+    if (!adaptation.next) return grown;
+    *grown.plan.add_rounds() = *std::move(adaptation.next);
+  }
+}
+
+// A picture such as photographs are: amplitudes of waves fall with their frequency, and most of it is light
+// or dark with edges between.
+RadianceImage photograph_like(unsigned seed) {
+  std::mt19937 random(seed);
+  RadianceImage picture(kMonitor.width_px, kMonitor.height_px);
+  for (int c = 0; c < kChannels; ++c) {
+    std::vector<std::array<double, 4>> waves;
+    for (int i = 0; i < 60; ++i) {
+      const double f = 0.008 * std::pow(30.0, gate::uniform(random)),
+                   turn = std::numbers::pi * gate::uniform(random),
+                   phase = 2.0 * std::numbers::pi * gate::uniform(random);
+      waves.push_back({2.0 * std::numbers::pi * f * std::cos(turn),
+                       2.0 * std::numbers::pi * f * std::sin(turn), phase, 0.0064 / f});
+    }
+    for (int y = 0; y < kMonitor.height_px; ++y) {
+      for (int x = 0; x < kMonitor.width_px; ++x) {
+        double sum = 0.0;
+        for (const auto& [u, v, phase, amplitude] : waves) sum += amplitude * std::sin(u * x + v * y + phase);
+        picture.at(x, y, c) = static_cast<float>(0.5 + 0.5 * std::tanh(sum));
+      }
+    }
+  }
+  return picture;
+}
+
+// The mean of three pictures' errors.
+double psnr_of(const Scene& scene, const Matte& matte) {
+  double squares = 0.0;
+  for (const unsigned seed : {21u, 22u, 23u}) {
+    const std::vector<RadianceImage> shown{photograph_like(seed)};
+    const double db =
+        gate::psnr(scene, composite(matte, shown).value(), gate::photograph(scene, true, shown));
+    squares += std::pow(10.0, -db / 10.0) / 3.0;
+  }
+  return -10.0 * std::log10(squares);
+}
+
+int round_directions(const v1::Plan& plan) {
+  std::set<double> found;
+  for (const v1::Round& round : plan.rounds()) {
+    for (const v1::Fringes& fringes : round.fringes()) found.insert(fringes.orientation_deg());
+  }
+  return static_cast<int>(found.size());
+}
+
+// As many images as a plan that was designed for any footprint. A decibel is what is lost to the first 50,
+// which were chosen for Gaussians.
+TEST(AdaptiveAny, RingsAreShownAsByAPlanForAnyFootprint) {
+  constexpr int kImages = 100;
+  const Scene scene = scene_of(kPixels);
+  const Grown any = grown(scene, kAny, kImages), gaussian = grown(scene, {}, kImages);
+  ASSERT_EQ(any.last.image_count(), kImages);
+  ASSERT_EQ(gaussian.last.image_count(), kImages);
+  const double adapted = psnr_of(scene, any.matte),
+               designed_any = psnr_of(scene, solved(scene, designed(kImages, true), kAny)),
+               usual = psnr_of(scene, gaussian.matte);
+  std::printf(
+      "rings, %d images: %.1f dB in %d directions, designed for any footprint %.1f, by Gaussians %.1f\n",
+      kImages, adapted, round_directions(any.plan), designed_any, usual);
+  EXPECT_EQ(any.last.any_shape().share(), 1.0);
+  EXPECT_GE(adapted, designed_any - 1.0);
+  EXPECT_GT(adapted, usual);
+}
+
+// Drafts with footprints=any show the same images if Gaussians explain every pixel.
+TEST(AdaptiveAny, GaussiansAreShownWhatTheyAreWithout) {
+  const Scene scene = scene_of(0);
+  const Grown any = grown(scene, kAny, 80), gaussian = grown(scene, {}, 80);
+  ASSERT_FALSE(any.first.has_any_shape());
+  ASSERT_EQ(any.plan.rounds_size(), gaussian.plan.rounds_size());
+  EXPECT_EQ(any.plan.rounds(0).SerializeAsString(), gaussian.plan.rounds(0).SerializeAsString());
+}
+
+}  // namespace
+}  // namespace glasswing::adaptive
