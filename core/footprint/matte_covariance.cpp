@@ -429,26 +429,23 @@ std::vector<MatteCovariance::Shown> MatteCovariance::shown(std::span<const Used>
 
 Eigen::MatrixXd MatteCovariance::root(std::span<const Mode> modes) const {
   std::vector<Used> used;
-  size_t strongest = 0;
-  double weight_sd = 0.0;
+  std::vector<double> weight_sd;
   for (const Mode& mode : modes) {
     if (mode.weight <= 0.0f) continue;
     used.push_back({.mode = footprint_of(mode),
                     .texture = mode.texture,
                     .column = 1 + 6 * static_cast<Eigen::Index>(used.size())});
-    if (used.size() > 1 && used.back().mode.weight <= used[strongest].mode.weight) continue;
-    strongest = used.size() - 1;
-    weight_sd = static_cast<double>(mode.weight_sd);
+    weight_sd.push_back(mode.weight_sd);
   }
-  if (!(weight_sd > 0.0)) return {};
+  const auto highest = std::ranges::max_element(weight_sd);
+  if (highest == weight_sd.end() || !(*highest > 0.0)) return {};
   const Eigen::MatrixXd sweeps = information_of(used);
   const std::vector<Shown> pictures = shown(used);
   const Eigen::Index size = sweeps.rows();
   // In units of each parameter's own information, so that N is as well conditioned as it can be.
   const Eigen::VectorXd unit = sweeps.diagonal().cwiseSqrt().cwiseInverse();
   if (!unit.allFinite()) return {};
-  const Eigen::VectorXd of_strongest = Eigen::VectorXd::Unit(size, used[strongest].column);
-  double s = weight_sd;
+  double s = *highest;
   Eigen::MatrixXd n, m;
   Eigen::LLT<Eigen::MatrixXd> factor;
   for (int round = 0; round < kRounds; ++round) {
@@ -470,8 +467,13 @@ Eigen::MatrixXd MatteCovariance::root(std::span<const Mode> modes) const {
     scaled.diagonal().array() += kRidge;
     factor.compute(scaled);
     if (factor.info() != Eigen::Success) return {};
-    const double variance = of_strongest.dot(factor.solve(of_strongest));
-    s = weight_sd / (std::sqrt(variance) * unit[used[strongest].column]);
+    double most = 0.0;
+    for (size_t k = 0; k < used.size(); ++k) {
+      const Eigen::VectorXd of_weight = Eigen::VectorXd::Unit(size, used[k].column);
+      const double variance = of_weight.dot(factor.solve(of_weight));
+      most = std::max(most, weight_sd[k] / (std::sqrt(variance) * unit[used[k].column]));
+    }
+    s = most;
   }
   const Eigen::LLT<Eigen::MatrixXd> noise(m);
   if (noise.info() != Eigen::Success) return {};

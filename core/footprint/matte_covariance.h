@@ -5,8 +5,8 @@
 //
 // with J_i the derivatives of sample i. Samples are those of stripes and sinusoids, with w the number of
 // their pictures, of black, with w = 1, and of white and bars, with w = s^2 / (s^2 / light^2 + e^2), where e
-// is how much their model may be off (lit_area.h). s is such that the strongest mode's weight has the
-// standard error of the matte, s^2 N^-1.
+// is how much their model may be off (lit_area.h). s is the least with which no mode's weight has less than
+// the standard error of the matte, s^2 N^-1: that of a broad mode may be of its weight alone.
 //
 // Coefficients c of pyramids are at least 0 and have a prior of standard deviation s (solver/any/
 // pyramid_fit.h): their errors are not normal. Noise e of samples and h of the prior is drawn, and the fit
@@ -47,7 +47,7 @@ class MatteCovariance {
   static absl::StatusOr<MatteCovariance> create(const v1::MatteMetadata& metadata);
 
   // A matrix A with Cov = A A', of F and then R, cx, cy, xx, xy and yy of each mode with a weight, in light,
-  // px and px^2. Empty if the strongest mode's standard error is not known, or no sample sees a mode.
+  // px and px^2. Empty if no mode's standard error is known, or no sample sees a mode.
   Eigen::MatrixXd root(std::span<const Mode> modes) const;
 
   // Of a pyramid and of the channel's `modes` that it keeps. Empty: not known.

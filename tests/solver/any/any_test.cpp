@@ -92,7 +92,7 @@ gate::Shares shares_of(const Shape& shape, double x_px, double y_px) {
   return shares;
 }
 
-// By which nothing was chosen.
+// By which fits were not chosen; nor errors by chevron and spiral.
 const std::map<std::string, Shape>& other_shapes() {
   static const std::map<std::string, Shape> all{
       {"half disc", [](double x, double y) { return std::hypot(x, y) < 9.0 && y > 0.4 * x - 1.0; }},
@@ -199,8 +199,8 @@ RadianceImage clouds(unsigned seed = 3) {
 // How composites of three pictures keep to their stated errors, bias included; of pixels without a flag.
 struct Kept {
   double count = 0.0, within = 0.0, squares = 0.0;  // samples of pyramids: all, within one, sum of z^2
-  double pixels = 0.0, beyond = 0.0;                // channels of any pixel: all, beyond kFar by rms
-  static constexpr double kFar = 5.0;
+  double pixels = 0.0, beyond = 0.0;                // channels of any pixel: all, visibly beyond kFar by rms
+  static constexpr double kFar = 5.0, kVisible = 1e-3;
 
   Kept& operator+=(const Kept& other) {
     count += other.count, within += other.within, squares += other.squares;
@@ -214,7 +214,8 @@ struct Kept {
 Kept kept_by(const Scene& scene, const Matte& matte) {
   constexpr int kPictures = 3;
   Kept kept;
-  std::map<std::pair<int, int>, double> of_pixels;  // by x and channel
+  std::map<std::pair<int, int>, std::array<double, 2>>
+      of_pixels;  // squares of z and of light, by x and channel
   for (unsigned picture = 0; picture < kPictures; ++picture) {
     const std::vector<RadianceImage> shown{clouds(3 + picture)};
     const RadianceImage made = composite(matte, shown).value(), error = composite_error(matte, shown).value(),
@@ -222,8 +223,10 @@ Kept kept_by(const Scene& scene, const Matte& matte) {
     for (int x = 0; x < matte.width_px(); ++x) {
       for (int c = 0; c < kChannels; ++c) {
         if (!scene.inside[x] || !std::isfinite(error.at(x, 0, c))) continue;
-        const double z = static_cast<double>((made.at(x, 0, c) - truth.at(x, 0, c)) / error.at(x, 0, c));
-        of_pixels[{x, c}] += z * z / kPictures;
+        const auto off = static_cast<double>(made.at(x, 0, c) - truth.at(x, 0, c));
+        const double z = off / static_cast<double>(error.at(x, 0, c));
+        of_pixels[{x, c}][0] += z * z / kPictures;
+        of_pixels[{x, c}][1] += off * off / kPictures;
         if (matte.pyramids(x, 0, c).empty()) continue;
         ++kept.count;
         kept.within += std::abs(z) < 1.0;
@@ -231,9 +234,9 @@ Kept kept_by(const Scene& scene, const Matte& matte) {
       }
     }
   }
-  for (const auto& [_, square] : of_pixels) {
+  for (const auto& [_, squares] : of_pixels) {
     ++kept.pixels;
-    kept.beyond += square > Kept::kFar * Kept::kFar;
+    kept.beyond += squares[0] > Kept::kFar * Kept::kFar && squares[1] > Kept::kVisible * Kept::kVisible;
   }
   return kept;
 }
