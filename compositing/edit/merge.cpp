@@ -127,9 +127,11 @@ class Merge {
 // The metadata of both; data that only one was fitted to is left out.
 v1::MatteMetadata both(const v1::MatteMetadata& front, const v1::MatteMetadata& back) {
   v1::MatteMetadata metadata = front;
-  if (!are_equal(front.sweeps(), back.sweeps()) || !are_equal(front.lit_pictures(), back.lit_pictures())) {
+  if (!are_equal(front.sweeps(), back.sweeps()) || !are_equal(front.lit_pictures(), back.lit_pictures()) ||
+      !google::protobuf::util::MessageDifferencer::Equals(front.mixture(), back.mixture())) {
     metadata.clear_sweeps();
     metadata.clear_lit_pictures();
+    metadata.clear_mixture();
   }
   if (front.mosaic() != back.mosaic()) metadata.clear_mosaic();
   for (const std::string& warning : back.warnings()) {

@@ -164,6 +164,7 @@ absl::StatusOr<Matte> resized(const Matte& matte, int width_px, int height_px, i
   out.metadata.set_height_px(height_px);
   out.metadata.clear_sweeps();
   out.metadata.clear_lit_pictures();
+  out.metadata.clear_mixture();
   out.metadata.clear_mosaic();
   return out;
 }

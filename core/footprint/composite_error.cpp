@@ -44,23 +44,27 @@ double variance_of(std::span<const Mode> modes, int channel, const MatteCovarian
   return (root.transpose() * slopes).squaredNorm();
 }
 
-// Of a channel with pyramids: none if modes bring it light of other monitors, too.
+// Of a channel with pyramids; its modes on other monitors stand beside them.
 double variance_of_pyramids(const Matte& matte, int x, int y, int channel, const MatteCovariance& covariance,
                             const LitMonitors& monitors) {
   const std::span<const PyramidFootprint> pyramids = matte.pyramids(x, y, channel);
   double sum = 0.0;
   for (const PyramidFootprint& pyramid : pyramids) {
-    const auto& monitor = monitors[pyramid.texture];
-    sum += covariance.variance(pyramid, matte.modes(x, y, channel), [&](const Footprint& place) {
-      return monitor ? monitor->slopes(place, channel).light : 0.0;
-    });
+    const auto [places, root] = covariance.errors_of(pyramid, matte.modes(x, y, channel));
+    if (root.size() == 0) return kUnknown;
+    Eigen::VectorXd light = Eigen::VectorXd::Zero(root.rows());
+    light[0] = 1.0;
+    for (size_t k = 0; monitors[pyramid.texture] && k < places.size(); ++k)
+      light[static_cast<Eigen::Index>(k) + 1] = monitors[pyramid.texture]->slopes(places[k], channel).light;
+    sum += (root.transpose() * light).squaredNorm();
   }
+  std::vector<Mode> others;
   for (const Mode& mode : matte.modes(x, y, channel)) {
     if (mode.weight > 0.0f &&
         std::ranges::find(pyramids, mode.texture, &PyramidFootprint::texture) == pyramids.end())
-      return kUnknown;
+      others.push_back(mode);
   }
-  return std::isfinite(sum) ? sum : kUnknown;
+  return others.empty() ? sum : sum + variance_of(others, channel, covariance, monitors);
 }
 
 // For the primaries to which a composite is converted: independent channels.

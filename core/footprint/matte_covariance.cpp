@@ -8,7 +8,9 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <random>
 
+#include "core/base/status.h"
 #include "core/footprint/within_pixel.h"
 
 namespace glasswing {
@@ -20,57 +22,122 @@ constexpr double kRidge = 1e-10;      // of N's diagonal
 constexpr int kMaxSamples = 1 << 14;  // of a sweep, and pictures that are alike
 constexpr int kMaxSweeps = 256, kMaxPictures = 4096;
 constexpr double kMinBar_px = 0.5, kMaxOffset_px = 1e5;
-// Of a pyramid's coefficient and of a neighbour that is 0, over the prior's standard deviation: less, as both
-// are known to be positive. Held to brute force by tests/solver/any.
-constexpr double kOwnPrior = 0.7, kAroundPrior = 0.1;
-constexpr int kRounds = 4;  // of s and the weights of white and bars for it
+constexpr double kMaxFrequency = 0.5001, kMaxPhase_deg = 1e6;  // of sinusoids
+constexpr Eigen::Index kDraws = 16;  // of a pyramid's coefficients: its error is known to a fifth
+constexpr int kExchanges = 3;        // of all violations, that need not lower their number,
+constexpr int kMaxExchanges = 100;   // and of any
+constexpr double kRounding = 1e-10;  // of slopes
+constexpr int kRounds = 4;           // of s and the weights of white and bars for it
 
 }  // namespace
 
 absl::StatusOr<MatteCovariance> MatteCovariance::create(const v1::MatteMetadata& metadata) {
-  if (metadata.sweeps().empty()) {
+  const v1::Mixture& mixture = metadata.mixture();
+  if (metadata.sweeps().empty() && mixture.sweeps().empty() && mixture.wave_sets().empty()) {
     return absl::FailedPreconditionError(
         "the matte does not record how it was sampled, so the errors of its composites are not known; mattes "
         "from method gaussian do, if solved by this version or a later one and without the option images");
   }
-  if (metadata.sweeps_size() > kMaxSweeps || metadata.lit_pictures_size() > kMaxPictures) {
+  if (metadata.sweeps_size() > kMaxSweeps || mixture.sweeps_size() > kMaxPictures ||
+      metadata.lit_pictures_size() > kMaxPictures) {
     return absl::DataLossError(
         fmt::format("the matte's header names {} sweeps and {} pictures; {} and {} are accepted",
-                    metadata.sweeps_size(), metadata.lit_pictures_size(), kMaxSweeps, kMaxPictures));
+                    metadata.sweeps_size() + mixture.sweeps_size(), metadata.lit_pictures_size(), kMaxSweeps,
+                    kMaxPictures));
   }
   MatteCovariance covariance;
   for (const v1::Monitor& monitor : metadata.monitors()) covariance.extents_.push_back(extent_of(monitor));
-  for (const v1::StripeSweep& sweep : metadata.sweeps()) {
-    const double length_px = sweep.last_r_px() - sweep.first_r_px();
-    if (sweep.texture() < 0 || sweep.texture() >= metadata.monitors_size() || !(sweep.sigma_px() > 0.0) ||
-        !(length_px > 0.0) || !std::isfinite(length_px + sweep.sigma_px() + sweep.phi_deg()) ||
-        sweep.count() < 2 || sweep.count() > kMaxSamples)
-      return absl::DataLossError("the matte's header names an impossible sweep");
-    const double phi = sweep.phi_deg() * std::numbers::pi / 180.0;
-    covariance.sweeps_.push_back(
-        {.texture = sweep.texture(),
-         .axis = {.cos_phi = std::cos(phi), .sin_phi = std::sin(phi), .sigma_px = sweep.sigma_px()},
-         .first_r_px = sweep.first_r_px(),
-         .step_px = length_px / (sweep.count() - 1),
-         .count = sweep.count()});
-  }
-  for (const v1::LitPicture& picture : metadata.lit_pictures()) {
-    const bool bars = picture.bar_px() != 0.0;
-    if (picture.texture() < 0 || picture.texture() >= metadata.monitors_size() ||
-        (bars && !(picture.bar_px() >= kMinBar_px)) || !(std::abs(picture.offset_px()) < kMaxOffset_px) ||
-        !(picture.light() > 0.0) || !(picture.light() <= 1.0) || picture.count() < 1 ||
-        picture.count() > kMaxSamples)
-      return absl::DataLossError("the matte's header names an impossible picture of white or bars");
-    covariance.pictures_.push_back({.texture = picture.texture(),
-                                    .lit = {.bars = bars,
-                                            .horizontal = picture.horizontal(),
-                                            .bar_px = picture.bar_px(),
-                                            .offset_px = picture.offset_px(),
-                                            .inverse = picture.inverse()},
-                                    .light = picture.light(),
-                                    .count = picture.count()});
-  }
+  for (const v1::StripeSweep& sweep : metadata.sweeps()) GW_RETURN_IF_ERROR(covariance.add_sweep(sweep));
+  for (const v1::StripeSweep& sweep : mixture.sweeps()) GW_RETURN_IF_ERROR(covariance.add_sweep(sweep));
+  GW_RETURN_IF_ERROR(covariance.add_waves(mixture));
+  for (const v1::LitPicture& picture : metadata.lit_pictures())
+    GW_RETURN_IF_ERROR(covariance.add_picture(picture));
   return covariance;
+}
+
+absl::Status MatteCovariance::add_sweep(const v1::StripeSweep& sweep) {
+  const double length_px = sweep.last_r_px() - sweep.first_r_px();
+  if (sweep.texture() < 0 || sweep.texture() >= std::ssize(extents_) || !(sweep.sigma_px() > 0.0) ||
+      sweep.count() < 1 || sweep.count() > kMaxSamples ||
+      !(sweep.count() == 1 ? length_px == 0.0 : length_px > 0.0) ||
+      !std::isfinite(length_px + sweep.sigma_px() + sweep.phi_deg()) || !(sweep.light() >= 0.0) ||
+      !(sweep.light() <= 1.0))
+    return absl::DataLossError("the matte's header names an impossible sweep");
+  const double phi = sweep.phi_deg() * std::numbers::pi / 180.0;
+  sweeps_.push_back(
+      {.texture = sweep.texture(),
+       .axis = {.cos_phi = std::cos(phi), .sin_phi = std::sin(phi), .sigma_px = sweep.sigma_px()},
+       .first_r_px = sweep.first_r_px(),
+       .step_px = sweep.count() == 1 ? sweep.sigma_px() : length_px / (sweep.count() - 1),
+       .count = sweep.count(),
+       .light = sweep.light() == 0.0 ? 1.0 : sweep.light()});
+  return absl::OkStatus();
+}
+
+absl::Status MatteCovariance::add_waves(const v1::Mixture& mixture) {
+  struct Added {
+    std::vector<ShownPattern> patterns;
+    std::vector<double> light, root;
+  };
+  std::map<int, Added> by_texture;
+  std::int64_t samples = 0;
+  for (const v1::WaveSet& set : mixture.wave_sets()) {
+    samples += std::int64_t{set.phase_deg_size()} * set.x_per_px_size();
+    if (set.texture() < 0 || set.texture() >= std::ssize(extents_) || set.phase_deg().empty() ||
+        set.x_per_px().empty() || set.x_per_px_size() != set.y_per_px_size() || !(set.light() > 0.0) ||
+        !(set.light() <= 1.0) || set.count() < 1 || set.count() > kMaxSamples || samples > kMaxSamples)
+      return absl::DataLossError("the matte's header names impossible sinusoids");
+    Added& added = by_texture[set.texture()];
+    for (int i = 0; i < set.x_per_px_size(); ++i) {
+      for (const double phase_deg : set.phase_deg()) {
+        const double fx = set.x_per_px(i), fy = set.y_per_px(i);
+        if (!(std::hypot(fx, fy) > 0.0) || !(std::hypot(fx, fy) <= kMaxFrequency) ||
+            !(std::abs(phase_deg) <= kMaxPhase_deg))
+          return absl::DataLossError("the matte's header names an impossible sinusoid");
+        ShownPattern& wave = added.patterns.emplace_back();
+        wave.kind = ShownPattern::Kind::kWave;
+        wave.fx = fx, wave.fy = fy;
+        wave.phase_rad = phase_deg * std::numbers::pi / 180.0;
+        added.light.push_back(set.light());
+        added.root.push_back(std::sqrt(set.count()));
+      }
+    }
+  }
+  for (auto& [texture, added] : by_texture) {
+    const Eigen::Index count = std::ssize(added.patterns);
+    waves_.emplace(texture, Waves{.answers = {std::move(added.patterns), extents_[texture]},
+                                  .light = Eigen::Map<const Eigen::VectorXd>(added.light.data(), count),
+                                  .root = Eigen::Map<const Eigen::VectorXd>(added.root.data(), count)});
+  }
+  return absl::OkStatus();
+}
+
+absl::Status MatteCovariance::add_picture(const v1::LitPicture& picture) {
+  const bool bars = picture.bar_px() != 0.0;
+  if (picture.texture() < 0 || picture.texture() >= std::ssize(extents_) ||
+      (bars && !(picture.bar_px() >= kMinBar_px)) || !(std::abs(picture.offset_px()) < kMaxOffset_px) ||
+      !(picture.light() > 0.0) || !(picture.light() <= 1.0) || picture.count() < 1 ||
+      picture.count() > kMaxSamples)
+    return absl::DataLossError("the matte's header names an impossible picture of white or bars");
+  pictures_.push_back({.texture = picture.texture(),
+                       .lit = {.bars = bars,
+                               .horizontal = picture.horizontal(),
+                               .bar_px = picture.bar_px(),
+                               .offset_px = picture.offset_px(),
+                               .inverse = picture.inverse()},
+                       .light = picture.light(),
+                       .count = picture.count()});
+  return absl::OkStatus();
+}
+
+std::pair<int, int> MatteCovariance::seen_samples(const Footprint& mode, const Sweep& sweep) {
+  const double at = mode.x_px * sweep.axis.cos_phi + mode.y_px * sweep.axis.sin_phi - sweep.first_r_px,
+               reach = kSeen * std::sqrt(answered_variance(mode, sweep.axis));
+  const auto sample = [&](double r_px) {
+    const double count = sweep.count;
+    return static_cast<int>(std::clamp(std::ceil(r_px / sweep.step_px), 0.0, count));
+  };
+  return {sample(at - reach), sample(at + reach)};
 }
 
 void MatteCovariance::set_derivatives(const Footprint& mode, const Sweep& sweep, int begin, int end,
@@ -85,6 +152,7 @@ void MatteCovariance::set_derivatives(const Footprint& mode, const Sweep& sweep,
     for (int i = begin; i < end; ++i) {
       const double r_px = sweep.first_r_px + i * sweep.step_px;
       by(i - begin, parameter) =
+          sweep.light *
           (response(more, sweep.axis, r_px, extent) - response(less, sweep.axis, r_px, extent)) /
           (2.0 * by_px);
     }
@@ -97,51 +165,66 @@ void MatteCovariance::set_derivatives(const Footprint& mode, const Sweep& sweep,
   fill(5, &Footprint::yy_px2, square);
 }
 
-Eigen::MatrixXd MatteCovariance::of_sweeps(std::span<const Used> modes) const {
+Eigen::MatrixXd MatteCovariance::information_of(std::span<const Used> modes) const {
   const Eigen::Index size = 1 + 6 * std::ssize(modes);
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size, size);
   information(0, 0) = 1.0;  // black
-  for (const Sweep& sweep : sweeps_) {
-    struct Seen {
-      const Used* used;
-      int begin, end;  // samples
-    };
-    std::vector<Seen> seen;
-    int begin = sweep.count, end = 0;
-    for (const Used& used : modes) {
-      if (used.texture != sweep.texture) continue;
-      const Footprint& mode = used.mode;
-      const double at = mode.x_px * sweep.axis.cos_phi + mode.y_px * sweep.axis.sin_phi - sweep.first_r_px,
-                   reach = kSeen * std::sqrt(answered_variance(mode, sweep.axis));
-      const auto sample = [&](double r_px) {
-        const double count = sweep.count;
-        return static_cast<int>(std::clamp(std::ceil(r_px / sweep.step_px), 0.0, count));
-      };
-      const Seen own{&used, sample(at - reach), sample(at + reach)};
-      if (own.begin == own.end) continue;
-      begin = std::min(begin, own.begin), end = std::max(end, own.end);
-      seen.push_back(own);
-    }
-    Eigen::MatrixXd by = Eigen::MatrixXd::Zero(std::max(end - begin, 0), size);
-    by.col(0).setOnes();
-    for (const Seen& own : seen) {
-      set_derivatives(own.used->mode, sweep, own.begin, own.end,
-                      by.block(own.begin - begin, own.used->column, own.end - own.begin, 6));
-    }
-    information(0, 0) += static_cast<double>(sweep.count - by.rows());
-    information.noalias() += by.transpose() * by;
-  }
+  for (const Sweep& sweep : sweeps_) add_sweep_information(modes, sweep, information);
+  for (const auto& [texture, waves] : waves_) add_wave_information(modes, texture, information);
   return information;
+}
+
+void MatteCovariance::add_sweep_information(std::span<const Used> modes, const Sweep& sweep,
+                                            Eigen::MatrixXd& information) const {
+  struct Seen {
+    const Used* used;
+    int begin, end;  // samples
+  };
+  std::vector<Seen> seen;
+  int begin = sweep.count, end = 0;
+  for (const Used& used : modes) {
+    if (used.texture != sweep.texture) continue;
+    const auto [first, last] = seen_samples(used.mode, sweep);
+    const Seen own{&used, first, last};
+    if (own.begin == own.end) continue;
+    begin = std::min(begin, own.begin), end = std::max(end, own.end);
+    seen.push_back(own);
+  }
+  Eigen::MatrixXd by = Eigen::MatrixXd::Zero(std::max(end - begin, 0), information.cols());
+  by.col(0).setOnes();
+  for (const Seen& own : seen) {
+    set_derivatives(own.used->mode, sweep, own.begin, own.end,
+                    by.block(own.begin - begin, own.used->column, own.end - own.begin, 6));
+  }
+  information(0, 0) += static_cast<double>(sweep.count - by.rows());
+  information.noalias() += by.transpose() * by;
+}
+
+void MatteCovariance::add_wave_information(std::span<const Used> modes, int texture,
+                                           Eigen::MatrixXd& information) const {
+  const Waves& waves = waves_.at(texture);
+  Eigen::MatrixXd by = Eigen::MatrixXd::Zero(waves.root.size(), information.cols()),
+                  columns(waves.root.size(), PatternAnswers::kColumns);
+  by.col(0) = waves.root;
+  for (const Used& used : modes) {
+    if (used.texture != texture) continue;
+    // Widened by the monitor's pixels: derivatives of a narrow one's answers are those of a staircase.
+    Footprint seen = used.mode;
+    seen.xx_px2 += kFlatPixel_px2;
+    seen.yy_px2 += kFlatPixel_px2;
+    waves.answers.of(seen, false, columns.data(), columns.rows());
+    by.middleCols(used.column, 6) = waves.root.cwiseProduct(waves.light).asDiagonal() * columns.rightCols(6);
+  }
+  information.noalias() += by.transpose() * by;
 }
 
 namespace {
 
-// The places whose light the samples may confuse with the pyramid's: its own and those around, of weight 1,
-// with their prior standard deviations.
+// The places whose light the samples may confuse with the pyramid's: its own and those around them.
 struct Unsure {
-  std::vector<Footprint> places;
+  std::vector<Footprint> places;  // of weight 1; the channel's modes that are kept come last
   std::vector<double> prior_sd, weight;
-  Eigen::Index first_mode = 0;  // from here on they are modes that are kept
+  Eigen::Index first_mode = 0;
 };
 
 Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, const MonitorExtent& extent) {
@@ -162,8 +245,7 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
   for (const auto& [place, weight] : weights) {
     all.places.push_back(footprint_of(
         mode_of({.level = place[0], .column = place[2], .row = place[1], .weight = 1.0f}, pyramid.texture)));
-    all.prior_sd.push_back((weight > 0.0 ? kOwnPrior : kAroundPrior) *
-                           std::ldexp(static_cast<double>(pyramid.prior_sd), 2 * place[0]));
+    all.prior_sd.push_back(std::ldexp(static_cast<double>(pyramid.prior_sd), 2 * place[0]));
     all.weight.push_back(weight);
   }
   all.first_mode = std::ssize(all.places);
@@ -171,72 +253,153 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
     if (kept.level < kPyramidLevels) continue;
     all.places.push_back(footprint_of(modes[static_cast<size_t>(kept.level - kPyramidLevels)]));
     all.places.back().weight = 1.0;
-    all.prior_sd.push_back(1.0);
     all.weight.push_back(kept.weight);
   }
   return all;
 }
 
-// Of the average of a pyramid and the pixel's modes (solver/any/pyramid_fit.h): how far they are apart.
-// `light`: of each place.
-double variance_between(const Unsure& unsure, const Eigen::Ref<const Eigen::VectorXd>& light) {
-  double weight = 0.0, seen = 0.0, of_modes = 0.0, seen_of_modes = 0.0;
-  for (Eigen::Index k = 0; k < light.size(); ++k) {
-    const bool is_mode = k >= unsure.first_mode;
-    const double own = unsure.weight[k];
-    (is_mode ? of_modes : weight) += own;
-    (is_mode ? seen_of_modes : seen) += own * light[k];
+// min x' n x / 2 - b' x over x >= 0, except x_0, which may have any sign: by exchanging all that violate its
+// conditions (Portugal, Judice and Vicente 1994), or the last one while that lowers their number no more.
+Eigen::VectorXd positive_minimum(const Eigen::MatrixXd& n, const Eigen::VectorXd& b,
+                                 std::vector<bool> is_free) {
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(b.size());
+  Eigen::Index fewest = b.size() + 1;
+  int tries = kExchanges;
+  const double rounding = kRounding * b.cwiseAbs().maxCoeff();
+  for (int round = 0; round < kMaxExchanges; ++round) {
+    std::vector<Eigen::Index> free, wrong;
+    for (Eigen::Index k = 0; k < b.size(); ++k) {
+      if (is_free[k]) free.push_back(k);
+    }
+    const Eigen::MatrixXd own = n(free, free);
+    const Eigen::VectorXd there = own.llt().solve(b(free));
+    x.setZero();
+    for (Eigen::Index i = 0; i < std::ssize(free); ++i) x[free[i]] = there[i];
+    const Eigen::VectorXd slope = n * x - b;
+    for (Eigen::Index k = 1; k < b.size(); ++k) {
+      if (is_free[k] ? x[k] < 0.0 : slope[k] < -rounding) wrong.push_back(k);
+    }
+    if (wrong.empty()) break;
+    if (std::ssize(wrong) < fewest) {
+      fewest = std::ssize(wrong);
+      tries = kExchanges;
+    } else if (--tries < 0) {
+      wrong = {wrong.back()};
+    }
+    for (const Eigen::Index k : wrong) is_free[k] = !is_free[k];
   }
-  if (!(weight > 0.0) || !(of_modes > 0.0)) return 0.0;
-  return weight * of_modes * std::pow(seen / weight - seen_of_modes / of_modes, 2);
+  x.tail(b.size() - 1) = x.tail(b.size() - 1).cwiseMax(0.0);
+  return x;
+}
+
+// A with A A' the mean of (x_j - x) (x_j - x)'.
+Eigen::MatrixXd sampled_root(const Eigen::MatrixXd& a, const Eigen::VectorXd& x,
+                             const Eigen::VectorXd& prior_sd) {
+  const Eigen::Index size = a.cols();
+  Eigen::MatrixXd n = a.transpose() * a;
+  std::vector<bool> is_free(size, true);
+  const Eigen::VectorXd shown = n * x;
+  Eigen::VectorXd b = shown;
+  for (Eigen::Index k = 1; k < size; ++k) {
+    const double known = std::pow(prior_sd[k - 1], -2);
+    n(k, k) += known;
+    b[k] += known * x[k];
+    is_free[k] = x[k] > 0.0;
+  }
+  std::mt19937 random;  // the same draws for every pixel
+  std::normal_distribution<double> normal;
+  Eigen::VectorXd noise(a.rows());
+  Eigen::MatrixXd root(size, kDraws);
+  for (Eigen::Index j = 0; j < kDraws; ++j) {
+    for (double& own : noise) own = normal(random);
+    Eigen::VectorXd drawn = b + a.transpose() * noise;
+    for (Eigen::Index k = 1; k < size; ++k) drawn[k] += normal(random) / prior_sd[k - 1];
+    root.col(j) = (positive_minimum(n, drawn, is_free) - x) / std::sqrt(static_cast<double>(kDraws));
+  }
+  return root;
 }
 
 }  // namespace
 
-double MatteCovariance::variance(const PyramidFootprint& pyramid, std::span<const Mode> modes,
-                                 absl::FunctionRef<double(const Footprint&)> light) const {
-  const Unsure unsure = unsure_of(pyramid, modes, extents_[pyramid.texture]);
-  const std::vector<Footprint>& places = unsure.places;
+Eigen::MatrixXd MatteCovariance::answers_of(const std::vector<Footprint>& places,
+                                            const PyramidFootprint& pyramid,
+                                            const Eigen::VectorXd& weight) const {
   const MonitorExtent& extent = extents_[pyramid.texture];
-  const Eigen::Index count = std::ssize(places);
-  const double noise = std::pow(static_cast<double>(pyramid.noise_sd), 2);
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(count + 1, count + 1);
-  information(0, 0) = 1.0 / noise;  // black
+  const Eigen::Index size = 1 + std::ssize(places);
+  double dark = 1.0;  // samples that see none of the places, black among them
+  std::vector<Eigen::MatrixXd> parts;
   for (const Sweep& sweep : sweeps_) {
     if (sweep.texture != pyramid.texture) continue;
-    Eigen::MatrixXd by = Eigen::MatrixXd::Zero(sweep.count, count + 1);
+    int begin = sweep.count, end = 0;
+    for (const Footprint& place : places) {
+      const auto [first, last] = seen_samples(place, sweep);
+      if (first < last) begin = std::min(begin, first), end = std::max(end, last);
+    }
+    Eigen::MatrixXd& by = parts.emplace_back(std::max(end - begin, 0), size);
+    dark += static_cast<double>(sweep.count - by.rows());
     by.col(0).setOnes();
-    for (Eigen::Index k = 0; k < count; ++k) {
-      for (Eigen::Index i = 0; i < sweep.count; ++i) {
-        const double r_px = sweep.first_r_px + static_cast<double>(i) * sweep.step_px;
-        by(i, k + 1) = response(places[k], sweep.axis, r_px, extent);
+    for (Eigen::Index k = 1; k < size; ++k) {
+      for (Eigen::Index i = 0; i < by.rows(); ++i) {
+        const double r_px = sweep.first_r_px + static_cast<double>(begin + i) * sweep.step_px;
+        by(i, k) = sweep.light * response(places[k - 1], sweep.axis, r_px, extent);
       }
     }
-    information.noalias() += by.transpose() * by / noise;
+  }
+  if (const auto found = waves_.find(pyramid.texture); found != waves_.end()) {
+    const Waves& waves = found->second;
+    Eigen::MatrixXd& by = parts.emplace_back(waves.root.size(), size);
+    Eigen::MatrixXd columns(by.rows(), PatternAnswers::kColumns);
+    by.col(0) = waves.root;
+    for (Eigen::Index k = 1; k < size; ++k) {
+      waves.answers.of(places[k - 1], true, columns.data(), columns.rows());
+      by.col(k) = waves.root.cwiseProduct(waves.light).cwiseProduct(columns.col(0));
+    }
   }
   std::vector<LitShare> shares;
   for (const Footprint& place : places) shares.emplace_back(place, extent);
+  const double noise = std::pow(static_cast<double>(pyramid.noise_sd), 2);
   for (const Picture& picture : pictures_) {
     if (picture.texture != pyramid.texture) continue;
-    Eigen::VectorXd by(count + 1);
-    by[0] = 1.0;
-    double seen = 0.0;
-    for (Eigen::Index k = 0; k < count; ++k) {
-      by[k + 1] = picture.light * shares[k].of(picture.lit).share;
-      seen += by[k + 1] * unsure.weight[k];
-    }
-    const double error = (picture.lit.bars ? kBarsError : kWhiteError) * seen;
-    information.noalias() += by * by.transpose() / (noise / picture.count + error * error);
+    Eigen::MatrixXd& by = parts.emplace_back(1, size);
+    by(0, 0) = 1.0;
+    for (Eigen::Index k = 1; k < size; ++k) by(0, k) = picture.light * shares[k - 1].of(picture.lit).share;
+    const double off = (picture.lit.bars ? kBarsError : kWhiteError) * by.row(0).tail(size - 1).dot(weight);
+    by /= std::sqrt(1.0 / picture.count + off * off / noise);
   }
-  Eigen::VectorXd by(count + 1);
-  by[0] = 1.0;
-  for (Eigen::Index k = 0; k < count; ++k) {
-    information(k + 1, k + 1) += std::pow(unsure.prior_sd[k], -2);
-    by[k + 1] = light(places[k]);
+  Eigen::Index rows = 1;
+  for (const Eigen::MatrixXd& part : parts) rows += part.rows();
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(rows, size);
+  all(0, 0) = std::sqrt(dark);
+  rows = 1;
+  for (const Eigen::MatrixXd& part : parts) {
+    all.middleRows(rows, part.rows()) = part;
+    rows += part.rows();
   }
-  const Eigen::LLT<Eigen::MatrixXd> factor(information);
-  if (factor.info() != Eigen::Success) return INFINITY;
-  return by.dot(factor.solve(by)) + variance_between(unsure, by.tail(count));
+  return all / std::sqrt(noise);
+}
+
+PyramidErrors MatteCovariance::errors_of(const PyramidFootprint& pyramid, std::span<const Mode> modes) const {
+  Unsure unsure = unsure_of(pyramid, modes, extents_[pyramid.texture]);
+  const Eigen::Index size = 1 + std::ssize(unsure.places), own = 1 + unsure.first_mode;
+  const Eigen::Map<const Eigen::VectorXd> weight(unsure.weight.data(), size - 1),
+      prior_sd(unsure.prior_sd.data(), own - 1);
+  const double light = weight.head(own - 1).sum(), of_modes = weight.tail(size - own).sum();
+  PyramidErrors errors{.places = std::move(unsure.places), .root = Eigen::MatrixXd::Zero(size, kDraws + 1)};
+  if (!(light > 0.0) || !(pyramid.noise_sd > 0.0f) || !(pyramid.prior_sd > 0.0f)) return {};
+  // Alone, before the average with the modes.
+  const double share = light / (light + of_modes);
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(own);
+  x.tail(own - 1) = weight.head(own - 1) / share;
+  const std::vector<Footprint> places(errors.places.begin(), errors.places.begin() + own - 1);
+  const Eigen::MatrixXd answers = answers_of(places, pyramid, x.tail(own - 1));
+  // Modes know no more than the pyramid of what the samples leave open: the average is as uncertain.
+  errors.root.topLeftCorner(own, kDraws) = sampled_root(answers, x, prior_sd);
+  if (of_modes > 0.0) {
+    const double root = std::sqrt(light * of_modes);
+    errors.root.col(kDraws).segment(1, own - 1) = root / light * weight.head(own - 1);
+    errors.root.col(kDraws).tail(size - own) = -root / of_modes * weight.tail(size - own);
+  }
+  return errors;
 }
 
 std::vector<MatteCovariance::Shown> MatteCovariance::shown(std::span<const Used> modes) const {
@@ -266,26 +429,23 @@ std::vector<MatteCovariance::Shown> MatteCovariance::shown(std::span<const Used>
 
 Eigen::MatrixXd MatteCovariance::root(std::span<const Mode> modes) const {
   std::vector<Used> used;
-  size_t strongest = 0;
-  double weight_sd = 0.0;
+  std::vector<double> weight_sd;
   for (const Mode& mode : modes) {
     if (mode.weight <= 0.0f) continue;
     used.push_back({.mode = footprint_of(mode),
                     .texture = mode.texture,
                     .column = 1 + 6 * static_cast<Eigen::Index>(used.size())});
-    if (used.size() > 1 && used.back().mode.weight <= used[strongest].mode.weight) continue;
-    strongest = used.size() - 1;
-    weight_sd = static_cast<double>(mode.weight_sd);
+    weight_sd.push_back(mode.weight_sd);
   }
-  if (!(weight_sd > 0.0)) return {};
-  const Eigen::MatrixXd sweeps = of_sweeps(used);
+  const auto highest = std::ranges::max_element(weight_sd);
+  if (highest == weight_sd.end() || !(*highest > 0.0)) return {};
+  const Eigen::MatrixXd sweeps = information_of(used);
   const std::vector<Shown> pictures = shown(used);
   const Eigen::Index size = sweeps.rows();
   // In units of each parameter's own information, so that N is as well conditioned as it can be.
   const Eigen::VectorXd unit = sweeps.diagonal().cwiseSqrt().cwiseInverse();
   if (!unit.allFinite()) return {};
-  const Eigen::VectorXd of_strongest = Eigen::VectorXd::Unit(size, used[strongest].column);
-  double s = weight_sd;
+  double s = *highest;
   Eigen::MatrixXd n, m;
   Eigen::LLT<Eigen::MatrixXd> factor;
   for (int round = 0; round < kRounds; ++round) {
@@ -307,8 +467,13 @@ Eigen::MatrixXd MatteCovariance::root(std::span<const Mode> modes) const {
     scaled.diagonal().array() += kRidge;
     factor.compute(scaled);
     if (factor.info() != Eigen::Success) return {};
-    const double variance = of_strongest.dot(factor.solve(of_strongest));
-    s = weight_sd / (std::sqrt(variance) * unit[used[strongest].column]);
+    double most = 0.0;
+    for (size_t k = 0; k < used.size(); ++k) {
+      const Eigen::VectorXd of_weight = Eigen::VectorXd::Unit(size, used[k].column);
+      const double variance = of_weight.dot(factor.solve(of_weight));
+      most = std::max(most, weight_sd[k] / (std::sqrt(variance) * unit[used[k].column]));
+    }
+    s = most;
   }
   const Eigen::LLT<Eigen::MatrixXd> noise(m);
   if (noise.info() != Eigen::Success) return {};

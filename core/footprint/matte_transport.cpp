@@ -62,19 +62,18 @@ bool has_boxes(const Matte& matte) {
   return matte.metadata.footprint() == kBoxFootprint;
 }
 
-// The footprints with light, on monitors that the matte has.
-std::vector<Mode> lit_modes(const Matte& matte, int x, int y, int channel) {
-  std::vector<Mode> modes;
-  if (matte.pyramids(x, y, channel).empty()) {
-    const std::span<const Mode> own = matte.modes(x, y, channel);
-    modes.assign(own.begin(), own.end());
-  } else {
-    modes = matte.gaussians(x, y, channel);
-  }
+// Those with light, on monitors that the matte has.
+std::vector<Mode> lit(const Matte& matte, std::vector<Mode> modes) {
   std::erase_if(modes, [&](const Mode& mode) {
     return mode.weight <= 0.0f || mode.texture < 0 || mode.texture >= matte.metadata.monitors_size();
   });
   return modes;
+}
+
+std::vector<Mode> lit_modes(const Matte& matte, int x, int y, int channel) {
+  if (!matte.pyramids(x, y, channel).empty()) return lit(matte, matte.gaussians(x, y, channel));
+  const std::span<const Mode> own = matte.modes(x, y, channel);
+  return lit(matte, {own.begin(), own.end()});
 }
 
 }  // namespace
@@ -130,9 +129,8 @@ class MatteTransport::Row {
       });
     }
     leave_out_smallest(whole);
-    const bool solved = matte_.coverage(x, y) > 0.0f && matte_.flags(x, y) == kFlagNone &&
-                        matte_.pyramids(x, y, channel).empty();
-    if (errors && solved) set_errors(modes);
+    const bool solved = matte_.coverage(x, y) > 0.0f && matte_.flags(x, y) == kFlagNone;
+    if (errors && solved) set_errors(x, y, channel);
     return entries_;
   }
 
@@ -186,17 +184,51 @@ class MatteTransport::Row {
   }
 
   // sd^2 = |A' dE/dp|^2, as in composite_error.h, for each entry E.
-  void set_errors(std::span<const Mode> modes) {
-    const Eigen::MatrixXd root = error_root(modes);
-    if (root.size() == 0) return;
-    Eigen::MatrixXd parts = Eigen::MatrixXd::Zero(root.cols(), std::ssize(entries_));
-    Eigen::Index p = 1;
-    for (const Mode& mode : modes) {
-      add_error_parts(mode, root.middleRows<6>(p), parts);
-      p += 6;
+  void set_errors(int x, int y, int channel) {
+    const std::span<const PyramidFootprint> pyramids = matte_.pyramids(x, y, channel);
+    const std::span<const Mode> all = matte_.modes(x, y, channel);
+    std::vector<Mode> modes = lit(matte_, {all.begin(), all.end()});
+    std::erase_if(modes, [&](const Mode& mode) {
+      return std::ranges::find(pyramids, mode.texture, &PyramidFootprint::texture) != pyramids.end();
+    });
+    Eigen::VectorXd squares = Eigen::VectorXd::Zero(std::ssize(entries_));
+    if (!modes.empty()) {
+      const Eigen::MatrixXd root = error_root(modes);
+      if (root.size() == 0) return;
+      Eigen::MatrixXd parts = Eigen::MatrixXd::Zero(root.cols(), std::ssize(entries_));
+      Eigen::Index p = 1;
+      for (const Mode& mode : modes) {
+        add_error_parts(mode, root.middleRows<6>(p), parts);
+        p += 6;
+      }
+      squares += parts.colwise().squaredNorm();
     }
-    for (Eigen::Index i = 0; i < parts.cols(); ++i)
-      entries_[i].error = static_cast<float>(parts.col(i).norm());
+    for (const PyramidFootprint& pyramid : pyramids) {
+      if (!transport_.covariance_) return;
+      const auto [places, root] = transport_.covariance_->errors_of(pyramid, matte_.modes(x, y, channel));
+      if (root.size() == 0) return;
+      squares += squares_of(places, root, pyramid.texture);
+    }
+    for (Eigen::Index i = 0; i < squares.size(); ++i)
+      entries_[i].error = static_cast<float>(std::sqrt(squares[i]));
+  }
+
+  // Of the entries, by places of a pyramid.
+  Eigen::VectorXd squares_of(const std::vector<Footprint>& places, const Eigen::MatrixXd& root,
+                             int texture) const {
+    Eigen::MatrixXd parts = Eigen::MatrixXd::Zero(root.cols(), std::ssize(entries_));
+    const Size monitor = size_of(matte_, texture);
+    const std::int64_t first = transport_.first_column(texture);
+    for (size_t k = 0; k < places.size(); ++k) {
+      const auto own = root.row(static_cast<Eigen::Index>(k) + 1).transpose();
+      for_pixels(mode_of(places[k], 0.0, 0.0, texture), false, monitor, [&](int u, int v, double share) {
+        const std::int64_t column = first + std::int64_t{v} * monitor.width_px + u;
+        const auto entry = std::ranges::lower_bound(entries_, column, {}, &Entry::column);
+        if (entry != entries_.end() && entry->column == column)
+          parts.col(entry - entries_.begin()) += share * own;
+      });
+    }
+    return parts.colwise().squaredNorm();
   }
 
   void add_error_parts(const Mode& mode, const Eigen::Ref<const Eigen::MatrixXd>& root,

@@ -44,7 +44,7 @@ class MatteTransport {
   std::int64_t column_count() const { return first_columns_.back(); }
   // Standard errors come from the covariance of all modes of a pixel's channel, if the matte records how it
   // was sampled (matte_covariance.h); otherwise from the modes' own of weight and centre, without those of
-  // widths and without correlations. Boxes and pyramids have none.
+  // widths and without correlations. Boxes have none, nor do pyramids then.
   bool has_covariance() const { return covariance_.has_value(); }
 
   // Rows are the camera's pixels, row by row. `thread_count` and `progress` as in composite().

@@ -60,7 +60,7 @@ struct PyramidFootprint {
   std::int32_t texture = 0;
   float foreground = 0.0f;  // added to F
   // Standard deviation of a sample per light of 1, and prior standard deviation of a coefficient of level 0;
-  // of level l it is 4^l of that (core/footprint/pyramid_covariance.h).
+  // of level l it is 4^l of that (core/footprint/matte_covariance.h).
   float noise_sd = 0.0f, prior_sd = 0.0f;
   std::vector<Coefficient> coefficients;
 };

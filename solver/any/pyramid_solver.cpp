@@ -128,12 +128,21 @@ bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
   for (size_t i = 0; i < kept.size(); ++i) kept[i].weight *= static_cast<float>(fit->modes[i]);
   std::erase_if(kept, [](const Coefficient& mode) { return !(mode.weight > 0.0f); });
   kept.insert(kept.end(), fit->coefficients.begin(), fit->coefficients.end());
+  // Of stripes and sinusoids on average; what the fit leaves beyond it makes everything less certain.
+  double information = 0.0, samples = 0.0;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    if (!(weight[i] > 0.0) || monitor.patterns[i].kind == ShownPattern::Kind::kArea) continue;
+    information += weight[i];
+    ++samples;
+  }
+  const double excess = fit->chi2 / static_cast<double>((weight.array() > 0.0).count()),
+               noise_sd = std::sqrt(std::max(excess, 1.0) * samples / information);
   const double monitors = static_cast<double>(layout_.monitors.size());
   matte.add_pyramid(
       x, y, channel,
       {.texture = monitor.texture,
        .foreground = static_cast<float>((fit->floor - matte.foreground(x, y)[channel]) / monitors),
-       .noise_sd = static_cast<float>(std::sqrt(noise.variance(0.0))),
+       .noise_sd = static_cast<float>(noise_sd),
        .prior_sd = static_cast<float>(fit->prior_sd),
        .coefficients = std::move(kept)});
   return is_explained(fit->chi2, weight) ||

@@ -150,6 +150,93 @@ absl::StatusOr<MixtureLayout> lay_out_mixture(const v1::CaptureManifest& manifes
   return layout;
 }
 
+namespace {
+
+bool has_colours(const MixtureMonitor& monitor) {
+  return std::ranges::any_of(monitor.peaks, [](const std::array<double, 3>& peak) {
+    return peak[0] != peak[1] || peak[0] != peak[2];
+  });
+}
+
+// Runs of stripes that are evenly apart become sweeps.
+void name_stripe(int texture, const ShownPattern& pattern, double light, v1::Mixture& mixture) {
+  constexpr double kEven = 1e-6;  // of a step
+  const double phi_deg = std::atan2(pattern.axis.sin_phi, pattern.axis.cos_phi) * 180.0 / std::numbers::pi;
+  if (!mixture.sweeps().empty()) {
+    v1::StripeSweep& last = *mixture.mutable_sweeps()->rbegin();
+    const double step_px = pattern.r_px - last.last_r_px(),
+                 before_px = (last.last_r_px() - last.first_r_px()) / std::max(last.count() - 1, 1);
+    if (last.texture() == texture && last.phi_deg() == phi_deg && last.sigma_px() == pattern.axis.sigma_px &&
+        last.light() == light && step_px > 0.0 &&
+        (last.count() == 1 || std::abs(step_px - before_px) <= kEven * before_px)) {
+      last.set_last_r_px(pattern.r_px);
+      last.set_count(last.count() + 1);
+      return;
+    }
+  }
+  v1::StripeSweep& named = *mixture.add_sweeps();
+  named.set_texture(texture);
+  named.set_phi_deg(phi_deg);
+  named.set_sigma_px(pattern.axis.sigma_px);
+  named.set_first_r_px(pattern.r_px);
+  named.set_last_r_px(pattern.r_px);
+  named.set_count(1);
+  named.set_light(light);
+}
+
+void name_area(int texture, const LitArea& lit, double light, int count, v1::MatteMetadata& metadata) {
+  v1::LitPicture& named = *metadata.add_lit_pictures();
+  named.set_texture(texture);
+  named.set_bar_px(lit.bars ? lit.bar_px : 0.0);
+  named.set_horizontal(lit.horizontal);
+  named.set_offset_px(lit.offset_px);
+  named.set_inverse(lit.inverse);
+  named.set_light(light);
+  named.set_count(count);
+}
+
+}  // namespace
+
+void name_samples(const MixtureLayout& layout, v1::MatteMetadata& metadata) {
+  if (std::ranges::any_of(layout.monitors, has_colours)) return;
+  v1::Mixture& mixture = *metadata.mutable_mixture();
+  for (const MixtureMonitor& monitor : layout.monitors) {
+    using Kind = std::tuple<double, int>;                                    // light and pictures
+    std::map<std::tuple<double, double, Kind>, std::vector<double>> phases;  // by frequency
+    for (size_t i = 0; i < monitor.patterns.size(); ++i) {
+      const ShownPattern& pattern = monitor.patterns[i];
+      const double light = monitor.peaks[i][0];
+      const int count = static_cast<int>(monitor.shots[i].size());
+      switch (pattern.kind) {
+        case ShownPattern::Kind::kArea:
+          name_area(monitor.texture, pattern.lit, light, count, metadata);
+          break;
+        case ShownPattern::Kind::kStripe:
+          name_stripe(monitor.texture, pattern, light, mixture);
+          break;
+        case ShownPattern::Kind::kWave:
+          phases[{pattern.fx, pattern.fy, {light, count}}].push_back(pattern.phase_rad * 180.0 /
+                                                                     std::numbers::pi);
+          break;
+      }
+    }
+    std::map<std::pair<std::vector<double>, Kind>, v1::WaveSet*> sets;
+    for (const auto& [wave, shown_phases] : phases) {
+      const auto& [fx, fy, kind] = wave;
+      v1::WaveSet*& set = sets[{shown_phases, kind}];
+      if (set == nullptr) {
+        set = mixture.add_wave_sets();
+        set->set_texture(monitor.texture);
+        for (const double phase_deg : shown_phases) set->add_phase_deg(phase_deg);
+        set->set_light(std::get<0>(kind));
+        set->set_count(std::get<1>(kind));
+      }
+      set->add_x_per_px(static_cast<float>(fx));
+      set->add_y_per_px(static_cast<float>(fy));
+    }
+  }
+}
+
 std::vector<int> frames_of(const MixtureLayout& layout) {
   const std::vector<int> stage = frames_of(layout.stage);
   std::set<int> frames(stage.begin(), stage.end());

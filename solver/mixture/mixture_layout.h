@@ -33,6 +33,10 @@ absl::StatusOr<MixtureLayout> lay_out_mixture(const v1::CaptureManifest& manifes
 
 inline constexpr int kMinPatterns = 12;  // stripes and sinusoids on a monitor
 
+// Writes what was shown to the matte's header, for the errors of composites; nothing if patterns have a
+// colour, as the header knows only light.
+void name_samples(const MixtureLayout& layout, v1::MatteMetadata& metadata);
+
 // Every frame listed in the layout.
 std::vector<int> frames_of(const MixtureLayout& layout);
 

@@ -54,6 +54,7 @@ absl::StatusOr<std::unique_ptr<PreparedMethod>> prepare_mixture(const v1::Captur
                                                                 v1::MatteMetadata metadata,
                                                                 const MixtureLimits& limits) {
   GW_ASSIGN_OR_RETURN(MixtureLayout layout, lay_out_mixture(manifest));
+  name_samples(layout, metadata);
   const int monitors = static_cast<int>(layout.monitors.size());
   if (monitors > kMaxModes) {
     return absl::FailedPreconditionError(

@@ -97,6 +97,10 @@ TEST(Merged, SamplingStaysWhereItIsTheSame) {
   EXPECT_TRUE(merged(front.matte, back.matte)->metadata.sweeps().empty());
   back.matte.metadata.add_sweeps()->set_count(9);
   EXPECT_EQ(merged(front.matte, back.matte)->metadata.sweeps_size(), 1);
+  front.matte.metadata.mutable_mixture()->add_wave_sets()->set_count(2);
+  EXPECT_FALSE(merged(front.matte, back.matte)->metadata.has_mixture());
+  back.matte.metadata.mutable_mixture()->add_wave_sets()->set_count(2);
+  EXPECT_EQ(merged(front.matte, back.matte)->metadata.mixture().wave_sets_size(), 1);
 }
 
 TEST(Merged, WhatDiffersIsNamed) {

@@ -87,6 +87,7 @@ TEST(Resized, FlagsAndErrorsFollow) {
   matte.flags(0, 1) = kFlagPoorFit;
   matte.coverage(2, 2) = 0.0f;
   matte.metadata.add_sweeps();
+  matte.metadata.mutable_mixture()->add_wave_sets();
   const Matte small = resized(matte, 2, 2).value();
   EXPECT_EQ(small.flags(0, 0), kFlagSaturated | kFlagPoorFit);
   EXPECT_EQ(small.flags(1, 0), kFlagNone);
@@ -94,6 +95,7 @@ TEST(Resized, FlagsAndErrorsFollow) {
   EXPECT_FLOAT_EQ(small.modes(0, 0, 0)[0].weight_sd, 0.0025f);
   EXPECT_FLOAT_EQ(small.modes(0, 0, 0)[0].centre_sd_px, 0.1f);
   EXPECT_TRUE(small.metadata.sweeps().empty());
+  EXPECT_FALSE(small.metadata.has_mixture());
   EXPECT_EQ(small.metadata.width_px(), 2);
 }
 

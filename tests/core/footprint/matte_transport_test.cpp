@@ -234,6 +234,54 @@ TEST(MatteTransport, ErrorsAreThoseOfTheModesByFiniteDifferences) {
   EXPECT_GT(compared, 20);
 }
 
+// Of F and the weights of a pyramid's places, by the exact compositor's light of single pixels.
+TEST(MatteTransport, ErrorsOfPyramidsAreThoseOfTheirPlaces) {
+  Matte matte(0, 0, 1, 1, 1);
+  v1::Monitor& monitor = *matte.metadata.add_monitors();
+  monitor.set_width_px(31);
+  monitor.set_height_px(23);
+  matte.metadata.set_footprint(std::string(kPyramidFootprint));
+  for (const double phi : {0.0, 45.0, 90.0, 135.0}) {
+    v1::StripeSweep& sweep = *matte.metadata.add_sweeps();
+    sweep.set_phi_deg(phi);
+    sweep.set_sigma_px(1.5);
+    sweep.set_first_r_px(-25.0);
+    sweep.set_last_r_px(48.5);
+    sweep.set_count(50);
+  }
+  matte.coverage(0, 0) = 1.0f;
+  matte.modes(0, 0, 1)[0] = {
+      .weight = 0.5f, .x_px = 13.0f, .y_px = 10.0f, .xx_px2 = 9.0f, .xy_px2 = 0.0f, .yy_px2 = 9.0f};
+  const PyramidFootprint pyramid{.texture = 0,
+                                 .foreground = 0.0f,
+                                 .noise_sd = 0.005f,
+                                 .prior_sd = 0.02f,
+                                 .coefficients = {{.level = 0, .column = 6, .row = 5, .weight = 0.1f},
+                                                  {.level = 1, .column = 3, .row = 2, .weight = 0.2f},
+                                                  {.level = kPyramidLevels, .weight = 0.2f}}};
+  matte.add_pyramid(0, 0, 1, pyramid);
+  const absl::StatusOr<MatteTransport> transport = MatteTransport::create(matte);
+  ASSERT_OK(transport);
+  const absl::StatusOr<TransportMatrix> matrix = transport->matrix(1, true, 1);
+  ASSERT_OK(matrix);
+  const auto [places, root] =
+      MatteCovariance::create(matte.metadata)->errors_of(pyramid, matte.modes(0, 0, 1));
+  ASSERT_EQ(root.rows(), std::ssize(places) + 1);
+  int compared = 0;
+  for (size_t k = 0; k < matrix->columns.size(); k += 5) {
+    RadianceImage lit(31, 23);
+    lit.at(matrix->columns[k] % 31, matrix->columns[k] / 31, 0) = 1.0f;
+    Eigen::VectorXd light = Eigen::VectorXd::Zero(root.rows());
+    for (size_t p = 0; p < places.size(); ++p)
+      light[static_cast<Eigen::Index>(p) + 1] = integrate_footprint(mode_of(places[p], 0.0, 0.0, 0), lit, 0);
+    const double expected = (root.transpose() * light).norm();
+    // Entries hold floats.
+    EXPECT_NEAR(matrix->errors[k], expected, 1e-5 * expected + 1e-9);
+    compared += expected > 1e-5;
+  }
+  EXPECT_GT(compared, 10);
+}
+
 TEST(MatteTransport, ErrorsAreThoseOfWeightAndCentreIfNothingElseIsKnown) {
   Matte matte = some_matte();
   Mode& mode = matte.modes(2, 3, 0)[0];
