@@ -9,7 +9,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMinGain = 1e-3;       // of chi2 / 2 by a coefficient, that is worth having it
+constexpr double kMinGain = 1e-4;       // of chi2 / 2 by a coefficient, that is worth having it
 constexpr double kProductError = 1e-6;  // relative, of floats
 constexpr size_t kMaxWanted = 64;       // looked at before all are again
 constexpr size_t kMaxSteps = 2000;
