@@ -7,6 +7,7 @@
 #include <numbers>
 #include <optional>
 
+#include "core/footprint/cut_footprint.h"
 #include "core/footprint/wave_answer.h"
 
 namespace glasswing {
@@ -70,6 +71,37 @@ Answer of_cut_stripe(const Footprint& mode, const StripeAxis& axis, double r_px,
     answer.slope[p] = (response(moved(mode, p, kStep_px), axis, r_px, extent) - answer.value) / kStep_px;
   return answer;
 }
+
+// response() of a footprint that an edge cuts, for stripe after stripe of an axis.
+class CutStripes {
+ public:
+  CutStripes(const Footprint& mode, const MonitorExtent& extent) : mode_(mode), extent_(extent) {
+    if (narrow(mode)) pixels_ = reached_pixels(mode, extent);
+  }
+
+  double answer(const StripeAxis& axis, double r_px) {
+    if (!narrow(mode_)) {
+      const bool is_same = cut_ && axis.cos_phi == axis_.cos_phi && axis.sin_phi == axis_.sin_phi &&
+                           axis.sigma_px == axis_.sigma_px;
+      if (!is_same) cut_.emplace(mode_, axis, extent_);
+      axis_ = axis;
+      return mode_.weight * cut_->answer(r_px);
+    }
+    double share = 0.0;
+    for (const ReachedPixel& pixel : pixels_) {
+      const double offset = pixel.x_px * axis.cos_phi + pixel.y_px * axis.sin_phi - r_px;
+      share += pixel.part.share * std::exp(-0.5 * offset * offset / (axis.sigma_px * axis.sigma_px));
+    }
+    return mode_.weight * share;
+  }
+
+ private:
+  const Footprint mode_;
+  const MonitorExtent extent_;
+  std::vector<ReachedPixel> pixels_;  // of a narrow footprint
+  StripeAxis axis_;
+  std::optional<CutFootprint> cut_;  // of a wider one, for this axis
+};
 
 }  // namespace
 
@@ -176,6 +208,8 @@ void PatternAnswers::values(const Footprint& mode, double* column) const {
   const Footprint seen = cut ? mode : seen_through_pixels(mode);
   LitShare share(mode, extent_);
   const double level = mode.weight * share.of({}).share;
+  std::optional<CutStripes> stripes;
+  if (cut) stripes.emplace(mode, extent_);
   std::vector<double> wave;
   for (size_t i = 0; i < patterns_.size();) {
     const ShownPattern& pattern = patterns_[i];
@@ -194,7 +228,7 @@ void PatternAnswers::values(const Footprint& mode, double* column) const {
       const double offset = pattern.r_px - seen.x_px * axis.cos_phi - seen.y_px * axis.sin_phi;
       const bool is_far = offset * offset > kFar * answered_variance(seen, axis);
       column[i] = is_far ? 0.0
-                  : cut  ? response(mode, axis, pattern.r_px, extent_)
+                  : cut  ? stripes->answer(axis, pattern.r_px)
                          : of_stripe(seen, axis, pattern.r_px).value;
     }
     ++i;

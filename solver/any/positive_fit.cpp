@@ -12,6 +12,7 @@ namespace {
 constexpr double kMinGain = 1e-4;       // of chi2 / 2 by a coefficient, that is worth having it
 constexpr double kProductError = 1e-6;  // relative, of floats
 constexpr size_t kMaxWanted = 64;       // looked at before all are again
+constexpr size_t kTogether = 16;        // above 0, for each that joins them at once
 constexpr size_t kMaxSteps = 2000;
 
 // L of G = L L', row after row, and u of L u = b.
@@ -105,14 +106,7 @@ class ActiveSet {
     for (size_t step = 0; step < kMaxSteps;) {
       std::vector<size_t> wanted = best();
       if (wanted.empty()) return;
-      while (step < kMaxSteps && !wanted.empty()) {
-        ++step;
-        const auto first = std::ranges::max_element(wanted, {}, [&](size_t k) { return gain(k); });
-        if (!(gain(*first) > kMinGain)) break;
-        const size_t entered = *first;
-        wanted.erase(first);
-        if (enter(entered)) settle();
-      }
+      while (step++ < kMaxSteps && enter_best(wanted)) settle();
     }
   }
 
@@ -155,15 +149,29 @@ class ActiveSet {
     return columns;
   }
 
-  bool enter(size_t k) {
+  // Those of `wanted` that lower the cost most; more at once where many are above 0. False if none does.
+  bool enter_best(std::vector<size_t>& wanted) {
+    std::vector<std::pair<double, size_t>> gains;
+    for (const size_t k : wanted) {
+      if (const double own = gain(k); own > kMinGain) gains.emplace_back(-own, k);
+    }
+    std::ranges::sort(gains);
+    gains.resize(std::min(gains.size(), 1 + set_.size() / kTogether));
+    for (const auto& [own, k] : gains) {
+      std::erase(wanted, k);
+      enter(k);
+    }
+    return !gains.empty();
+  }
+
+  void enter(size_t k) {
     std::vector<double> row;
     for (const size_t other : set_) row.push_back(dot(problem_.column(k), problem_.column(other)));
     row.push_back(dot(problem_.column(k), problem_.column(k)) + prior(k));
     is_in_[k] = true;  // one that hardly differs from those in is not looked at again
-    if (!factor_.append(std::move(row), dot(problem_.column(k), problem_.y.data()))) return false;
+    if (!factor_.append(std::move(row), dot(problem_.column(k), problem_.y.data()))) return;
     set_.push_back(k);
     x_.push_back(0.0);
-    return true;
   }
 
   // To the minimum over the set, without those that would be negative there.

@@ -128,6 +128,17 @@ const float* PyramidFitter::answer(const Coefficient& place) {
   return at->second.data();
 }
 
+double PyramidFitter::gaussians_chi2(const MixtureLanes& samples, const Footprints& near) {
+  const auto lanes = static_cast<Eigen::Index>(patterns_.size());
+  const auto lanes_of = [&](const std::vector<float>& all) {
+    return Eigen::Map<const Eigen::ArrayXf>(all.data(), lanes);
+  };
+  Eigen::ArrayXf rest = lanes_of(samples.y);
+  for (const Footprint& mode : near) rest -= lanes_of(samples.peak) * lanes_of(answer(mode));
+  const auto floor = static_cast<float>((rest * lanes_of(samples.root)).sum() / samples.information);
+  return static_cast<double>((rest - floor * lanes_of(samples.root)).square().sum());
+}
+
 std::vector<PyramidFitter::Place> PyramidFitter::places_of(const MixtureLanes& samples,
                                                            const Footprints& near, const Range& across,
                                                            const Range& down, double prior_sd) {
@@ -226,14 +237,14 @@ struct PyramidFitter::Average {
   Average(const Problem& problem, const std::vector<size_t>& start, bool few_directions)
       : modes(static_cast<double>(problem.modes)), root(Eigen::ArrayXf::Ones(lanes_of(problem))) {
     fit(problem, start);
-    for (int i = 0; i < kMaxWeighings && !explains(problem); ++i) weigh_anew(problem);
-    share = by_prediction(problem);
-    if (few_directions) share = std::min(share, by_evidence(problem));
+    share = share_of_gaussians(problem, few_directions);
+    for (int i = 0; i < kMaxWeighings && !explains(problem); ++i) {
+      weigh_anew(problem);
+      share = share_of_gaussians(problem, few_directions);
+    }
   }
 
-  double chi2() const {
-    return static_cast<double>(((1.0f - kept()) * off(alone) + kept() * off(gaussians)).square().sum());
-  }
+  double chi2() const { return static_cast<double>(off_average().square().sum()); }
 
   PositiveFit alone, gaussians;
   double share = 0.0;  // of the Gaussians
@@ -245,6 +256,12 @@ struct PyramidFitter::Average {
     return Eigen::Map<const Eigen::ArrayXf>(own.residual.data(), root.size());
   }
   Eigen::ArrayXf off(const PositiveFit& own) const { return residual(own) / root; }
+  Eigen::ArrayXf off_average() const { return (1.0f - kept()) * off(alone) + kept() * off(gaussians); }
+
+  double share_of_gaussians(const Problem& problem, bool few_directions) const {
+    const double best = by_prediction(problem);
+    return few_directions ? std::min(best, by_evidence(problem)) : best;
+  }
 
   void fit(const Problem& problem, const std::vector<size_t>& start) {
     alone = positive_minimum(problem, 1 + problem.modes, problem.size(), start);
@@ -258,7 +275,7 @@ struct PyramidFitter::Average {
 
   // As if noise had Cauchy's tails.
   void weigh_anew(const Problem& problem) {
-    root = (2.0f / (1.0f + off(alone).square().min(off(gaussians).square()))).min(1.0f).sqrt();
+    root = (2.0f / (1.0f + off_average().square())).min(1.0f).sqrt();
     Problem weighed = problem;
     const auto weigh = [&](float* column) { Eigen::Map<Eigen::ArrayXf>(column, root.size()) *= root; };
     for (size_t k = 0; k < problem.size(); ++k) weigh(&weighed.a[k * problem.lanes]);

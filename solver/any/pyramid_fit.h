@@ -46,6 +46,9 @@ class PyramidFitter {
   // Keeps a reference.
   explicit PyramidFitter(const PatternLanes& patterns);
 
+  // What Gaussians leave of the samples at the best F.
+  double gaussians_chi2(const MixtureLanes& samples, const Footprints& near);
+
   // `near`: the closest Gaussians, which say where light is and how much. `like`: coefficients of a similar
   // footprint, if one is known; they make it faster. None if there is no light, or if it is wider than a
   // pyramid's coefficients can cover.

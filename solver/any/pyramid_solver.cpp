@@ -104,7 +104,7 @@ bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
   const double detail = kDetail * (seen.maxCoeff() - seen[count]);
   weight = (weight.cwiseInverse().array() + detail * detail).inverse();
   const MixtureLanes samples({.patterns = &patterns_[m], .y = seen, .weight = weight, .peak = peak});
-  const double of_gaussians = residual_of(samples, near, true).chi2;
+  const double of_gaussians = fitters_[m].gaussians_chi2(samples, near);
   const bool poor = (matte.flags(x, y) & kFlagPoorFit) != 0;
   if (!poor && near.size() < kMaxFootprints && is_likely(of_gaussians, weight, near.size())) return true;
   ++fitted_;
