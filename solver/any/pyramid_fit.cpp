@@ -237,11 +237,9 @@ struct PyramidFitter::Average {
   Average(const Problem& problem, const std::vector<size_t>& start, bool few_directions)
       : modes(static_cast<double>(problem.modes)), root(Eigen::ArrayXf::Ones(lanes_of(problem))) {
     fit(problem, start);
-    share = share_of_gaussians(problem, few_directions);
-    for (int i = 0; i < kMaxWeighings && !explains(problem); ++i) {
-      weigh_anew(problem);
-      share = share_of_gaussians(problem, few_directions);
-    }
+    for (int i = 0; i < kMaxWeighings && !explains(problem); ++i) weigh_anew(problem);
+    share = by_prediction(problem);
+    if (few_directions) share = std::min(share, by_evidence(problem));
   }
 
   double chi2() const { return static_cast<double>(off_average().square().sum()); }
@@ -258,11 +256,6 @@ struct PyramidFitter::Average {
   Eigen::ArrayXf off(const PositiveFit& own) const { return residual(own) / root; }
   Eigen::ArrayXf off_average() const { return (1.0f - kept()) * off(alone) + kept() * off(gaussians); }
 
-  double share_of_gaussians(const Problem& problem, bool few_directions) const {
-    const double best = by_prediction(problem);
-    return few_directions ? std::min(best, by_evidence(problem)) : best;
-  }
-
   void fit(const Problem& problem, const std::vector<size_t>& start) {
     alone = positive_minimum(problem, 1 + problem.modes, problem.size(), start);
     gaussians = positive_minimum(problem, 1, 1 + problem.modes);
@@ -273,9 +266,14 @@ struct PyramidFitter::Average {
            kMaxDispersion * (static_cast<double>(problem.samples) - alone.freedom);
   }
 
-  // As if noise had Cauchy's tails.
+  // Of weights, as if noise had Cauchy's tails.
+  static Eigen::ArrayXf tolerant_root(const Eigen::ArrayXf& square) {
+    return (2.0f / (1.0f + square)).min(1.0f).sqrt();
+  }
+
+  // Fits tell what they can of samples that either of them does not explain.
   void weigh_anew(const Problem& problem) {
-    root = (2.0f / (1.0f + off_average().square())).min(1.0f).sqrt();
+    root = tolerant_root(off(alone).square().max(off(gaussians).square()));
     Problem weighed = problem;
     const auto weigh = [&](float* column) { Eigen::Map<Eigen::ArrayXf>(column, root.size()) *= root; };
     for (size_t k = 0; k < problem.size(); ++k) weigh(&weighed.a[k * problem.lanes]);
@@ -293,10 +291,12 @@ struct PyramidFitter::Average {
   }
 
   double by_prediction(const Problem& problem) const {
-    const Eigen::ArrayXd rest = residual(alone).cast<double>(),
-                         differ = residual(gaussians).cast<double>() - rest;
+    // Samples that one of them explains count in full.
+    const Eigen::ArrayXf own = tolerant_root(off(alone).square().min(off(gaussians).square()));
+    const Eigen::ArrayXd rest = (own * off(alone)).cast<double>(),
+                         differ = (own * off(gaussians)).cast<double>() - rest;
     const double more = alone.freedom - 1.0 - kModeFreedom * modes,
-                 noise = alone.chi2 / (static_cast<double>(problem.samples) - alone.freedom);
+                 noise = rest.square().sum() / (static_cast<double>(problem.samples) - alone.freedom);
     return std::clamp((noise * more - (rest * differ).sum()) / std::max(differ.square().sum(), kRounding),
                       0.0, 1.0);
   }
