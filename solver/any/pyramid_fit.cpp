@@ -292,7 +292,9 @@ struct PyramidFitter::Average {
 
   double by_prediction(const Problem& problem) const {
     // Samples that one of them explains count in full.
-    const Eigen::ArrayXf own = tolerant_root(off(alone).square().min(off(gaussians).square()));
+    const bool is_explained = root.minCoeff() == 1.0f;
+    const Eigen::ArrayXf own =
+        is_explained ? root : tolerant_root(off(alone).square().min(off(gaussians).square()));
     const Eigen::ArrayXd rest = (own * off(alone)).cast<double>(),
                          differ = (own * off(gaussians)).cast<double>() - rest;
     const double more = alone.freedom - 1.0 - kModeFreedom * modes,
