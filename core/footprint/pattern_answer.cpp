@@ -1,11 +1,13 @@
 #include "core/footprint/pattern_answer.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <complex>
 #include <numbers>
 #include <optional>
 
+#include "core/footprint/cut_footprint.h"
 #include "core/footprint/wave_answer.h"
 
 namespace glasswing {
@@ -13,6 +15,7 @@ namespace {
 
 using Slope = std::array<double, 6>;
 constexpr double kSlightCut = 2.5;  // standard deviations
+constexpr double kFar = 50.0;       // square standard deviations: exp(-25) is below the rounding of float
 
 // One parameter slightly increased, for derivatives without a closed form.
 Footprint moved(Footprint mode, size_t parameter, double by) {
@@ -69,6 +72,37 @@ Answer of_cut_stripe(const Footprint& mode, const StripeAxis& axis, double r_px,
   return answer;
 }
 
+// response() of a footprint that an edge cuts, for stripe after stripe of an axis.
+class CutStripes {
+ public:
+  CutStripes(const Footprint& mode, const MonitorExtent& extent) : mode_(mode), extent_(extent) {
+    if (narrow(mode)) pixels_ = reached_pixels(mode, extent);
+  }
+
+  double answer(const StripeAxis& axis, double r_px) {
+    if (!narrow(mode_)) {
+      const bool is_same = cut_ && axis.cos_phi == axis_.cos_phi && axis.sin_phi == axis_.sin_phi &&
+                           axis.sigma_px == axis_.sigma_px;
+      if (!is_same) cut_.emplace(mode_, axis, extent_);
+      axis_ = axis;
+      return mode_.weight * cut_->answer(r_px);
+    }
+    double share = 0.0;
+    for (const ReachedPixel& pixel : pixels_) {
+      const double offset = pixel.x_px * axis.cos_phi + pixel.y_px * axis.sin_phi - r_px;
+      share += pixel.part.share * std::exp(-0.5 * offset * offset / (axis.sigma_px * axis.sigma_px));
+    }
+    return mode_.weight * share;
+  }
+
+ private:
+  const Footprint mode_;
+  const MonitorExtent extent_;
+  std::vector<ReachedPixel> pixels_;  // of a narrow footprint
+  StripeAxis axis_;
+  std::optional<CutFootprint> cut_;  // of a wider one, for this axis
+};
+
 }  // namespace
 
 PatternAnswers::PatternAnswers(std::vector<ShownPattern> patterns, const MonitorExtent& extent)
@@ -102,10 +136,18 @@ void PatternAnswers::of_wave(const Footprint& mode, size_t first, size_t last, b
     const auto seen = [c = c, s = s](const std::complex<double>& z) {
       return 0.5 * (z.real() * c + z.imag() * s);
     };
-    double* const at = columns + i;
+    double* const at = columns + (i - first);
     at[0] = 0.5 * level + seen(wave.value);
     for (std::ptrdiff_t p = 0; p < 6; ++p) at[(p + 1) * stride] = seen(wave.slope[p]);
   }
+}
+
+size_t PatternAnswers::end_of_wave(size_t first) const {
+  size_t last = first;
+  while (last < patterns_.size() && patterns_[last].kind == ShownPattern::Kind::kWave &&
+         patterns_[last].fx == patterns_[first].fx && patterns_[last].fy == patterns_[first].fy)
+    ++last;
+  return last;
 }
 
 bool PatternAnswers::cut(const Footprint& mode, bool through_pixels) const {
@@ -137,10 +179,8 @@ void PatternAnswers::of(const Footprint& mode, bool through_pixels, double* colu
       put(i, cut ? of_cut_stripe(mode, pattern.axis, pattern.r_px, extent_)
                  : of_stripe(seen, pattern.axis, pattern.r_px));
     } else {
-      while (last < patterns_.size() && patterns_[last].kind == ShownPattern::Kind::kWave &&
-             patterns_[last].fx == pattern.fx && patterns_[last].fy == pattern.fy)
-        ++last;
-      of_wave(seen, i, last, cut, level.value, columns, stride);
+      last = end_of_wave(i);
+      of_wave(seen, i, last, cut, level.value, columns + i, stride);
       for (size_t k = i; k < last; ++k) {
         for (std::ptrdiff_t p = 0; p < 6; ++p)
           columns[static_cast<std::ptrdiff_t>(k) + (p + 1) * stride] += 0.5 * level.slope[p];
@@ -160,6 +200,38 @@ void PatternAnswers::of(const Footprint& mode, bool through_pixels, double* colu
     at[4 * stride] = by_x * x.centre_by_variance + by_xx * x.variance_by_variance;
     at[5 * stride] *= x.centre_by_centre * y.centre_by_centre;
     at[6 * stride] = by_y * y.centre_by_variance + by_yy * y.variance_by_variance;
+  }
+}
+
+void PatternAnswers::values(const Footprint& mode, double* column) const {
+  const bool cut = this->cut(mode, true);
+  const Footprint seen = cut ? mode : seen_through_pixels(mode);
+  LitShare share(mode, extent_);
+  const double level = mode.weight * share.of({}).share;
+  std::optional<CutStripes> stripes;
+  if (cut) stripes.emplace(mode, extent_);
+  std::vector<double> wave;
+  for (size_t i = 0; i < patterns_.size();) {
+    const ShownPattern& pattern = patterns_[i];
+    if (pattern.kind == ShownPattern::Kind::kWave) {
+      const size_t count = end_of_wave(i) - i;
+      wave.resize(kColumns * count);
+      of_wave(seen, i, i + count, cut, level, wave.data(), static_cast<std::ptrdiff_t>(count));
+      std::copy_n(wave.begin(), count, column + i);
+      i += count;
+      continue;
+    }
+    if (pattern.kind == ShownPattern::Kind::kArea) {
+      column[i] = mode.weight * share.of(pattern.lit).share;
+    } else {
+      const StripeAxis& axis = pattern.axis;
+      const double offset = pattern.r_px - seen.x_px * axis.cos_phi - seen.y_px * axis.sin_phi;
+      const bool is_far = offset * offset > kFar * answered_variance(seen, axis);
+      column[i] = is_far ? 0.0
+                  : cut  ? stripes->answer(axis, pattern.r_px)
+                         : of_stripe(seen, axis, pattern.r_px).value;
+    }
+    ++i;
   }
 }
 

@@ -44,10 +44,14 @@ class PatternAnswers {
   // already those of the pixels' centres, smooth in c where a narrow footprint's response is a staircase; and
   // an edge that cuts off less than 0.6 % is left out.
   void of(const Footprint& mode, bool through_pixels, double* columns, std::ptrdiff_t stride) const;
+  // The first of these columns alone, through pixels; stripes too far to be seen show 0.
+  void values(const Footprint& mode, double* column) const;
   // Whether a monitor edge matters there.
   bool cut(const Footprint& mode, bool through_pixels) const;
 
  private:
+  // Of the waves of one frequency from `first` on.
+  size_t end_of_wave(size_t first) const;
   void of_wave(const Footprint& mode, size_t first, size_t last, bool cut, double level, double* columns,
                std::ptrdiff_t stride) const;
 

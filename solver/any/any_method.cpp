@@ -17,7 +17,7 @@ class PreparedAny final : public PreparedMethod {
   PreparedAny(std::unique_ptr<PreparedMethod> gaussian, MixtureLayout layout)
       : gaussian_(std::move(gaussian)), layout_(std::move(layout)) {
     for (const MixtureMonitor& monitor : layout_.monitors)
-      answers_.emplace_back(monitor.patterns, monitor.extent);
+      patterns_.emplace_back(answers_.emplace_back(monitor.patterns, monitor.extent));
     const std::vector<int> own = frames_of(layout_);
     std::ranges::set_union(gaussian_->frames_needed(), own, std::back_inserter(needed_));
   }
@@ -28,8 +28,10 @@ class PreparedAny final : public PreparedMethod {
     GW_ASSIGN_OR_RETURN(Matte matte, gaussian_->solve(rows));
     matte.metadata.set_footprint(std::string(kPyramidFootprint));
     std::vector<PyramidFitter> fitters = free_fitters();
-    PyramidSolver solver(rows, layout_, answers_, fitters);
-    for (int y = 0; y < rows.row_count; ++y) solver.refine_row(y, matte);
+    PyramidSolver solver(rows, layout_, patterns_, fitters);
+    for (int y = 0; y < rows.row_count; ++y) {
+      for (int x = 0; x < matte.width_px(); ++x) solver.refine(x, y, matte);
+    }
     const std::lock_guard lock(mutex_);
     free_.push_back(std::move(fitters));
     return matte;
@@ -39,7 +41,7 @@ class PreparedAny final : public PreparedMethod {
   // Those of a thread that has ended its rows, or new ones.
   std::vector<PyramidFitter> free_fitters() const {
     const std::lock_guard lock(mutex_);
-    if (free_.empty()) return {answers_.begin(), answers_.end()};
+    if (free_.empty()) return {patterns_.begin(), patterns_.end()};
     std::vector<PyramidFitter> last = std::move(free_.back());
     free_.pop_back();
     return last;
@@ -48,6 +50,7 @@ class PreparedAny final : public PreparedMethod {
   const std::unique_ptr<PreparedMethod> gaussian_;
   const MixtureLayout layout_;
   std::deque<PatternAnswers> answers_;
+  std::deque<PatternLanes> patterns_;  // of the answers
   std::vector<int> needed_;
   mutable std::mutex mutex_;
   mutable std::vector<std::vector<PyramidFitter>> free_;

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <set>
 
+#include "solver/any/positive_fit.h"
+
 namespace glasswing {
 namespace {
 
@@ -26,12 +28,7 @@ constexpr double kModeFreedom = 5.0;    // of the samples, that a mode takes: it
 constexpr double kTemper = 20.0;        // of log evidence, which neglects that coefficients are positive
 constexpr double kMaxDispersion = 1.5;  // chi2 per degree of freedom; beyond it samples are weighed anew,
 constexpr int kMaxWeighings = 3;        // so often
-constexpr int kMaxRounds = 40;          // of the working set, which
-constexpr size_t kMaxAdded = 64;        // grows by so many, and
-constexpr int kMaxSteps = 200;          // of its minimum
-constexpr double kMinGain = 1e-2;       // of chi2 / 2 by a step, or by a coefficient, that is worth another
-constexpr double kMinShare = 0.1;       // of what Newton's step promises, by the projected one
-constexpr double kRounding = 1e-9;      // of a step
+constexpr double kRounding = 1e-9;      // of chi2
 
 // The place and widths of all light.
 struct Extent {
@@ -107,190 +104,54 @@ void add_places(int level, const PyramidFitter::Range& x, const PyramidFitter::R
 
 }  // namespace
 
-namespace {
+PyramidFitter::PyramidFitter(const PatternLanes& patterns)
+    : patterns_(patterns),
+      extent_(patterns.answers().extent()),
+      few_directions_(directions_of(patterns.answers().patterns()) <= kFewDirections),
+      values_(patterns.pattern_count()),
+      answer_(patterns.size()) {}
 
-// The working set: columns, their products, and the coefficients.
-class WorkingSet {
- public:
-  WorkingSet(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::VectorXd& y,
-             const Eigen::Ref<const Eigen::VectorXd>& prior_sd, Eigen::Index left_out)
-      : a_(a), y_(y), prior_(prior_sd.array().square().inverse()), is_in_(a.cols(), false) {
-    std::fill_n(is_in_.begin() + 1, left_out, true);
-  }
-
-  void add(const std::vector<Eigen::Index>& columns) {
-    const Eigen::Index before = std::ssize(set_), added = std::ssize(columns), size = before + added;
-    set_.insert(set_.end(), columns.begin(), columns.end());
-    for (const Eigen::Index k : columns) is_in_[k] = true;
-    own_.conservativeResize(a_.rows(), size);
-    for (Eigen::Index k = before; k < size; ++k) own_.col(k) = a_.col(set_[k]);
-    g_.conservativeResize(size, size);
-    g_.bottomRows(added).noalias() = own_.rightCols(added).transpose() * own_;
-    g_.topRightCorner(before, added) = g_.bottomLeftCorner(added, before).transpose();
-    b_.conservativeResize(size);
-    x_.conservativeResize(size);
-    for (Eigen::Index k = before; k < size; ++k) {
-      g_(k, k) += prior_[set_[k]];
-      b_[k] = a_.col(set_[k]).dot(y_);
-      x_[k] = 0.0;
-    }
-  }
-
-  // To the minimum over the set: Newton's steps on those that are free, projected; where that hardly lowers
-  // the cost, only as far as the first that becomes 0 (Lawson and Hanson 1974).
-  void descend() {
-    std::vector<Eigen::Index> free = free_now();
-    bool is_all = true;
-    for (int step = 0; step < kMaxSteps && !free.empty(); ++step) {
-      const Eigen::MatrixXd own = g_(free, free);
-      const Eigen::VectorXd down = (b_ - g_ * x_)(free), newton = own.llt().solve(down);
-      const double gain = 0.5 * newton.dot(down);
-      if (!(gain > kMinGain)) {
-        if (is_all) break;
-        free = free_now();
-        is_all = true;
-        continue;
-      }
-      if (project(free, newton, kMinShare * gain)) {
-        free = free_now();
-        is_all = true;
-        continue;
-      }
-      double share = 1.0;
-      for (Eigen::Index k = 0; k < std::ssize(free); ++k) {
-        if (!is_signed(free[k]) && newton[k] < 0.0) share = std::min(share, -x_[free[k]] / newton[k]);
-      }
-      std::vector<Eigen::Index> left;
-      for (Eigen::Index k = 0; k < std::ssize(free); ++k) {
-        double& own_x = x_[free[k]];
-        own_x += share * newton[k];
-        const bool ends = !is_signed(free[k]) && newton[k] < 0.0 && own_x < kRounding * -newton[k];
-        if (ends) own_x = 0.0;
-        if (!ends) left.push_back(free[k]);
-      }
-      if (left.size() == free.size()) break;
-      free = std::move(left);
-      is_all = false;
-    }
-  }
-
-  // Those outside that would lower the cost, the best first.
-  std::vector<Eigen::Index> wanted(const Eigen::VectorXd& square) const {
-    const Eigen::VectorXd slope = a_.transpose() * (y_ - own_ * x_);
-    std::vector<std::pair<double, Eigen::Index>> gains;
-    for (Eigen::Index k = 0; k < a_.cols(); ++k) {
-      if (is_in_[k] || !(slope[k] > 0.0)) continue;
-      const double gain = 0.5 * slope[k] * slope[k] / (square[k] + prior_[k]);
-      if (gain > kMinGain) gains.emplace_back(-gain, k);
-    }
-    const auto most = std::min(gains.size(), kMaxAdded);
-    std::ranges::partial_sort(gains, gains.begin() + static_cast<std::ptrdiff_t>(most));
-    std::vector<Eigen::Index> best;
-    for (size_t i = 0; i < most; ++i) best.push_back(gains[i].second);
-    return best;
-  }
-
-  PositiveFit found() const {
-    PositiveFit fit{.x = Eigen::VectorXd::Zero(a_.cols())};
-    std::vector<Eigen::Index> above;
-    double prior = 0.0;
-    for (Eigen::Index k = 0; k < x_.size(); ++k) {
-      fit.x[set_[k]] = x_[k];
-      if (!is_signed(k) && !(x_[k] > 0.0)) continue;
-      above.push_back(k);
-      prior += x_[k] * x_[k] * prior_[set_[k]] - std::log(prior_[set_[k]]);
-    }
-    const Eigen::MatrixXd own = g_(above, above);
-    const Eigen::LLT<Eigen::MatrixXd> factor(own);
-    fit.evidence =
-        -0.5 * ((y_ - own_ * x_).squaredNorm() + prior) - factor.matrixLLT().diagonal().array().log().sum();
-    const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(own.rows(), own.cols()));
-    for (Eigen::Index i = 0; i < std::ssize(above); ++i)
-      fit.freedom += 1.0 - prior_[set_[above[i]]] * covariance(i, i);
-    return fit;
-  }
-
- private:
-  bool is_signed(Eigen::Index k) const { return set_[k] == 0; }
-  std::vector<Eigen::Index> free_now() const {
-    const Eigen::VectorXd down = b_ - g_ * x_;
-    std::vector<Eigen::Index> free;
-    for (Eigen::Index k = 0; k < x_.size(); ++k) {
-      if (is_signed(k) || x_[k] > 0.0 || down[k] > 0.0) free.push_back(k);
-    }
-    return free;
-  }
-  bool project(const std::vector<Eigen::Index>& free, const Eigen::VectorXd& newton, double least_gain) {
-    const double now = cost(x_);
-    for (const double share : {1.0, 0.5, 0.25}) {
-      Eigen::VectorXd there = x_;
-      for (Eigen::Index k = 0; k < std::ssize(free); ++k) {
-        double& own_x = there[free[k]];
-        own_x += share * newton[k];
-        if (!is_signed(free[k])) own_x = std::max(own_x, 0.0);
-      }
-      if (!(now - cost(there) > least_gain)) continue;
-      x_ = there;
-      return true;
-    }
-    return false;
-  }
-  double cost(const Eigen::VectorXd& x) const { return 0.5 * x.dot(g_ * x) - b_.dot(x); }
-
-  const Eigen::Ref<const Eigen::MatrixXd> a_;
-  const Eigen::VectorXd& y_;
-  const Eigen::VectorXd prior_;
-  std::vector<bool> is_in_;
-  std::vector<Eigen::Index> set_;
-  Eigen::MatrixXd own_, g_;
-  Eigen::VectorXd b_, x_;
-};
-
-}  // namespace
-
-PositiveFit positive_minimum(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::VectorXd& y,
-                             const Eigen::Ref<const Eigen::VectorXd>& prior_sd, Eigen::Index left_out) {
-  WorkingSet set(a, y, prior_sd, left_out);
-  const Eigen::VectorXd square = a.colwise().squaredNorm();
-  set.add({0});
-  set.descend();
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const std::vector<Eigen::Index> wanted = set.wanted(square);
-    if (wanted.empty()) break;
-    set.add(wanted);
-    set.descend();
-  }
-  return set.found();
+const std::vector<float>& PyramidFitter::answer(const Footprint& footprint) {
+  patterns_.answers().values(footprint, values_.data());
+  for (size_t i = 0; i < values_.size(); ++i) answer_[patterns_.lane(i)] = static_cast<float>(values_[i]);
+  return answer_;
 }
 
-PyramidFitter::PyramidFitter(const PatternAnswers& answers)
-    : answers_(answers), few_directions_(directions_of(answers.patterns()) <= kFewDirections) {}
-
-const Eigen::VectorXf& PyramidFitter::answer(const Coefficient& place) {
+const float* PyramidFitter::answer(const Coefficient& place) {
   const std::int64_t key = (std::int64_t{place.level} << 40) + (std::int64_t{place.column} << 20) + place.row;
   const auto [at, is_new] = known_.try_emplace(key);
   if (is_new) {
-    const Eigen::Index n = answers_.size();
-    Eigen::MatrixXd columns(n, PatternAnswers::kColumns);
     Coefficient whole = place;
     whole.weight = 1.0f;
-    answers_.of(footprint_of(mode_of(whole, 0)), true, columns.data(), n);
-    at->second = columns.col(0).cast<float>();
+    at->second = answer(footprint_of(mode_of(whole, 0)));
   }
-  return at->second;
+  return at->second.data();
 }
 
-std::vector<PyramidFitter::Place> PyramidFitter::places_of(const Eigen::VectorXd& y,
-                                                           const Eigen::VectorXd& weight,
-                                                           const Eigen::VectorXd& peak,
+double PyramidFitter::gaussians_chi2(const MixtureLanes& samples, const Footprints& near) {
+  const auto lanes = static_cast<Eigen::Index>(patterns_.size());
+  const auto lanes_of = [&](const std::vector<float>& all) {
+    return Eigen::Map<const Eigen::ArrayXf>(all.data(), lanes);
+  };
+  Eigen::ArrayXf rest = lanes_of(samples.y);
+  for (const Footprint& mode : near) rest -= lanes_of(samples.peak) * lanes_of(answer(mode));
+  const auto floor = static_cast<float>((rest * lanes_of(samples.root)).sum() / samples.information);
+  return static_cast<double>((rest - floor * lanes_of(samples.root)).square().sum());
+}
+
+std::vector<PyramidFitter::Place> PyramidFitter::places_of(const MixtureLanes& samples,
                                                            const Footprints& near, const Range& across,
                                                            const Range& down, double prior_sd) {
   const Footprints expected = widened(near);
-  const Eigen::Index black = y.size() - 1;
-  const Eigen::ArrayXf most =
-      (y.head(black).array() - y[black] + kBoundNoise * weight.head(black).array().rsqrt()).cast<float>();
-  const Eigen::ArrayXf peaks =
-      (weight.head(black).array() > 0.0).select(peak.head(black).array(), 0.0).cast<float>();
+  const auto lanes = static_cast<Eigen::Index>(patterns_.size());
+  const auto lanes_of = [&](const std::vector<float>& all) {
+    return Eigen::Map<const Eigen::ArrayXf>(all.data(), lanes);
+  };
+  // Of unit weight; where nothing was measured, nothing is bounded.
+  const Eigen::ArrayXf root = lanes_of(samples.root), scale = (root > 0.0f).select(root.inverse(), 0.0f),
+                       peaks = lanes_of(samples.peak) * scale;
+  const float black = (lanes_of(samples.y) * scale)[static_cast<Eigen::Index>(patterns_.black_lane())];
+  const Eigen::ArrayXf most = lanes_of(samples.y) * scale - black + kBoundNoise * scale;
   std::vector<Place> places;
   std::vector<Coefficient> own;
   Eigen::ArrayXf light;
@@ -306,11 +167,13 @@ std::vector<PyramidFitter::Place> PyramidFitter::places_of(const Eigen::VectorXd
               ? even_sd
               : std::ldexp(kPrior * density(expected, footprint_of(mode_of(place, 0))), 2 * level);
       if (own_sd < kMinPrior * even_sd) continue;
-      light = answer(place).array() * peaks;
+      const float* const seen = answer(place);
+      light = Eigen::Map<const Eigen::ArrayXf>(seen, lanes) * peaks;
       const float least = kMinAnswer * light.maxCoeff();
       if (!(least > 0.0f)) continue;
       if ((light > least && most < min_sd * light).any()) continue;
-      places.push_back({place, own_sd});
+      places.push_back({place, seen, own_sd});
+      if (places.size() > kMaxPlaces) break;
     }
     if (places.size() <= kMaxPlaces) continue;
     places.resize(before);
@@ -321,148 +184,166 @@ std::vector<PyramidFitter::Place> PyramidFitter::places_of(const Eigen::VectorXd
 
 // The samples that see the places, whitened; those that see none of them tell about F alone, and are the
 // last. Columns: F, modes, places.
-struct PyramidFitter::Problem {
-  Eigen::MatrixXd a;
-  Eigen::VectorXd y, prior_sd;
-  Eigen::Index modes = 0;
+struct PyramidFitter::Problem : PositiveProblem {
+  size_t modes = 0;
   double chi2_apart = 0.0;  // of what any fit leaves
 };
 
-PyramidFitter::Problem PyramidFitter::problem_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
-                                                 const Eigen::VectorXd& peak, const Footprints& near,
+PyramidFitter::Problem PyramidFitter::problem_of(const MixtureLanes& samples, const Footprints& near,
                                                  const std::vector<Place>& places) {
-  const Eigen::Index black = y.size() - 1, first = 1 + near.size();
-  Eigen::ArrayXf most = Eigen::ArrayXf::Zero(black);
-  for (const Place& place : places) most = most.max(answer(place.at).array());
+  const auto lanes = static_cast<Eigen::Index>(patterns_.size());
+  Eigen::ArrayXf most = Eigen::ArrayXf::Zero(lanes);
+  for (const Place& place : places) most = most.max(Eigen::Map<const Eigen::ArrayXf>(place.answer, lanes));
   const float least = kDark * most.maxCoeff();
-  std::vector<Eigen::Index> seeing;
+  std::vector<size_t> seeing;
   double dark_weight = 0.0, dark = 0.0, dark_square = 0.0;
-  for (Eigen::Index i = 0; i <= black; ++i) {
-    if (!(weight[i] > 0.0)) continue;
-    if (i < black && most[i] > least) {
-      seeing.push_back(i);
+  for (size_t k = 0; k < patterns_.size(); ++k) {
+    const double root = samples.root[k], y = samples.y[k];
+    if (!(root > 0.0)) continue;
+    if (most[static_cast<Eigen::Index>(k)] > least) {
+      seeing.push_back(k);
     } else {
-      dark_weight += weight[i];
-      dark += weight[i] * y[i];
-      dark_square += weight[i] * y[i] * y[i];
+      dark_weight += root * root;
+      dark += root * y;
+      dark_square += y * y;
     }
   }
-  const Eigen::Index rows = std::ssize(seeing);
-  Problem own{.a = Eigen::MatrixXd::Zero(rows + 1, first + std::ssize(places)),
-              .y = Eigen::VectorXd::Zero(rows + 1),
-              .prior_sd = Eigen::VectorXd::Ones(first + std::ssize(places)),
-              .modes = near.size()};
-  own.a(rows, 0) = std::sqrt(dark_weight);
+  Problem own;
+  own.samples = seeing.size() + 1;
+  own.lanes = (own.samples + PatternLanes::kPad - 1) / PatternLanes::kPad * PatternLanes::kPad;
+  own.modes = static_cast<size_t>(near.size());
+  own.a.reserve((1 + own.modes + places.size()) * own.lanes);
+  const auto add = [&](const float* answers, const std::vector<float>& scale, double prior_sd) {
+    float* const at = &*own.a.insert(own.a.end(), own.lanes, 0.0f);
+    for (size_t i = 0; i < seeing.size(); ++i) at[i] = answers[seeing[i]] * scale[seeing[i]];
+    own.prior_sd.push_back(prior_sd);
+  };
+  add(std::vector<float>(patterns_.size(), 1.0f).data(), samples.root, 1.0);
+  own.y.resize(own.lanes);
+  for (size_t i = 0; i < seeing.size(); ++i) own.y[i] = samples.y[seeing[i]];
   if (dark_weight > 0.0) {
-    own.y[rows] = dark / own.a(rows, 0);
-    own.chi2_apart = dark_square - own.y[rows] * own.y[rows];
+    const double dark_root = std::sqrt(dark_weight), y = dark / dark_root;
+    own.a[seeing.size()] = static_cast<float>(dark_root);
+    own.y[seeing.size()] = static_cast<float>(y);
+    own.chi2_apart = dark_square - y * y;
   }
-  Eigen::MatrixXd of_modes(black, near.size()), columns(black, PatternAnswers::kColumns);
-  for (int m = 0; m < near.size(); ++m) {
-    answers_.of(near[m], true, columns.data(), black);
-    of_modes.col(m) = columns.col(0);
-  }
-  Eigen::VectorXd lit(rows);
-  for (Eigen::Index i = 0; i < rows; ++i) {
-    const Eigen::Index sample = seeing[i];
-    const double root = std::sqrt(weight[sample]);
-    lit[i] = root * peak[sample];
-    own.a(i, 0) = root;
-    own.y[i] = root * y[sample];
-    for (int m = 0; m < near.size(); ++m) own.a(i, 1 + m) = lit[i] * of_modes(sample, m);
-  }
-  for (Eigen::Index k = 0; k < std::ssize(places); ++k) {
-    const Eigen::VectorXf& light = answer(places[k].at);
-    for (Eigen::Index i = 0; i < rows; ++i)
-      own.a(i, first + k) = lit[i] * static_cast<double>(light[seeing[i]]);
-    own.prior_sd[first + k] = places[k].prior_sd;
-  }
+  for (const Footprint& mode : near) add(answer(mode).data(), samples.peak, 1.0);
+  for (const Place& place : places) add(place.answer, samples.peak, place.prior_sd);
   return own;
 }
 
+// What is left of the samples, at the weights of `problem`, by the pyramid alone and by the modes alone.
 struct PyramidFitter::Average {
-  Average(const Problem& problem, bool few_directions) : modes(problem.modes) {
-    Eigen::MatrixXd a = problem.a;
-    Eigen::VectorXd y = problem.y;
-    fit(problem, a, y);
-    for (int i = 0; i < kMaxWeighings && !explains(problem); ++i) {
-      const Eigen::ArrayXd off = (problem.y - problem.a * alone.x).array().square(),
-                           modes_off = (problem.y - problem.a * gaussians).array().square();
-      // Of noise with Cauchy's tails.
-      const Eigen::VectorXd root = (2.0 / (1.0 + off.max(modes_off))).min(1.0).sqrt();
-      a = root.asDiagonal() * problem.a;
-      y = root.asDiagonal() * problem.y;
-      fit(problem, a, y);
-    }
-    share = by_prediction(a, y);
-    if (few_directions) share = std::min(share, by_evidence(y.size()));
+  Average(const Problem& problem, const std::vector<size_t>& start, bool few_directions)
+      : modes(static_cast<double>(problem.modes)), root(Eigen::ArrayXf::Ones(lanes_of(problem))) {
+    fit(problem, start);
+    for (int i = 0; i < kMaxWeighings && !explains(problem); ++i) weigh_anew(problem);
+    share = by_prediction(problem);
+    if (few_directions) share = std::min(share, by_evidence(problem));
   }
 
-  Eigen::VectorXd x() const { return (1.0 - share) * alone.x + share * gaussians; }
+  double chi2() const { return static_cast<double>(off_average().square().sum()); }
 
-  PositiveFit alone;
-  Eigen::VectorXd gaussians;
+  PositiveFit alone, gaussians;
   double share = 0.0;  // of the Gaussians
 
  private:
-  // Samples leave open which of the two is right; the one that fits fewer values to them is likelier. Each
-  // mode's place and widths were found from the same samples.
-  double by_evidence(Eigen::Index samples) const {
-    const double found =
-        0.5 * kModeFreedom * static_cast<double>(modes) * std::log(static_cast<double>(samples));
-    return 1.0 / (1.0 + std::exp((alone.evidence - gaussians_evidence + found) / kTemper));
+  static Eigen::Index lanes_of(const Problem& problem) { return static_cast<Eigen::Index>(problem.lanes); }
+  float kept() const { return static_cast<float>(share); }
+  Eigen::ArrayXf residual(const PositiveFit& own) const {
+    return Eigen::Map<const Eigen::ArrayXf>(own.residual.data(), root.size());
   }
+  Eigen::ArrayXf off(const PositiveFit& own) const { return residual(own) / root; }
+  Eigen::ArrayXf off_average() const { return (1.0f - kept()) * off(alone) + kept() * off(gaussians); }
 
-  double by_prediction(const Eigen::MatrixXd& a, const Eigen::VectorXd& y) const {
-    const Eigen::VectorXd rest = y - a * alone.x, differ = a * (alone.x - gaussians);
-    const double more = alone.freedom - 1.0 - kModeFreedom * static_cast<double>(modes),
-                 noise = rest.squaredNorm() / (static_cast<double>(y.size()) - alone.freedom);
-    return std::clamp((noise * more - rest.dot(differ)) / std::max(differ.squaredNorm(), kRounding), 0.0,
-                      1.0);
-  }
-
-  void fit(const Problem& problem, const Eigen::MatrixXd& a, const Eigen::VectorXd& y) {
-    alone = positive_minimum(a, y, problem.prior_sd, modes);
-    const PositiveFit own = positive_minimum(a.leftCols(1 + modes), y, problem.prior_sd.head(1 + modes));
-    gaussians = Eigen::VectorXd::Zero(a.cols());
-    gaussians.head(1 + modes) = own.x;
-    gaussians_evidence = own.evidence;
+  void fit(const Problem& problem, const std::vector<size_t>& start) {
+    alone = positive_minimum(problem, 1 + problem.modes, problem.size(), start);
+    gaussians = positive_minimum(problem, 1, 1 + problem.modes);
   }
 
   bool explains(const Problem& problem) const {
-    return (problem.y - problem.a * alone.x).squaredNorm() <
-           kMaxDispersion * (static_cast<double>(problem.y.size()) - alone.freedom);
+    return static_cast<double>(off(alone).square().sum()) <
+           kMaxDispersion * (static_cast<double>(problem.samples) - alone.freedom);
   }
 
-  Eigen::Index modes;
-  double gaussians_evidence = 0.0;
+  // Of weights, as if noise had Cauchy's tails.
+  static Eigen::ArrayXf tolerant_root(const Eigen::ArrayXf& square) {
+    return (2.0f / (1.0f + square)).min(1.0f).sqrt();
+  }
+
+  // Fits tell what they can of samples that either of them does not explain.
+  void weigh_anew(const Problem& problem) {
+    root = tolerant_root(off(alone).square().max(off(gaussians).square()));
+    Problem weighed = problem;
+    const auto weigh = [&](float* column) { Eigen::Map<Eigen::ArrayXf>(column, root.size()) *= root; };
+    for (size_t k = 0; k < problem.size(); ++k) weigh(&weighed.a[k * problem.lanes]);
+    weigh(weighed.y.data());
+    std::vector<size_t> start;
+    for (size_t i = 1; i < alone.above.size(); ++i) start.push_back(alone.above[i].column);
+    fit(weighed, start);
+  }
+
+  // Samples leave open which of the two is right; the one that fits fewer values to them is likelier. Each
+  // mode's place and widths were found from the same samples.
+  double by_evidence(const Problem& problem) const {
+    const double found = 0.5 * kModeFreedom * modes * std::log(static_cast<double>(problem.samples));
+    return 1.0 / (1.0 + std::exp((alone.evidence - gaussians.evidence + found) / kTemper));
+  }
+
+  double by_prediction(const Problem& problem) const {
+    // Samples that one of them explains count in full.
+    const bool is_explained = root.minCoeff() == 1.0f;
+    const Eigen::ArrayXf own =
+        is_explained ? root : tolerant_root(off(alone).square().min(off(gaussians).square()));
+    const Eigen::ArrayXd rest = (own * off(alone)).cast<double>(),
+                         differ = (own * off(gaussians)).cast<double>() - rest;
+    const double more = alone.freedom - 1.0 - kModeFreedom * modes,
+                 noise = rest.square().sum() / (static_cast<double>(problem.samples) - alone.freedom);
+    return std::clamp((noise * more - (rest * differ).sum()) / std::max(differ.square().sum(), kRounding),
+                      0.0, 1.0);
+  }
+
+  double modes;
+  Eigen::ArrayXf root;  // of the samples' weights, beside their own
 };
 
-std::optional<PyramidFit> PyramidFitter::fit(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
-                                             const Eigen::VectorXd& peak, const Footprints& near) {
+std::optional<PyramidFit> PyramidFitter::fit(const MixtureLanes& samples, const Footprints& near,
+                                             const std::vector<Coefficient>& like) {
   const Extent light = extent_of(near);
   if (!(light.weight > 0.0)) return std::nullopt;
-  const Range across = reached(light.x_px, light.xx_px2, answers_.extent().width_px),
-              down = reached(light.y_px, light.yy_px2, answers_.extent().height_px);
+  const Range across = reached(light.x_px, light.xx_px2, extent_.width_px),
+              down = reached(light.y_px, light.yy_px2, extent_.height_px);
   const double area_px2 = (across.high_px - across.low_px) * (down.high_px - down.low_px) / (kReach * kReach);
   if (!(area_px2 > 0.0)) return std::nullopt;
   const double prior_sd = kPrior * light.weight / area_px2;
   if (known_.size() > kMaxKnown) known_.clear();
-  const std::vector<Place> places = places_of(y, weight, peak, near, across, down, prior_sd);
+  const std::vector<Place> places = places_of(samples, near, across, down, prior_sd);
   if (places.empty()) return std::nullopt;
-  const Problem all = problem_of(y, weight, peak, near, places);
-  const Eigen::Index modes = near.size();
-  const Average average(all, few_directions_);
-  const Eigen::VectorXd x = average.x();
-  PyramidFit fit;
-  fit.prior_sd = prior_sd;
-  fit.floor = x[0];
-  fit.chi2 = (all.y - all.a * x).squaredNorm() + all.chi2_apart;
-  fit.gaussian = average.share;
-  for (Eigen::Index m = 0; m < modes; ++m) fit.modes.push_back(x[1 + m]);
-  for (Eigen::Index k = 0; k < std::ssize(places); ++k) {
-    Coefficient own = places[k].at;
-    own.weight = static_cast<float>(x[1 + modes + k]);
+  const Problem all = problem_of(samples, near, places);
+  const size_t first = 1 + all.modes;
+  std::vector<size_t> start;
+  for (const Coefficient& own : like) {
+    const auto at = std::ranges::find_if(places, [&](const Place& place) {
+      return place.at.level == own.level && place.at.column == own.column && place.at.row == own.row;
+    });
+    if (at != places.end()) start.push_back(first + static_cast<size_t>(at - places.begin()));
+  }
+  const Average average(all, start, few_directions_);
+  PyramidFit fit{.coefficients = {},
+                 .modes = std::vector<double>(all.modes),
+                 .floor = (1.0 - average.share) * average.alone.above[0].x +
+                          average.share * average.gaussians.above[0].x,
+                 .chi2 = average.chi2() + all.chi2_apart,
+                 .prior_sd = prior_sd,
+                 .gaussian = average.share};
+  for (size_t i = 1; i < average.gaussians.above.size(); ++i) {
+    const auto& [column, x] = average.gaussians.above[i];
+    fit.modes[column - 1] = average.share * x;
+  }
+  for (size_t i = 1; i < average.alone.above.size(); ++i) {
+    const auto& [column, x] = average.alone.above[i];
+    Coefficient own = places[column - first].at;
+    own.weight = static_cast<float>((1.0 - average.share) * x);
     if (own.weight > 0.0f) fit.coefficients.push_back(own);
   }
   return fit;

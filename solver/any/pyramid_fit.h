@@ -22,7 +22,6 @@
 #include <unordered_map>
 #include <vector>
 
-#include "core/footprint/pattern_answer.h"
 #include "core/matte/matte.h"
 #include "solver/mixture/mixture_fit.h"
 
@@ -37,17 +36,6 @@ struct PyramidFit {
   double gaussian = 0.0;      // the modes' share of the average
 };
 
-// min |y - A x|^2 + sum_k (x_k / s_k)^2 over x >= 0, except x_0, which may have any sign, and the `left_out`
-// after it, which are 0: by a working set that grows by those coefficients that lower the cost most, and
-// projected Newton (Bertsekas 1982) on it.
-struct PositiveFit {
-  Eigen::VectorXd x;
-  double freedom = 0.0;   // the samples' degrees of freedom that the coefficients above 0 take
-  double evidence = 0.0;  // log marginal likelihood of the coefficients above 0
-};
-PositiveFit positive_minimum(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::VectorXd& y,
-                             const Eigen::Ref<const Eigen::VectorXd>& prior_sd, Eigen::Index left_out = 0);
-
 // One thread's.
 class PyramidFitter {
  public:
@@ -56,32 +44,38 @@ class PyramidFitter {
   };
 
   // Keeps a reference.
-  explicit PyramidFitter(const PatternAnswers& answers);
+  explicit PyramidFitter(const PatternLanes& patterns);
 
-  // y, weight and peak as in MixtureSamples, black last. `near`: the closest Gaussians, which say where light
-  // is and how much. None if there is no light, or if it is
-  // wider than a pyramid's coefficients can cover.
-  std::optional<PyramidFit> fit(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
-                                const Eigen::VectorXd& peak, const Footprints& near);
+  // What Gaussians leave of the samples at the best F.
+  double gaussians_chi2(const MixtureLanes& samples, const Footprints& near);
+
+  // `near`: the closest Gaussians, which say where light is and how much. `like`: coefficients of a similar
+  // footprint, if one is known; they make it faster. None if there is no light, or if it is wider than a
+  // pyramid's coefficients can cover.
+  std::optional<PyramidFit> fit(const MixtureLanes& samples, const Footprints& near,
+                                const std::vector<Coefficient>& like = {});
 
  private:
   struct Problem;
   struct Average;
   struct Place {
     Coefficient at;
+    const float* answer;
     double prior_sd;
   };
-  Problem problem_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight, const Eigen::VectorXd& peak,
-                     const Footprints& near, const std::vector<Place>& places);
+  Problem problem_of(const MixtureLanes& samples, const Footprints& near, const std::vector<Place>& places);
   // Those where the prior and the samples leave room for light.
-  std::vector<Place> places_of(const Eigen::VectorXd& y, const Eigen::VectorXd& weight,
-                               const Eigen::VectorXd& peak, const Footprints& near, const Range& across,
+  std::vector<Place> places_of(const MixtureLanes& samples, const Footprints& near, const Range& across,
                                const Range& down, double prior_sd);
-  const Eigen::VectorXf& answer(const Coefficient& place);
+  const std::vector<float>& answer(const Footprint& footprint);
+  const float* answer(const Coefficient& place);
 
-  const PatternAnswers& answers_;
+  const PatternLanes& patterns_;
+  const MonitorExtent extent_;
   bool few_directions_;
-  std::unordered_map<std::int64_t, Eigen::VectorXf> known_;  // answers, by place
+  std::vector<double> values_;                                  // of the last answer, by pattern, and
+  std::vector<float> answer_;                                   // by lane
+  std::unordered_map<std::int64_t, std::vector<float>> known_;  // answers, by place
 };
 
 }  // namespace glasswing

@@ -48,37 +48,22 @@ bool is_likely(double chi2, const Eigen::VectorXd& weight, int modes) {
 }  // namespace
 
 PyramidSolver::PyramidSolver(const FrameStack& stack, const MixtureLayout& layout,
-                             const std::deque<PatternAnswers>& answers, std::vector<PyramidFitter>& fitters)
+                             const std::deque<PatternLanes>& patterns, std::vector<PyramidFitter>& fitters)
     : stack_(stack),
       layout_(layout),
-      answers_(answers),
+      patterns_(patterns),
       fitters_(fitters),
       noise_(sample_noise(layout.stage.camera, 0.0)) {}
 
-void PyramidSolver::refine_row(int y, Matte& matte) {
-  for (int x = 0; x < matte.width_px(); ++x) {
-    if (!(matte.coverage(x, y) > 0.0f) || (matte.flags(x, y) & kFlagNoData) != 0) continue;
-    bool explained = true;
-    for (const int channel : stack_.channels(x, y)) {
-      for (size_t m = 0; m < layout_.monitors.size(); ++m)
-        explained = refine(m, x, y, channel, matte) && explained;
-    }
-    if (explained) matte.flags(x, y) = static_cast<std::uint8_t>(matte.flags(x, y) & ~kFlagPoorFit);
+void PyramidSolver::refine(int x, int y, Matte& matte) {
+  if (!(matte.coverage(x, y) > 0.0f) || (matte.flags(x, y) & kFlagNoData) != 0) return;
+  last_.assign(layout_.monitors.size(), {});
+  bool explained = true;
+  for (const int channel : stack_.channels(x, y)) {
+    for (size_t m = 0; m < layout_.monitors.size(); ++m)
+      explained = refine(m, x, y, channel, matte) && explained;
   }
-}
-
-double PyramidSolver::gaussians_chi2(size_t m, const Footprints& modes, const Eigen::VectorXd& seen,
-                                     const Eigen::VectorXd& weight, const Eigen::VectorXd& peak) const {
-  const PatternAnswers& answers = answers_[m];
-  const Eigen::Index count = answers.size();
-  Eigen::VectorXd rest = seen;
-  Eigen::MatrixXd columns(count, PatternAnswers::kColumns);
-  for (const Footprint& mode : modes) {
-    answers.of(mode, true, columns.data(), count);
-    rest.head(count) -= peak.head(count).cwiseProduct(columns.col(0));
-  }
-  rest.array() -= weight.dot(rest) / weight.sum();
-  return weight.dot(rest.cwiseAbs2());
+  if (explained) matte.flags(x, y) = static_cast<std::uint8_t>(matte.flags(x, y) & ~kFlagPoorFit);
 }
 
 bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
@@ -118,11 +103,14 @@ bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
   // The narrowest Gaussians are wider than some shapes' details.
   const double detail = kDetail * (seen.maxCoeff() - seen[count]);
   weight = (weight.cwiseInverse().array() + detail * detail).inverse();
-  const double of_gaussians = gaussians_chi2(m, near, seen, weight, peak);
+  const MixtureLanes samples({.patterns = &patterns_[m], .y = seen, .weight = weight, .peak = peak});
+  const double of_gaussians = fitters_[m].gaussians_chi2(samples, near);
   const bool poor = (matte.flags(x, y) & kFlagPoorFit) != 0;
   if (!poor && near.size() < kMaxFootprints && is_likely(of_gaussians, weight, near.size())) return true;
-  const std::optional<PyramidFit> fit = fitters_[m].fit(seen, weight, peak, near);
+  ++fitted_;
+  const std::optional<PyramidFit> fit = fitters_[m].fit(samples, near, last_[m]);
   if (!fit || fit->coefficients.empty()) return false;
+  last_[m] = fit->coefficients;
   if (fit->gaussian > kCertain) return !poor;
   if (!is_explained(fit->chi2, weight) && fit->chi2 > of_gaussians) return false;
   for (size_t i = 0; i < kept.size(); ++i) kept[i].weight *= static_cast<float>(fit->modes[i]);

@@ -1,0 +1,42 @@
+// Least squares with coefficients that are not negative:
+//
+//   min |y - A x|^2 + sum_k (x_k / s_k)^2,  x_k >= 0 but for x_0, which may have any sign
+//
+// by an active set (Lawson and Hanson 1974): the coefficient that lowers the cost most joins those above 0,
+// and those that the joint minimum would make negative leave. The Cholesky factor of the equations of those
+// above 0 gains and loses rows (Golub and Van Loan, 6.5).
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace glasswing {
+
+// Columns one after the other in lanes of float: `lanes`, a multiple of PatternLanes::kPad, of which those
+// beyond `samples` are 0.
+struct PositiveProblem {
+  size_t samples = 0, lanes = 0;
+  std::vector<float> a, y;
+  std::vector<double> prior_sd;  // s, by column
+
+  size_t size() const { return prior_sd.size(); }
+  const float* column(size_t k) const { return &a[k * lanes]; }
+};
+
+struct PositiveFit {
+  struct Part {
+    size_t column;
+    double x;
+  };
+  std::vector<Part> above;      // x_0, and the coefficients above 0
+  std::vector<float> residual;  // y - A x
+  double chi2 = 0.0;            // its square
+  double freedom = 0.0;         // the samples' degrees of freedom that the coefficients take
+  double evidence = 0.0;        // log marginal likelihood of the coefficients above 0
+};
+
+// Coefficients other than x_0 and those of [begin, end) are 0. `start`: some that are likely above 0.
+PositiveFit positive_minimum(const PositiveProblem& problem, size_t begin, size_t end,
+                             const std::vector<size_t>& start = {});
+
+}  // namespace glasswing
