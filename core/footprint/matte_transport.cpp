@@ -64,13 +64,7 @@ bool has_boxes(const Matte& matte) {
 
 // The footprints with light, on monitors that the matte has.
 std::vector<Mode> lit_modes(const Matte& matte, int x, int y, int channel) {
-  std::vector<Mode> modes;
-  if (matte.pyramids(x, y, channel).empty()) {
-    const std::span<const Mode> own = matte.modes(x, y, channel);
-    modes.assign(own.begin(), own.end());
-  } else {
-    modes = matte.gaussians(x, y, channel);
-  }
+  std::vector<Mode> modes = matte.gaussians(x, y, channel);
   std::erase_if(modes, [&](const Mode& mode) {
     return mode.weight <= 0.0f || mode.texture < 0 || mode.texture >= matte.metadata.monitors_size();
   });

@@ -123,6 +123,7 @@ class Matte {
   std::span<PyramidFootprint> pyramids(int x, int y, int channel);
   void add_pyramid(int x, int y, int channel, PyramidFootprint pyramid);
   bool has_pyramids() const { return !pyramids_.empty(); }
+  bool has_pyramid(int x, int y) const;  // in any channel
   // Of a pixel with pyramids: the Gaussians that composites integrate, and their F.
   std::vector<Mode> gaussians(int x, int y, int channel) const;
   float foreground_of_gaussians(int x, int y, int channel) const;
