@@ -261,10 +261,7 @@ py::array_t<bool> has_pyramid(const NativeMatte& self) {
   py::array_t<bool> has({matte.height_px(), matte.width_px()});
   auto pixels = has.mutable_unchecked<2>();
   for (int y = 0; y < matte.height_px(); ++y) {
-    for (int x = 0; x < matte.width_px(); ++x) {
-      pixels(y, x) = false;
-      for (int c = 0; c < kChannels; ++c) pixels(y, x) = pixels(y, x) || !matte.pyramids(x, y, c).empty();
-    }
+    for (int x = 0; x < matte.width_px(); ++x) pixels(y, x) = matte.has_pyramid(x, y);
   }
   return has;
 }

@@ -41,8 +41,7 @@ void FootprintRows::prepare(const Matte& matte, int y, FootprintRow& row) {
   for (int x = 0; x < matte.width_px(); ++x) {
     for (int c = 0; c < kChannels; ++c) row.foreground.push_back(matte.foreground_of_gaussians(x, y, c));
     PixelTiles& pixel = row.tiles[x];
-    if (!matte.pyramids(x, y, 0).empty() || !matte.pyramids(x, y, 1).empty() ||
-        !matte.pyramids(x, y, 2).empty()) {
+    if (matte.has_pyramid(x, y)) {
       for (int c = 0; c < kChannels; ++c) pixel.own[c] = add_any(matte, x, y, c, row);
       continue;
     }

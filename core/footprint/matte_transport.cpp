@@ -70,10 +70,8 @@ std::vector<Mode> lit(const Matte& matte, std::vector<Mode> modes) {
   return modes;
 }
 
-std::vector<Mode> lit_modes(const Matte& matte, int x, int y, int channel) {
-  if (!matte.pyramids(x, y, channel).empty()) return lit(matte, matte.gaussians(x, y, channel));
-  const std::span<const Mode> own = matte.modes(x, y, channel);
-  return lit(matte, {own.begin(), own.end()});
+std::vector<Mode> lit_gaussians(const Matte& matte, int x, int y, int channel) {
+  return lit(matte, matte.gaussians(x, y, channel));
 }
 
 }  // namespace
@@ -112,7 +110,7 @@ class MatteTransport::Row {
     float value, error;
   };
   const std::vector<Entry>& compute(int x, int y, int channel, bool errors) {
-    const std::vector<Mode> modes = lit_modes(matte_, x, y, channel);
+    const std::vector<Mode> modes = lit_gaussians(matte_, x, y, channel);
     entries_.clear();
     double whole = 0.0;
     for (const Mode& mode : modes) {
@@ -345,7 +343,7 @@ absl::StatusOr<RadianceImage> composite_from_monitor(const Matte& matte, int tex
         std::array<double, kChannels> shines{shone.at(x, y, 0), shone.at(x, y, 1), shone.at(x, y, 2)};
         if (!mix.is_unit()) shines = transposed(back, shines);
         for (int c = 0; c < kChannels; ++c) {
-          for (const Mode& mode : lit_modes(matte, x, y, c)) {
+          for (const Mode& mode : lit_gaussians(matte, x, y, c)) {
             if (mode.texture != texture) continue;
             const double weight = scale * mode.weight * shines[c];
             for_pixels(mode, has_boxes(matte), monitor, [&](int u, int v, double share) {
@@ -372,7 +370,7 @@ RadianceImage footprint_picture(const Matte& matte, int x, int y, int texture) {
   const Size monitor = size_of(matte, texture);
   RadianceImage picture(monitor.width_px, monitor.height_px);
   for (int c = 0; c < kChannels; ++c) {
-    for (const Mode& mode : lit_modes(matte, x, y, c)) {
+    for (const Mode& mode : lit_gaussians(matte, x, y, c)) {
       if (mode.texture != texture) continue;
       for_pixels(mode, has_boxes(matte), monitor, [&](int u, int v, double share) {
         picture.at(u, v, c) += static_cast<float>(mode.weight * share);

@@ -72,6 +72,11 @@ std::span<PyramidFootprint> Matte::pyramids(int x, int y, int channel) {
   return found == pyramids_.end() ? std::span<PyramidFootprint>() : found->second;
 }
 
+bool Matte::has_pyramid(int x, int y) const {
+  return has_pyramids() &&
+         !(pyramids(x, y, 0).empty() && pyramids(x, y, 1).empty() && pyramids(x, y, 2).empty());
+}
+
 void Matte::add_pyramid(int x, int y, int channel, PyramidFootprint pyramid) {
   assert(!is_colourless());
   pyramids_[kChannels * pixel(x, y) + channel].push_back(std::move(pyramid));

@@ -123,8 +123,8 @@ class Matte {
   std::span<PyramidFootprint> pyramids(int x, int y, int channel);
   void add_pyramid(int x, int y, int channel, PyramidFootprint pyramid);
   bool has_pyramids() const { return !pyramids_.empty(); }
-  // Of a pixel with pyramids: the modes that they do not stand for; and with them, all the Gaussians that
-  // composites integrate, and their F.
+  bool has_pyramid(int x, int y) const;  // in any channel
+  // The modes that no pyramid stands for; and all the Gaussians that composites integrate, and their F.
   std::vector<Mode> modes_beside_pyramids(int x, int y, int channel) const;
   std::vector<Mode> gaussians(int x, int y, int channel) const;
   float foreground_of_gaussians(int x, int y, int channel) const;

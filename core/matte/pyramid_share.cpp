@@ -25,10 +25,9 @@ PyramidShare pyramid_share(const Matte& matte) {
     for (int x = 0; x < matte.width_px(); ++x) {
       if (matte.coverage(x, y) <= 0.0f) continue;
       ++share.object;
-      bool has = false;
+      share.pixels += matte.has_pyramid(x, y);
       for (int c = 0; c < kChannels; ++c) {
         for (const PyramidFootprint& pyramid : matte.pyramids(x, y, c)) {
-          has = true;
           for (const Coefficient& own : pyramid.coefficients)
             share.in_pyramids += static_cast<double>(own.weight);
         }
@@ -39,7 +38,6 @@ PyramidShare pyramid_share(const Matte& matte) {
           std::ranges::for_each(matte.gaussians(x, y, c), add);
         }
       }
-      share.pixels += has;
     }
   }
   return share;
