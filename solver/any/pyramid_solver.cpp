@@ -33,6 +33,18 @@ double noise_of_stripes(const std::vector<ShownPattern>& patterns, const Eigen::
   return off.empty() ? kUnknownNoise : median(std::move(off)) / (kMedianOfNormal * std::sqrt(6.0));
 }
 
+// Of stripes and sinusoids on average; what the fit leaves beyond it makes everything less certain.
+double noise_of_fit(const std::vector<ShownPattern>& patterns, const Eigen::VectorXd& weight, double chi2) {
+  double information = 0.0, samples = 0.0;
+  for (Eigen::Index i = 0; i < std::ssize(patterns); ++i) {
+    if (!(weight[i] > 0.0) || patterns[static_cast<size_t>(i)].kind == ShownPattern::Kind::kArea) continue;
+    information += weight[i];
+    ++samples;
+  }
+  const double excess = chi2 / static_cast<double>((weight.array() > 0.0).count());
+  return std::sqrt(std::max(excess, 1.0) * samples / information);
+}
+
 // Whether noise explains what is left.
 bool is_explained(double chi2, const Eigen::VectorXd& weight) {
   const auto samples = static_cast<double>((weight.array() > 0.0).count());
@@ -116,21 +128,12 @@ bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
   for (size_t i = 0; i < kept.size(); ++i) kept[i].weight *= static_cast<float>(fit->modes[i]);
   std::erase_if(kept, [](const Coefficient& mode) { return !(mode.weight > 0.0f); });
   kept.insert(kept.end(), fit->coefficients.begin(), fit->coefficients.end());
-  // Of stripes and sinusoids on average; what the fit leaves beyond it makes everything less certain.
-  double information = 0.0, samples = 0.0;
-  for (Eigen::Index i = 0; i < count; ++i) {
-    if (!(weight[i] > 0.0) || monitor.patterns[i].kind == ShownPattern::Kind::kArea) continue;
-    information += weight[i];
-    ++samples;
-  }
-  const double excess = fit->chi2 / static_cast<double>((weight.array() > 0.0).count()),
-               noise_sd = std::sqrt(std::max(excess, 1.0) * samples / information);
   const double monitors = static_cast<double>(layout_.monitors.size());
   matte.add_pyramid(
       x, y, channel,
       {.texture = monitor.texture,
        .foreground = static_cast<float>((fit->floor - matte.foreground(x, y)[channel]) / monitors),
-       .noise_sd = static_cast<float>(noise_sd),
+       .noise_sd = static_cast<float>(noise_of_fit(monitor.patterns, weight, fit->chi2)),
        .prior_sd = static_cast<float>(fit->prior_sd),
        .coefficients = std::move(kept)});
   return is_explained(fit->chi2, weight) ||
