@@ -368,7 +368,8 @@ absl::StatusOr<std::unique_ptr<Scene>> make_still(const std::string& name, Monit
   if (name == "board") return make_board(back);
   if (name == "none") return nullptr;
   return absl::InvalidArgumentError(fmt::format(
-      "scene is \"{}\"; there are: crystal, glass, brushed, still-life, wobble, wobble-lit, board, none", name));
+      "scene is \"{}\"; there are: crystal, glass, brushed, still-life, wobble, wobble-lit, board, none",
+      name));
 }
 
 }  // namespace

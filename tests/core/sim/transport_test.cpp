@@ -210,8 +210,9 @@ TEST(Transport, NamesWhatItDoesNotHave) {
     EXPECT_EQ(transport.status().code(), absl::StatusCode::kInvalidArgument);
     return std::string(transport.status().message());
   };
-  EXPECT_EQ(message("vase", {{"back", kSize}}),
-            "scene is \"vase\"; there are: crystal, glass, brushed, still-life, wobble, wobble-lit, board, none");
+  EXPECT_EQ(
+      message("vase", {{"back", kSize}}),
+      "scene is \"vase\"; there are: crystal, glass, brushed, still-life, wobble, wobble-lit, board, none");
   EXPECT_EQ(message("none", {{"front", kSize}}),
             "monitor \"front\" has no place in the scene; there are: back, left, right, top");
   EXPECT_EQ(message("none", {{"left", kSize}}), "a scene needs a monitor \"back\", behind the object");
