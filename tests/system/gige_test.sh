@@ -87,7 +87,7 @@ some_proven() { (($(shown lossy proven_count) > 10)); }
 until_true 60 some_proven || fail "$(glasswing show lossy)"
 ended "$gige_pid"
 sleep_steps=$(shown lossy proven_count)
-until_true 60 eval 'glasswing show lossy | grep "waits for" >/dev/null' || fail "nothing says that the camera is away: $(glasswing show lossy)"
+until_true 60 eval 'glasswing show lossy | grep "^waiting" >/dev/null' || fail "nothing says that the camera is away: $(glasswing show lossy)"
 gige --lost 1
 proven lossy
 (($(metric glasswing_camera_incomplete_frames_total) > 0)) || fail "no incomplete frame was counted"

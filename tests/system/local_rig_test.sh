@@ -5,7 +5,7 @@ source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap 'kill $(jobs -p) 2>/dev/null || true; "${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
 says() { grep -Eq -- "$1" "$2"; } # PATTERN FILE
-waits_for() { glasswing show "$1" | grep -Eq "waits for +$2"; } # SESSION PATTERN
+waiting_for() { glasswing show "$1" | grep -Eq "^waiting +$2"; } # SESSION PATTERN
 is_free() { ! glasswing nodes --json | grep -q '"holder"'; }
 up() { "${rig[@]}" up --data "$work/rig" "$@" >"$work/up.out" 2>"$work/up.err"; } # OPTIONS...
 differs() { # WORDS OPTIONS...: up refuses these options
@@ -29,7 +29,7 @@ wait $! && fail "a doctor that was ended succeeds"
 until_true 10 is_free || fail "a doctor that was ended still holds the rig"
 echo 'method: "gaussian" monitors { name: "back" } solids { colour: [1, 1, 1] } exposure_ms: 4' >"$work/plan.txtpb"
 glasswing capture "$work/plan.txtpb" --session s >/dev/null
-until_true 20 waits_for s "camera node \"camera-1\" is not ready: $scene" || fail "the session: $(glasswing show s)"
+until_true 20 waiting_for s "camera node \"camera-1\" is not ready: $scene" || fail "the session: $(glasswing show s)"
 glasswing cancel s >/dev/null
 [[ $(shown s state) == SESSION_STATE_CANCELLED ]] || fail "s is $(shown s state)"
 camera=$(cat "$work/rig/run/camera-1.pid")
