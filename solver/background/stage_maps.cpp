@@ -148,7 +148,9 @@ class MapFinder {
     }
     if (!fitted.map) return refused(fitted.refused);
     if (place_sd_px > kMaxPlaceSd_px)
-      return refused(fmt::format("pixels deviate from it by {:.1f} px", place_sd_px));
+      return refused(std::isfinite(place_sd_px)
+                         ? fmt::format("pixels deviate from it by {:.1f} px", place_sd_px)
+                         : "no pixels show how far they deviate from it");
     const double sd_px = rms_sd_px(*fitted.map);
     if (sd_px > kMaxSd_px) return refused(fmt::format("it would be known only to {:.1f} px", sd_px));
     SmoothStage map{.map = *std::move(fitted.map), .sd_px = sd_px, .place_sd_px = place_sd_px, .wave_sd = {}};
