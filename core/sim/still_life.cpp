@@ -93,10 +93,11 @@ class Pane {
 
 class Coin {
  public:
-  explicit Coin(MonitorSize back) : radius_(0.19 * back.width_px) {
+  explicit Coin(MonitorSize back) : radius_(0.16 * back.width_px) {
     constexpr double kLying_rad = 0.42;  // between its face and the camera's axis
     const Vec3 normal{0.0, -std::cos(kLying_rad), -std::sin(kLying_rad)}, right{1.0, 0.0, 0.0};
-    face_ = {.centre = {0.53 * back.width_px, 0.83 * back.height_px, -0.22 * back.width_px},
+    // Above the id patch, which covers the last rows.
+    face_ = {.centre = {0.53 * back.width_px, 0.78 * back.height_px, -0.22 * back.width_px},
              .right = right,
              .down = cross(normal, right),
              .normal = normal};
