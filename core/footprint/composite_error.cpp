@@ -58,12 +58,8 @@ double variance_of_pyramids(const Matte& matte, int x, int y, int channel, const
       light[static_cast<Eigen::Index>(k) + 1] = monitors[pyramid.texture]->slopes(places[k], channel).light;
     sum += (root.transpose() * light).squaredNorm();
   }
-  std::vector<Mode> others;
-  for (const Mode& mode : matte.modes(x, y, channel)) {
-    if (mode.weight > 0.0f &&
-        std::ranges::find(pyramids, mode.texture, &PyramidFootprint::texture) == pyramids.end())
-      others.push_back(mode);
-  }
+  std::vector<Mode> others = matte.modes_without_pyramid(x, y, channel);
+  std::erase_if(others, [](const Mode& mode) { return !(mode.weight > 0.0f); });
   return others.empty() ? sum : sum + variance_of(others, channel, covariance, monitors);
 }
 

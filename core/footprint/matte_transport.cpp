@@ -184,11 +184,7 @@ class MatteTransport::Row {
   // sd^2 = |A' dE/dp|^2, as in composite_error.h, for each entry E.
   void set_errors(int x, int y, int channel) {
     const std::span<const PyramidFootprint> pyramids = matte_.pyramids(x, y, channel);
-    const std::span<const Mode> all = matte_.modes(x, y, channel);
-    std::vector<Mode> modes = lit(matte_, {all.begin(), all.end()});
-    std::erase_if(modes, [&](const Mode& mode) {
-      return std::ranges::find(pyramids, mode.texture, &PyramidFootprint::texture) != pyramids.end();
-    });
+    const std::vector<Mode> modes = lit(matte_, matte_.modes_without_pyramid(x, y, channel));
     Eigen::VectorXd squares = Eigen::VectorXd::Zero(std::ssize(entries_));
     if (!modes.empty()) {
       const Eigen::MatrixXd root = error_root(modes);

@@ -82,13 +82,19 @@ void Matte::add_pyramid(int x, int y, int channel, PyramidFootprint pyramid) {
   pyramids_[kChannels * pixel(x, y) + channel].push_back(std::move(pyramid));
 }
 
-std::vector<Mode> Matte::modes_beside_pyramids(int x, int y, int channel) const {
+std::vector<Mode> Matte::modes_without_pyramid(int x, int y, int channel) const {
   const std::span<const PyramidFootprint> own = pyramids(x, y, channel);
-  std::vector<Mode> beside;
+  std::vector<Mode> without;
   for (const Mode& mode : modes(x, y, channel)) {
-    if (std::ranges::find(own, mode.texture, &PyramidFootprint::texture) == own.end()) beside.push_back(mode);
+    if (std::ranges::find(own, mode.texture, &PyramidFootprint::texture) == own.end())
+      without.push_back(mode);
   }
-  for (const PyramidFootprint& pyramid : own) {
+  return without;
+}
+
+std::vector<Mode> Matte::modes_beside_pyramids(int x, int y, int channel) const {
+  std::vector<Mode> beside = modes_without_pyramid(x, y, channel);
+  for (const PyramidFootprint& pyramid : pyramids(x, y, channel)) {
     for (const Coefficient& light : pyramid.coefficients) {
       if (light.level < kPyramidLevels) continue;
       beside.push_back(modes(x, y, channel)[static_cast<size_t>(light.level - kPyramidLevels)]);

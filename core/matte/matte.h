@@ -124,7 +124,10 @@ class Matte {
   void add_pyramid(int x, int y, int channel, PyramidFootprint pyramid);
   bool has_pyramids() const { return !pyramids_.empty(); }
   bool has_pyramid(int x, int y) const;  // in any channel
-  // The modes that no pyramid stands for; and all the Gaussians that composites integrate, and their F.
+  // The modes on monitors of which the channel has no pyramid.
+  std::vector<Mode> modes_without_pyramid(int x, int y, int channel) const;
+  // Those, and the modes that pyramids keep beside them; and all the Gaussians that composites integrate, and
+  // their F.
   std::vector<Mode> modes_beside_pyramids(int x, int y, int channel) const;
   std::vector<Mode> gaussians(int x, int y, int channel) const;
   float foreground_of_gaussians(int x, int y, int channel) const;
