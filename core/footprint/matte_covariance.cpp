@@ -31,6 +31,18 @@ constexpr int kRounds = 4;           // of s and the weights of white and bars f
 
 }  // namespace
 
+v1::LitPicture lit_picture(int texture, const LitArea& lit, double light, int count) {
+  v1::LitPicture named;
+  named.set_texture(texture);
+  named.set_bar_px(lit.bars ? lit.bar_px : 0.0);
+  named.set_horizontal(lit.horizontal);
+  named.set_offset_px(lit.offset_px);
+  named.set_inverse(lit.inverse);
+  named.set_light(light);
+  named.set_count(count);
+  return named;
+}
+
 absl::StatusOr<MatteCovariance> MatteCovariance::create(const v1::MatteMetadata& metadata) {
   const v1::Mixture& mixture = metadata.mixture();
   if (metadata.sweeps().empty() && mixture.sweeps().empty() && mixture.wave_sets().empty()) {

@@ -41,6 +41,9 @@ struct PyramidErrors {
   Eigen::MatrixXd root;           // A with Cov = A A', of F and then c; empty: not known
 };
 
+// How a matte's header names a picture of white or bars: at this light, `count` times.
+v1::LitPicture lit_picture(int texture, const LitArea& lit, double light, int count);
+
 class MatteCovariance {
  public:
   // FAILED_PRECONDITION: the metadata names no samples. DATA_LOSS: it names impossible ones.

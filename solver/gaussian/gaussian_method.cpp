@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/base/status.h"
+#include "core/footprint/matte_covariance.h"
 #include "core/method/methods.h"
 #include "solver/any/any_method.h"
 #include "solver/gaussian/fewer_images.h"
@@ -49,14 +50,8 @@ void name_samples(const StackLayout& layout, v1::MatteMetadata& metadata) {
   }
   for (size_t t = 0; t < layout.areas.size(); ++t) {
     for (const AreaFrames& area : layout.areas[t]) {
-      v1::LitPicture& named = *metadata.add_lit_pictures();
-      named.set_texture(static_cast<int>(t));
-      named.set_bar_px(area.lit.bars ? area.lit.bar_px : 0.0);
-      named.set_horizontal(area.lit.horizontal);
-      named.set_offset_px(area.lit.offset_px);
-      named.set_inverse(area.lit.inverse);
-      named.set_light(area.light);
-      named.set_count(static_cast<int>(area.shot.size()));
+      *metadata.add_lit_pictures() =
+          lit_picture(static_cast<int>(t), area.lit, area.light, static_cast<int>(area.shot.size()));
     }
   }
 }

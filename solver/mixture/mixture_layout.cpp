@@ -11,6 +11,7 @@
 #include <tuple>
 
 #include "core/base/status.h"
+#include "core/footprint/matte_covariance.h"
 #include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
@@ -184,17 +185,6 @@ void name_stripe(int texture, const ShownPattern& pattern, double light, v1::Mix
   named.set_light(light);
 }
 
-void name_area(int texture, const LitArea& lit, double light, int count, v1::MatteMetadata& metadata) {
-  v1::LitPicture& named = *metadata.add_lit_pictures();
-  named.set_texture(texture);
-  named.set_bar_px(lit.bars ? lit.bar_px : 0.0);
-  named.set_horizontal(lit.horizontal);
-  named.set_offset_px(lit.offset_px);
-  named.set_inverse(lit.inverse);
-  named.set_light(light);
-  named.set_count(count);
-}
-
 }  // namespace
 
 void name_samples(const MixtureLayout& layout, v1::MatteMetadata& metadata) {
@@ -209,7 +199,7 @@ void name_samples(const MixtureLayout& layout, v1::MatteMetadata& metadata) {
       const int count = static_cast<int>(monitor.shots[i].size());
       switch (pattern.kind) {
         case ShownPattern::Kind::kArea:
-          name_area(monitor.texture, pattern.lit, light, count, metadata);
+          *metadata.add_lit_pictures() = lit_picture(monitor.texture, pattern.lit, light, count);
           break;
         case ShownPattern::Kind::kStripe:
           name_stripe(monitor.texture, pattern, light, mixture);
