@@ -28,6 +28,10 @@ struct Ray {
   Vec3 direction;  // unit
 };
 
+inline Vec3 at(const Ray& ray, double distance) {
+  return ray.origin + distance * ray.direction;
+}
+
 // `normal` is unit and faces the incoming light (dot(direction, normal) < 0).
 Vec3 reflected(Vec3 direction, Vec3 normal);
 // Snell: sin_t = sin_i / eta, eta = n_beyond / n_here. None on total internal reflection.

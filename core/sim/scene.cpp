@@ -22,10 +22,6 @@ struct Hit {
   Vec3 normal;  // outward
 };
 
-Vec3 at(const Ray& ray, double distance) {
-  return ray.origin + distance * ray.direction;
-}
-
 // A clear convex body: reflects and refracts at its surface, inside and outside.
 class ClearBody {
  public:

@@ -12,10 +12,6 @@ namespace {
 constexpr double kGlass = 1.5;
 constexpr int kFacetsARay = 48;  // of frosted glass and of the coin
 
-Vec3 point_on(const Ray& ray, double distance) {
-  return ray.origin + distance * ray.direction;
-}
-
 // Where a line meets a sphere, as distances along it: nearer, farther.
 std::optional<std::pair<double, double>> meet(const Ray& ray, Vec3 centre, double radius) {
   const Vec3 from = ray.origin - centre;
@@ -37,7 +33,7 @@ struct Face {
     if (speed >= 0.0) return std::nullopt;
     const double away = dot(centre - ray.origin, normal) / speed;
     if (away <= 0.0) return std::nullopt;
-    return own(point_on(ray, away) - centre);
+    return own(at(ray, away) - centre);
   }
 };
 
@@ -172,7 +168,7 @@ Wall next_wall(const HollowSphere& sphere, const Inside& part) {
   constexpr double kClear = 1e-9;  // of a radius: light that leaves a wall does not meet it at once
   const auto hollow = meet(part.ray, sphere.centre, sphere.inner_radius);
   const auto wall = [&](double distance, bool inner, double side) {
-    const Vec3 point = point_on(part.ray, distance);
+    const Vec3 point = at(part.ray, distance);
     return Wall{.point = point, .facing = side * normalized(point - sphere.centre), .inner = inner};
   };
   if (part.hollow) return wall(hollow ? hollow->second : 0.0, true, -1.0);
@@ -188,7 +184,7 @@ std::optional<std::vector<Path>> HollowSphere::trace(const Ray& ray) const {
   constexpr int kMaxWalls = 64;
   const auto outside = meet(ray, centre, radius);
   if (!outside || outside->first <= 0.0) return std::nullopt;
-  const Vec3 entry = point_on(ray, outside->first), normal = normalized(entry - centre);
+  const Vec3 entry = at(ray, outside->first), normal = normalized(entry - centre);
   const double mirrored = reflectance(-dot(ray.direction, normal), index);
   std::vector<Path> paths{{.ray = {entry, reflected(ray.direction, normal)}, .weight = mirrored}};
   std::vector<Inside> parts{

@@ -1,10 +1,12 @@
 // Three objects side by side on the simulated stage, whose footprints few Gaussians describe: a pane of
 // frosted glass, a blown glass bubble, and a coin with a face brushed in circles. All are gray.
 //
-//   pane     polished in front, ground behind: rays are refracted, then scattered by microfacets: a sharp
-//   core with long tails bubble   a hollow sphere: at each wall a ray divides by Fresnel's reflectance; the
-//   rim bends light into arcs coin     metal, Schlick's reflectance: microfacets are rough across its
-//   circular grooves, which turn around the centre
+// - The pane is polished in front and ground behind: rays are refracted, then scattered by microfacets, into
+//   a sharp core with long tails.
+// - The bubble is a hollow sphere: at each wall a ray divides by Fresnel's reflectance, and the rim bends
+//   light into arcs.
+// - The coin is metal, with Schlick's reflectance: microfacets are rough across its circular grooves, which
+//   turn around the centre.
 #pragma once
 
 #include <memory>
