@@ -6,6 +6,8 @@
 #include <functional>
 #include <limits>
 
+#include "tests/support/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -27,7 +29,7 @@ v1::MatteMetadata metadata_of_waves() {
 }
 
 TEST(MatteCovariance, WhatNoOneShowedIsRefused) {
-  ASSERT_TRUE(MatteCovariance::create(metadata_of_waves()).ok());
+  ASSERT_OK(MatteCovariance::create(metadata_of_waves()));
   EXPECT_EQ(MatteCovariance::create(v1::MatteMetadata()).status().code(),
             absl::StatusCode::kFailedPrecondition);
   const std::function<void(v1::MatteMetadata&, v1::WaveSet&)> faults[] = {

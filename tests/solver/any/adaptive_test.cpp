@@ -13,73 +13,37 @@
 #include "core/composite/compositor.h"
 #include "core/design/adaptation.h"
 #include "core/design/plan_design.h"
-#include "solver/methods.h"
-#include "solver/worker/parallel_solve.h"
-#include "tests/gate/scene.h"
-#include "tests/solver/stack_of.h"
-#include "tests/support/status.h"
+#include "tests/solver/any/shape_scene.h"
 
 namespace glasswing::adaptive {
 namespace {
 
 using gate::Scene;
 
-constexpr gate::Size kMonitor{128, 96};
+using any_shape::kMonitor;
+
 constexpr double kNoise_sd = 0.005;
 constexpr int kPixels = 10;  // in each row that see the object
-
-gate::Shares ring_at(double x_px, double y_px, double radius_px) {
-  constexpr int kSide = 5;  // samples across a pixel
-  gate::Shares shares;
-  double sum = 0.0;
-  for (int y = 0; y < kMonitor.height_px; ++y) {
-    for (int x = 0; x < kMonitor.width_px; ++x) {
-      double light = 0.0;
-      for (int i = 0; i < kSide * kSide; ++i) {
-        const double r =
-            std::hypot(x + (i % kSide + 0.5) / kSide - x_px, y + (i / kSide + 0.5) / kSide - y_px);
-        light += std::exp(-0.5 * std::pow(r - radius_px, 2));
-      }
-      if (light < 1e-6) continue;
-      shares.push_back({x, y, light});
-      sum += light;
-    }
-  }
-  for (gate::Share& share : shares) share.part /= sum;
-  return shares;
-}
 
 // Two rows of pixels, all but the ends of which see the object: the first `rings` of each rings, the others
 // Gaussians, each elsewhere.
 Scene scene_of(int rings, double radius_px = 12.0) {
-  Scene scene = gate::empty_scene("adaptive", {});
-  scene.camera = {kPixels + 2, 2};
-  scene.monitors = {kMonitor};
-  scene.empty.clear();
+  Scene scene = any_shape::two_rows("adaptive", kPixels + 2);
+  const any_shape::Shape ring = [&](double x, double y) {
+    return std::exp(-0.5 * std::pow(std::hypot(x, y) - radius_px, 2));
+  };
   std::mt19937 random(9);
   const auto in = [&](double low, double high) { return low + (high - low) * gate::uniform(random); };
   const int count = scene.camera.width_px * scene.camera.height_px;
-  for (int i = 0; i < count; ++i) {
-    const gate::Box behind{.x_px = 6.0 * (i % scene.camera.width_px) + 5.0,
-                           .y_px = 6.0 * (i / scene.camera.width_px) + 30.0,
-                           .width_px = 2.0,
-                           .height_px = 2.0};
-    scene.empty.push_back(
-        {.foreground = {}, .paths = {{.tint = {1, 1, 1}, .shares = gate::shares_of(behind, kMonitor)}}});
-  }
-  scene.object = scene.empty;
-  scene.inside.assign(scene.empty.size(), false);
   for (int i = 0; i < count; ++i) {
     const int x = i % scene.camera.width_px;
     if (x == 0 || x > kPixels) continue;
     const double x_px = in(26, 102), y_px = in(26, 70);
     const gate::Shares shares =
-        x <= rings ? ring_at(x_px, y_px, radius_px)
+        x <= rings ? any_shape::shares_of(ring, x_px, y_px)
                    : gate::shares_of(gate::gaussian({x_px, y_px, in(1.0, 4.0), in(0.7, 3.0), in(0.0, 180.0)}),
                                      kMonitor);
-    scene.object[i] = {.foreground = {0.02, 0.02, 0.02},
-                       .paths = {{.tint = {0.6, 0.6, 0.6}, .shares = shares}}};
-    scene.inside[i] = true;
+    any_shape::put(scene, i, shares);
   }
   return scene;
 }
@@ -104,13 +68,7 @@ v1::Plan designed(int images, bool any) {
 Matte solved(const Scene& scene, const v1::Plan& plan, const std::map<std::string, std::string>& options) {
   std::string text;
   google::protobuf::TextFormat::PrintToString(plan, &text);
-  gate::Recording recording = gate::recorded(scene, text);
-  recording.manifest.mutable_camera()->set_read_sd(kNoise_sd);
-  const std::vector<Image16> frames = gate::noisy(recording.frames, kNoise_sd);
-  auto matte = solve_in_bands(*make_method("gaussian", options).value(), recording.manifest,
-                              stack_of(recording.manifest, frames));
-  EXPECT_OK(matte);
-  return *std::move(matte);
+  return any_shape::solved(scene, text, kNoise_sd, options);
 }
 
 const std::map<std::string, std::string> kAny{{"footprints", "any"}};
