@@ -2,7 +2,7 @@ import type { MonitorJson } from "../gen/glasswing/v1/archive_pb";
 import type { PlanJson } from "../gen/glasswing/v1/plan_pb";
 
 const kWindow_s = 5;
-const kLeast_s = 1;
+const kMin_s = 1;
 const kUsualHold = 2;
 
 /**
@@ -15,7 +15,7 @@ export function recentRate(times: Float64Array, now: number, window = kWindow_s)
   if (last === undefined) return undefined;
   const end = Math.max(now, last);
   const begin = Math.max(end - window, times[0]!);
-  if (end - begin < kLeast_s) return undefined;
+  if (end - begin < kMin_s) return undefined;
   let first = times.length;
   while (first > 0 && times[first - 1]! > begin) --first;
   return (times.length - first) / (end - begin);
