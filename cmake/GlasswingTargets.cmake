@@ -220,8 +220,9 @@ function(glasswing_tests)
     elseif(NOT ARG_PROGRAM)
       set(only --file ${test}.cpp)
     endif()
+    glasswing_test_priority(priority ${ARG_LABELS})
     # From where sources were compiled: ccache makes __FILE__ relative to it.
-    add_test(NAME ${name} COMMAND ${target} ${only} WORKING_DIRECTORY ${CMAKE_BINARY_DIR})
+    add_test(NAME ${name} COMMAND ${priority} $<TARGET_FILE:${target}> ${only} WORKING_DIRECTORY ${CMAKE_BINARY_DIR})
     set_tests_properties(${name} PROPERTIES TIMEOUT ${timeout} ENVIRONMENT "${ARG_ENVIRONMENT}")
     glasswing_label_test(${name} ${ARG_LABELS})
   endforeach()
@@ -241,7 +242,8 @@ function(glasswing_command_test name)
   if(NOT ARG_ENVIRONMENT)
     set(ARG_ENVIRONMENT GLASSWING_CONFIG=/dev/null)
   endif()
-  add_test(NAME ${name} COMMAND ${ARG_COMMAND})
+  glasswing_test_priority(priority ${ARG_LABELS})
+  add_test(NAME ${name} COMMAND ${priority} ${ARG_COMMAND})
   set_tests_properties(${name} PROPERTIES TIMEOUT ${timeout} ENVIRONMENT "${environment};${ARG_ENVIRONMENT}")
   glasswing_label_test(${name} ${ARG_LABELS})
 endfunction()
@@ -251,7 +253,7 @@ endfunction()
 #   rig     daemons in real time; one such test at a time
 #   system  uses resources of the whole machine: root, containers, a cluster; runs alone
 #   slow    over a minute; tests/run skips it unless given --all
-#   gate, rendered  solve on all cores, so none runs at the same time as a rig test
+#   gate, rendered  solve on all cores, with what the rig test beside them leaves
 # Others are for some command.
 function(glasswing_label_test name)
   set(labels ${ARGN})
@@ -264,6 +266,15 @@ function(glasswing_label_test name)
   elseif(labels MATCHES "rig")
     set_tests_properties(${name} PROPERTIES RESOURCE_LOCK rig COST 1000)
   elseif(labels MATCHES "gate|rendered")
-    set_tests_properties(${name} PROPERTIES RESOURCE_LOCK rig)
+    set_tests_properties(${name} PROPERTIES RESOURCE_LOCK gate COST 100)
   endif()
+endfunction()
+
+# glasswing_test_priority(OUT [LABEL ...]): what a test's command begins with.
+function(glasswing_test_priority out)
+  set(priority)
+  if(ARGN MATCHES "gate|rendered")
+    set(priority chrt --idle 0)  # frames of a rig come in time
+  endif()
+  set(${out} ${priority} PARENT_SCOPE)
 endfunction()
