@@ -59,6 +59,11 @@ void FrameMatcher::match(const StableWindow& window) {
   if (!seen_until_ || *seen_until_ <= window.until) open_.push_back(window);
 }
 
+void FrameMatcher::forget_windows() {
+  open_.clear();
+  matches_.clear();
+}
+
 std::vector<FrameMatcher::Match> FrameMatcher::take() {
   return std::exchange(matches_, {});
 }

@@ -58,6 +58,8 @@ class FrameMatcher {
 
   void add_frame(const FrameTime& frame);
   void add_window(const StableWindow& window);
+  // Forgets the windows that still wait for a frame, and matches that were not taken.
+  void forget_windows();
   // Matches since the last call.
   std::vector<Match> take();
   // The end of the newest frame; empty before the first.

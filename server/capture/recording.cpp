@@ -16,6 +16,7 @@ Recording::Recording(const RigLinks& links, double exposure_ms, const std::strin
               !links.camera_info.trigger().empty()) {}
 
 void Recording::begin_showing() {
+  matcher_.forget_windows();
   shown_now_.clear();
   matched_now_.clear();
 }

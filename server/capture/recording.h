@@ -23,7 +23,7 @@ class Recording {
   absl::Status wait_running(std::stop_token stop) { return camera_.wait_running(stop); }
   double exposure_ms() const { return camera_.exposure_ms(); }
 
-  // Forgets which steps were shown and matched in the previous showing.
+  // Forgets which steps were shown and matched in the previous showing, whose frames may still arrive.
   void begin_showing();
   // All monitors have shown the window's step. Returns false if it was also shown in an earlier showing.
   bool add_window(const StableWindow& window);

@@ -146,7 +146,12 @@ absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms,
   measurement.clock_errors += display_error + camera_error;
   GW_ASSIGN_OR_RETURN(const v1::MeasureLightResponse measured, measure_light(rig, wanted, calibration, stop));
   for (const v1::FrameLight& light : measured.frames()) {
-    LightFrame& frame = measurement.record.frames.emplace_back(times.at(light.sequence()));
+    const auto taken = times.find(light.sequence());
+    if (taken == times.end()) {
+      return absl::InternalError(fmt::format("{} measured light in frame {}, which nobody asked for",
+                                             rig.camera->title(), light.sequence()));
+    }
+    LightFrame& frame = measurement.record.frames.emplace_back(taken->second);
     frame.row_mean.assign(light.row_mean().begin(), light.row_mean().end());
     measurement.min_clipped = std::min(measurement.min_clipped, light.clipped_fraction());
     measurement.max_clipped = std::max(measurement.max_clipped, light.clipped_fraction());

@@ -89,6 +89,10 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
       for (v1::Presentation& shown : streams[i]->inbox.take()) {
         wanted_until = std::max(wanted_until, rig_time_of(shown, *test.displays[i]).replaced + kTail);
         if (shown.step() == kNoStep) continue;
+        if (std::ranges::find(test.steps, shown.step(), &v1::ProgramStep::step) == test.steps.end()) {
+          return absl::InternalError(fmt::format("{} reports step {}, which it was not given",
+                                                 test.displays[i]->link.title(), shown.step()));
+        }
         record.shown.push_back({.display = test.displays[i], .presentation = std::move(shown)});
       }
       if (end && !end->ok()) return *end;

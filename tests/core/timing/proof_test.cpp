@@ -89,5 +89,27 @@ TEST(FrameMatcher, MatchesExactlyWhatIsProven) {
   }
 }
 
+// A frame that comes late, after the same step was begun again, proves only what is on screen again.
+TEST(FrameMatcher, WindowsThatAreForgottenGetNoFrame) {
+  const StableWindow before{.step = 3, .from = milliseconds(10), .until = milliseconds(30)};
+  const StableWindow again{.step = 3, .from = milliseconds(110), .until = milliseconds(130)};
+  const auto frame = [](int sequence, int start_ms) {
+    return FrameTime{
+        .sequence = sequence, .start = milliseconds(start_ms), .end = milliseconds(start_ms + 6)};
+  };
+  FrameMatcher matcher;
+  matcher.add_frame(frame(1, 12));
+  matcher.add_window(before);  // matched, but not taken
+  matcher.add_window(before);  // waits
+  matcher.forget_windows();
+  matcher.add_frame(frame(2, 20));
+  EXPECT_TRUE(matcher.take().empty());
+  matcher.add_window(again);
+  matcher.add_frame(frame(3, 115));
+  const std::vector<FrameMatcher::Match> matches = matcher.take();
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_EQ(matches[0].frame.sequence, 3);
+}
+
 }  // namespace
 }  // namespace glasswing
