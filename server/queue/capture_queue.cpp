@@ -741,12 +741,12 @@ std::string CaptureQueue::unusual(const std::string& name) {
 
 void CaptureQueue::is_captured(const v1::QueueItem& item) {
   if (!has_rig(item)) return;
-  const absl::Status stored = update(item.number(), {item.state()}, "captured", [](v1::QueueItem& now) {
+  leave_the_rig(item);
+  (void)update(item.number(), {item.state()}, "captured", [](v1::QueueItem& now) {
     now.set_state(v1::QUEUE_ITEM_STATE_SOLVING);
     now.clear_reason();
     now.clear_waits_since();
   });
-  if (stored.ok()) left_the_rig(item);
 }
 
 void CaptureQueue::date(const v1::QueueItem& item, const v1::Session& session) {
@@ -781,17 +781,18 @@ void CaptureQueue::is_done(const v1::QueueItem& item) {
 
 void CaptureQueue::is_over(const v1::QueueItem& item) {
   const std::string unusual = this->unusual(item.session());
-  const absl::Status stored = update(item.number(), {item.state()},
-                                     unusual.empty() ? "done" : "done; " + unusual, [&](v1::QueueItem& now) {
-                                       now.set_state(v1::QUEUE_ITEM_STATE_DONE);
-                                       now.set_reason(unusual);
-                                       now.clear_waits_since();
-                                       now.set_ended(utc_now_rfc3339());
-                                     });
-  if (stored.ok() && has_rig(item)) left_the_rig(item);
+  if (has_rig(item)) leave_the_rig(item);
+  (void)update(item.number(), {item.state()}, unusual.empty() ? "done" : "done; " + unusual,
+               [&](v1::QueueItem& now) {
+                 now.set_state(v1::QUEUE_ITEM_STATE_DONE);
+                 now.set_reason(unusual);
+                 now.clear_waits_since();
+                 now.set_ended(utc_now_rfc3339());
+               });
 }
 
 void CaptureQueue::has_failed(const v1::QueueItem& item, const std::string& why) {
+  if (item.state() != v1::QUEUE_ITEM_STATE_SOLVING) leave_the_rig(item);
   const absl::Status stored = update(item.number(),
                                      {v1::QUEUE_ITEM_STATE_WAITING, v1::QUEUE_ITEM_STATE_RUNNING,
                                       v1::QUEUE_ITEM_STATE_PAUSED, v1::QUEUE_ITEM_STATE_SOLVING},
@@ -802,16 +803,14 @@ void CaptureQueue::has_failed(const v1::QueueItem& item, const std::string& why)
                                        now.set_ended(utc_now_rfc3339());
                                      });
   if (!stored.ok()) return;
-  due_.erase(item.number());
   tell({.what = "needs-operator",
         .session = item.session(),
         .text = title(item) + " of the queue failed: " + why,
         .advice = fmt::format("glasswing queue show {}", item.number())});
-  if (item.state() != v1::QUEUE_ITEM_STATE_SOLVING) left_the_rig(item);
   tell_if_over();
 }
 
-void CaptureQueue::left_the_rig(const v1::QueueItem& item) {
+void CaptureQueue::leave_the_rig(const v1::QueueItem& item) {
   due_.erase(item.number());
   if (!item.wish().pause_after()) return;
   v1::SetQueueRequest request;

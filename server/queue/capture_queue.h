@@ -135,7 +135,8 @@ class CaptureQueue {
   void is_over(const v1::QueueItem& item);
   void has_failed(const v1::QueueItem& item, const std::string& why);
   void says(const v1::QueueItem& item, const std::string& reason);
-  void left_the_rig(const v1::QueueItem& item);
+  // Called before that is stored: a server that is killed between the two pauses the queue all the same.
+  void leave_the_rig(const v1::QueueItem& item);
   void tell(const Event& event);
   void tell_if_over();
   // Adds copies of items that are unusual and shall be captured again then. True: it added one.
