@@ -3,8 +3,8 @@
 
 #include "core/service/joined_calls.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
+#include "server/dispatch/lease_seal.h"
 #include "server/services/server.h"
-#include "server/solve/lease_seal.h"
 
 namespace glasswing {
 

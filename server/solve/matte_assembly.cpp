@@ -10,10 +10,10 @@
 #include "core/file/file.h"
 #include "core/matte/matte_notes.h"
 #include "core/matte/packed_matte.h"
+#include "server/mattes/join_tiles.h"
+#include "server/mattes/sampled_quality.h"
+#include "server/mattes/verified_mattes.h"
 #include "server/sessions/session_state.h"
-#include "server/solve/join_tiles.h"
-#include "server/solve/sampled_quality.h"
-#include "server/solve/verified_mattes.h"
 
 namespace glasswing {
 namespace {

@@ -17,10 +17,10 @@
 #include "glasswing/v1/tile_work.pb.h"
 #include "server/archives/replicas.h"
 #include "server/archives/session_archive.h"
+#include "server/mattes/join_tiles.h"
+#include "server/mattes/sampled_quality.h"
 #include "server/sessions/archive_facts.h"
 #include "server/sessions/session_state.h"
-#include "server/solve/join_tiles.h"
-#include "server/solve/sampled_quality.h"
 #include "server/solve/tile_sizes.h"
 
 namespace glasswing {

@@ -16,14 +16,14 @@
 #include "glasswing/v1/matte_service.pb.h"
 #include "glasswing/v1/session_service.pb.h"
 #include "glasswing/v1/work_service.pb.h"
+#include "server/mattes/received_matte.h"
+#include "server/mattes/stored_matte.h"
+#include "server/mattes/verified_mattes.h"
 #include "server/rig/node_registry.h"
 #include "server/solve/matte_assembly.h"
-#include "server/solve/received_matte.h"
 #include "server/solve/solve_clock.h"
 #include "server/solve/solve_progress.h"
 #include "server/solve/solve_session.h"
-#include "server/solve/stored_matte.h"
-#include "server/solve/verified_mattes.h"
 #include "server/storage/problems.h"
 
 namespace glasswing {

@@ -28,7 +28,7 @@ _TREE = _HERE / "out" / "mutants"
 _BUILD = _TREE / "build" / "release"
 _FOLDERS = [
     "core/calibration", "core/matte", "core/pattern", "core/radiometry", "solver",
-    "server/capture", "server/sessions", "server/solve",
+    "server/capture", "server/dispatch", "server/mattes", "server/sessions", "server/solve",
 ]  # fmt: skip
 _GATE = "gate"
 _GOAL = 0.85

@@ -12,7 +12,7 @@
 #include "core/pattern/video_frames.h"
 #include "core/service/service.h"
 #include "tests/faults/capture/rig.h"
-#include "tests/server/solve/idle_solver.h"
+#include "tests/server/dispatch/idle_solver.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"
 

@@ -14,7 +14,7 @@
 #include "core/image/image_file.h"
 #include "server/sessions/session_state.h"
 #include "tests/faults/capture/rig.h"
-#include "tests/server/solve/idle_solver.h"
+#include "tests/server/dispatch/idle_solver.h"
 #include "tests/support/status.h"
 #include "tests/support/temporary_directory.h"
 

@@ -1,4 +1,4 @@
-#include "server/solve/fleet.h"
+#include "server/dispatch/fleet.h"
 
 #include <fmt/format.h>
 

@@ -9,7 +9,7 @@
 
 #include "core/design/adaptation.h"
 #include "glasswing/v1/session.pb.h"
-#include "server/solve/drafts.h"
+#include "server/dispatch/drafts.h"
 #include "server/storage/matte_files.h"
 
 namespace glasswing {

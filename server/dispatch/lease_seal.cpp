@@ -1,4 +1,4 @@
-#include "server/solve/lease_seal.h"
+#include "server/dispatch/lease_seal.h"
 
 #include <fmt/format.h>
 #include <openssl/crypto.h>

@@ -12,7 +12,7 @@
 #include <unordered_set>
 
 #include "core/file/positioned_file.h"
-#include "server/solve/stored_matte.h"
+#include "server/mattes/stored_matte.h"
 
 namespace glasswing {
 

@@ -1,4 +1,4 @@
-#include "server/solve/verified_mattes.h"
+#include "server/mattes/verified_mattes.h"
 
 #include <fmt/format.h>
 

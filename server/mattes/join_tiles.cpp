@@ -1,4 +1,4 @@
-#include "server/solve/join_tiles.h"
+#include "server/mattes/join_tiles.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "server/solve/drafts.h"
+#include "server/dispatch/drafts.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

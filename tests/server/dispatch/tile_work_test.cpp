@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "glasswing/v1/tile_work.pb.h"
-#include "server/solve/tile_dispatcher.h"
+#include "server/dispatch/tile_dispatcher.h"
 
 namespace glasswing {
 namespace {

@@ -25,7 +25,7 @@
 #include "core/pattern/draft_stages.h"
 #include "glasswing/v1/work_service.pb.h"
 #include "server/jobs/job_store.h"
-#include "server/solve/received_matte.h"
+#include "server/mattes/received_matte.h"
 #include "server/solve/session_queue.h"
 #include "server/solve/solve_session.h"
 

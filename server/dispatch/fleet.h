@@ -11,9 +11,9 @@
 
 #include "core/base/time.h"
 #include "glasswing/v1/fleet_service.pb.h"
+#include "server/dispatch/minute_rate.h"
 #include "server/jobs/job_store.h"
 #include "server/rig/node_registry.h"
-#include "server/solve/minute_rate.h"
 
 namespace glasswing {
 

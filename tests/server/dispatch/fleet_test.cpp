@@ -1,4 +1,4 @@
-#include "server/solve/fleet.h"
+#include "server/dispatch/fleet.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "server/solve/drafts.h"
+#include "server/dispatch/drafts.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -15,8 +15,8 @@
 #include "core/matte/matte_file.h"
 #include "core/process/pause.h"
 #include "server/archives/session_archive.h"
+#include "server/mattes/join_tiles.h"
 #include "server/sessions/views.h"
-#include "server/solve/join_tiles.h"
 
 namespace glasswing {
 namespace {

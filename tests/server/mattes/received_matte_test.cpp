@@ -1,4 +1,4 @@
-#include "server/solve/received_matte.h"
+#include "server/mattes/received_matte.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <string_view>
 
-#include "server/solve/received_matte.h"
+#include "server/mattes/received_matte.h"
 
 namespace glasswing {
 

@@ -1,4 +1,4 @@
-#include "server/solve/adaptive_rounds.h"
+#include "server/dispatch/adaptive_rounds.h"
 
 #include <spdlog/spdlog.h>
 

@@ -1,4 +1,4 @@
-#include "server/solve/sampled_quality.h"
+#include "server/mattes/sampled_quality.h"
 
 #include <gtest/gtest.h>
 

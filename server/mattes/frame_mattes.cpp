@@ -1,4 +1,4 @@
-#include "server/solve/frame_mattes.h"
+#include "server/mattes/frame_mattes.h"
 
 #include <fmt/format.h>
 

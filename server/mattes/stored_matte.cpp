@@ -1,4 +1,4 @@
-#include "server/solve/stored_matte.h"
+#include "server/mattes/stored_matte.h"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 
 #include "core/base/checksum.h"
 #include "core/base/status.h"
-#include "server/solve/verified_mattes.h"
+#include "server/mattes/verified_mattes.h"
 
 namespace glasswing {
 

@@ -10,11 +10,11 @@
 
 #include "glasswing/v1/fleet_service.pb.h"
 #include "glasswing/v1/work_service.pb.h"
+#include "server/dispatch/drafts.h"
+#include "server/dispatch/fleet.h"
+#include "server/mattes/frame_mattes.h"
+#include "server/mattes/received_matte.h"
 #include "server/rig/node_registry.h"
-#include "server/solve/drafts.h"
-#include "server/solve/fleet.h"
-#include "server/solve/frame_mattes.h"
-#include "server/solve/received_matte.h"
 #include "server/solve/solve_progress.h"
 #include "server/solve/solve_session.h"
 

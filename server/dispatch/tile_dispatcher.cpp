@@ -1,4 +1,4 @@
-#include "server/solve/tile_dispatcher.h"
+#include "server/dispatch/tile_dispatcher.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
