@@ -253,8 +253,9 @@ endfunction()
 #   rig     daemons in real time; one such test at a time
 #   system  uses resources of the whole machine: root, containers, a cluster; runs alone
 #   slow    over a minute; tests/run skips it unless given --all
-#   gate, rendered  solve on all cores, with what the rig test beside them leaves
+#   gate, rendered, fresh  solve, or install and build, with what the rig test beside them leaves
 # Others are for some command.
+set(GLASSWING_PATIENT_TESTS "gate|rendered|fresh")
 function(glasswing_label_test name)
   set(labels ${ARGN})
   if(NOT labels MATCHES "rig|system")
@@ -265,15 +266,15 @@ function(glasswing_label_test name)
     set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)
   elseif(labels MATCHES "rig")
     set_tests_properties(${name} PROPERTIES RESOURCE_LOCK rig COST 1000)
-  elseif(labels MATCHES "gate|rendered")
-    set_tests_properties(${name} PROPERTIES RESOURCE_LOCK gate COST 100)
+  elseif(labels MATCHES "${GLASSWING_PATIENT_TESTS}")
+    set_tests_properties(${name} PROPERTIES RESOURCE_LOCK patient COST 100)
   endif()
 endfunction()
 
 # glasswing_test_priority(OUT [LABEL ...]): what a test's command begins with.
 function(glasswing_test_priority out)
   set(priority)
-  if(ARGN MATCHES "gate|rendered")
+  if(ARGN MATCHES "${GLASSWING_PATIENT_TESTS}")
     set(priority chrt --idle 0)  # frames of a rig come in time
   endif()
   set(${out} ${priority} PARENT_SCOPE)
