@@ -64,7 +64,7 @@ glasswing capture "$plan" --adapt --target-error 70dB --at-most 44 --session few
 echo "== pixels of any shape ask for more directions"
 glasswing capture "$plan" --adapt --footprints any --target-error 70dB --at-most 60 --session rim --watch 2>"$work/watch" || fail "rim is $(shown rim state)"
 grep -q 'after 30 images .*% are of any shape' "$work/watch" || fail "watch does not tell of shapes: $(cat "$work/watch")"
-glasswing show rim --json | grep -q '"footprints": *"any"' || fail "it was solved otherwise: $(glasswing show rim)"
+glasswing show rim --json | matches '"footprints": *"any"' || fail "it was solved otherwise: $(glasswing show rim)"
 glasswing export rim "$work/rim" >/dev/null
 python3 - "$work/rim/manifest.json" "$work/fine/manifest.json" <<'E' || fail "the rounds are $(grep '"why"' "$work/rim/manifest.json")"
 import json, sys
@@ -77,6 +77,6 @@ E
 echo "== without a solver it says what it waits for, and can be cancelled"
 kill -TERM "$(cat "$work/rig/run/solver-1.pid")"
 glasswing capture "$plan" --adapt --session alone >/dev/null
-until_true 60 eval 'glasswing show alone | grep -q "no solver is running"' || fail "it does not say that it waits: $(glasswing show alone)"
+until_true 60 eval 'glasswing show alone | matches "no solver is running"' || fail "it does not say that it waits: $(glasswing show alone)"
 glasswing cancel alone
 is alone CANCELLED || fail "alone is $(shown alone state)"

@@ -8,7 +8,7 @@ trap '"$root/deploy/local-rig" down --data "$work/rig" >/dev/null || true; rm -r
 
 echo "== an uncalibrated session warns"
 glasswing capture "$root/deploy/plans/quick.txtpb" --session before --watch >/dev/null 2>&1 || fail "not captured"
-glasswing show before | tee "$work/before.out" | grep -q "^warning .*calibrate camera" || { cat "$work/before.out"; fail "no warning"; }
+glasswing show before | tee "$work/before.out" | matches "^warning .*calibrate camera" || { cat "$work/before.out"; fail "no warning"; }
 
 echo "== the camera"
 glasswing calibrate camera -o "$work" >"$work/camera.out" 2>"$work/camera.err" || { cat "$work/camera.err"; fail "camera not calibrated"; }
@@ -76,7 +76,7 @@ session=$(glasswing sessions --json | sed -n 's/.*"name": "\(calibrate-display-[
 glasswing calibrate display --session "$session" -o "$work" >"$work/again.out" || fail "not fitted again"
 grep -q "gamma" "$work/again.out" || fail "nothing was fitted"
 glasswing calibrate forget back
-glasswing calibrate list | grep -q "^monitor" && fail "it was not deleted"
+glasswing calibrate list | matches "^monitor" && fail "it was not deleted"
 glasswing calibrate forget back 2>"$work/forget.err" && fail "it could be deleted twice"
 grep -q "no calibration of \"back\"" "$work/forget.err" || fail "the error does not name what is missing"
 glasswing solve "$session" 2>"$work/solve.err" && fail "a calibration session was solved"

@@ -83,7 +83,7 @@ done
 echo "== an adaptive capture shows every camera the same rounds, after a draft of each; the server is killed meanwhile"
 glasswing capture "$root/deploy/plans/design-30.txtpb" --adapt --target-error 70dB --at-most 42 --camera left --camera right \
   --session deep >/dev/null
-judged() { glasswing show deep --json | grep -q '"image_count"'; }
+judged() { glasswing show deep --json | matches '"image_count"'; }
 until_true 60 judged || fail "no draft of deep was judged"
 kill -KILL "$server_pid"
 wait "$server_pid" 2>/dev/null || true
@@ -125,8 +125,8 @@ refused 'in session "deep.right"' glasswing doctor --geometry "right=$work/rig.t
 refused 'where it is repeated it must be CAMERA=FILE' glasswing doctor --geometry "$work/rig.txtpb" --geometry "right=$work/rig.txtpb"
 
 echo "== the other verbs know the cameras"
-glasswing show vase | grep -q '^cameras .*left: ' || fail "show does not list the cameras"
-glasswing steps vase --camera right | grep -q 'proven' || fail "no steps of camera right"
+glasswing show vase | matches '^cameras .*left: ' || fail "show does not list the cameras"
+glasswing steps vase --camera right | matches 'proven' || fail "no steps of camera right"
 refused 'vase.left, vase.right' glasswing steps vase
 refused 'has these: left, right' glasswing fetch vase --camera top -o "$work/top.exr"
 refused 'name a camera: --camera left' glasswing fetch vase -o -

@@ -15,7 +15,7 @@ request() { # METHOD PATH [BODY]: the answer with its head
   cat <&8
   exec 8>&-
 }
-answers() { request GET /me "" | grep -q "^HTTP/1.1 $1 "; } # STATUS
+answers() { request GET /me "" | matches "^HTTP/1.1 $1 "; } # STATUS
 proven_at_least() { (($(shown "$1" proven_count) >= $2)); }
 captured() { [[ $(shown s state) == SESSION_STATE_CAPTURED ]]; }
 
@@ -27,7 +27,7 @@ answers 200 || fail "the link does not log in"
 grep -q 'audit console login caller="[^"]*" from=127.0.0.1' "$work/rig/logs/server.log" || fail "the login is not in the server's log"
 
 echo "== killed during a capture"
-request POST /api/SessionService/PauseSession '{"name": "nothing"}' | grep -q "^HTTP/1.1 404 " || fail "the page's calls do not reach the server"
+request POST /api/SessionService/PauseSession '{"name": "nothing"}' | matches "^HTTP/1.1 404 " || fail "the page's calls do not reach the server"
 grep -q 'audit rpc=SessionService/PauseSession caller="[^"]* (token [0-9a-f]*)" roles=operator' "$work/rig/logs/server.log" || fail "the server does not log who calls"
 glasswing capture "$root/deploy/plans/quick.txtpb" --session s >/dev/null
 until_true 30 proven_at_least s 20 || fail "no step was proven"
@@ -41,8 +41,8 @@ answers 200 || fail "the login is lost"
 echo "== without the server"
 kill -KILL "$(cat "$work/rig/run/server.pid")"
 until_true 10 answers 503 || fail "the console says nothing"
-request GET /me "" | grep -q "the server at $server does not answer" || fail "it does not say which server"
-request GET /me "" | grep -q "^Retry-After: 1" || fail "it does not say that it passes"
+request GET /me "" | matches "the server at $server does not answer" || fail "it does not say which server"
+request GET /me "" | matches "^Retry-After: 1" || fail "it does not say that it passes"
 "${up[@]}"
 until_true 10 answers 200 || fail "the console does not find the server again"
 echo "all checks passed"

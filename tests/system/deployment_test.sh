@@ -51,7 +51,7 @@ echo "== every daemon serves the metrics that the alerts are made of"
 metrics() { exec 9<>"/dev/tcp/127.0.0.1/$((port + 10 + $1))" && printf 'GET /metrics HTTP/1.0\r\n\r\n' >&9 && cat <&9; }
 served=0
 for unit in server display camera solver : console; do
-  [[ $unit == : ]] || metrics "$served" | grep -q "^glasswing_build_info{.*program=\"glasswing-$unit\"" || fail "$unit serves no metrics"
+  [[ $unit == : ]] || metrics "$served" | matches "^glasswing_build_info{.*program=\"glasswing-$unit\"" || fail "$unit serves no metrics"
   served=$((served + 1))
 done
 

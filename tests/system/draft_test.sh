@@ -14,7 +14,7 @@ proven() { shown s proven_count; }
 proven_at_least() { (($(proven) >= $1)); } # STEPS
 no_work() { [[ -n $(glasswing nodes --json | grep '"detail": *"waiting for work"') ]]; }
 drafted() { [[ -n $(images) ]]; }
-swept() { glasswing show s | grep -q "^draft .* $1 of 4 sweeps"; } # SWEEPS
+swept() { glasswing show s | matches "^draft .* $1 of 4 sweeps"; } # SWEEPS
 # The capture is held back: it takes some more images when the solver has nothing to do, until the command succeeds.
 hold_back() { # COMMAND...
   local before
@@ -38,7 +38,7 @@ echo "the first draft is of $first of $planned images, with $(proven) proven"
 glasswing resume s >/dev/null
 glasswing fetch s -o "$work/draft.exr" --partial | tee "$work/fetched"
 grep -q "a draft of [0-9]* of $planned images, 3 of 4 sweeps" "$work/fetched" || fail "it does not say what it is made of"
-glasswing show s | grep -q '^draft  *a draft of' || fail "show does not tell the draft"
+glasswing show s | matches '^draft  *a draft of' || fail "show does not tell the draft"
 refused 'is capturing' glasswing fetch s -o "$work/none.exr" # it is never the finished matte
 
 echo "== server, solver and camera node are killed; the draft stays, and the capture goes on"

@@ -20,7 +20,7 @@ says "--backend folder needs --folder" "$bin/glasswing-camera" --server "$server
 says "take one with the settings" "${camera[@]}"
 "${camera[@]}" --shoot "$shoot" >"$work/camera.log" 2>&1 &
 until_true 30 up 2 || fail "no camera"
-glasswing nodes | grep -q "folder 96x72" || fail "the list of nodes does not say what the camera is"
+glasswing nodes | matches "folder 96x72" || fail "the list of nodes does not say what the camera is"
 
 echo "== doctor, plan, check"
 glasswing doctor >"$work/doctor" || true

@@ -17,7 +17,7 @@ start_server() {
 told() { grep -c "\"event\":\"$1\".*\"session\":\"$2\"" "$work/told"; } # EVENT SESSION: how often
 was_told() { (($(told "$1" "$2") == 1)); }
 touch "$work/told"
-refused_start() { { "$bin/glasswing-server" --data "$work/none" --listen "127.0.0.1:$((port + 4))" --hook-events tea 2>&1 || true; } | grep -q '"tea"; the events are session-done'; }
+refused_start() { { "$bin/glasswing-server" --data "$work/none" --listen "127.0.0.1:$((port + 4))" --hook-events tea 2>&1 || true; } | matches '"tea"; the events are session-done'; }
 refused_start || fail "an event that there is not is accepted"
 start_server
 "$bin/glasswing-display" --listen "127.0.0.1:$((port + 1))" --server "$server" --name display-1 --backend sim --monitor back=128x104@60 --patch-rows 8 >"$work/display.log" 2>&1 &

@@ -93,10 +93,10 @@ cmp vase.exr before.exr || fail "the matte is another"
 
 echo "== no solver"
 for solver in solver-1 solver-2; do kill "$(cat "$work/rig/run/$solver.pid")"; done
-no_solver() { glasswing show vase | grep -q 'waiting *no solver is running'; }
+no_solver() { glasswing show vase | matches 'waiting *no solver is running'; }
 glasswing solve vase >/dev/null
 until_true 20 no_solver || fail "nothing says that there is no solver: $(glasswing show vase)"
-glasswing sessions | grep -q 'waits: no solver is running' || fail "the list does not say so: $(glasswing sessions)"
+glasswing sessions | matches 'waits: no solver is running' || fail "the list does not say so: $(glasswing sessions)"
 glasswing cancel vase >/dev/null
 [[ $(shown vase state) == SESSION_STATE_DONE ]] || fail "vase is $(shown vase state)"
 echo "all checks passed: $mistakes mistakes"

@@ -6,8 +6,8 @@ rig=("$root/deploy/local-rig")
 trap 'kill -CONT $(jobs -p) 2>/dev/null || true; kill $(jobs -p) 2>/dev/null || true; "${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
 
 is() { [[ $(shown "$1" state) == SESSION_STATE_$2 ]]; } # SESSION STATE
-held() { glasswing nodes --json | grep -q "\"what\": \"$1\""; } # REASON
-is_free() { ! glasswing nodes --json | grep -q '"holder"'; }
+held() { glasswing nodes --json | matches "\"what\": \"$1\""; } # REASON
+is_free() { ! glasswing nodes --json | matches '"holder"'; }
 listed() { glasswing sessions "$@" --tsv | tail -n +2 | cut -f 1 | sort | tr '\n' ' '; } # CONDITIONS...
 
 "${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1

@@ -14,7 +14,7 @@ live --output "$work/frames/" --frames 5 --json >"$work/live.json" || fail "live
 (($(field object_pixel_count "$work/live.json") > width * height / 20)) || fail "it found no object"
 
 live --output - --frames 3 >"$work/live.y4m" 2>"$work/live.log" || fail "a stream failed: $(cat "$work/live.log")"
-head -n 1 "$work/live.y4m" | grep -q "^YUV4MPEG2 W$width H$height F60000:1000 " || fail "no YUV4MPEG2 header"
+head -n 1 "$work/live.y4m" | matches "^YUV4MPEG2 W$width H$height F60000:1000 " || fail "no YUV4MPEG2 header"
 bytes=$(($(stat -c %s "$work/live.y4m") - $(head -n 1 "$work/live.y4m" | wc -c)))
 ((bytes == 3 * (6 + 3 * width * height))) || fail "a stream of three frames has $bytes bytes"
 

@@ -5,8 +5,8 @@ source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap 'kill $(jobs -p) 2>/dev/null || true; "${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
 says() { grep -Eq -- "$1" "$2"; } # PATTERN FILE
-waiting_for() { glasswing show "$1" | grep -Eq "^waiting +$2"; } # SESSION PATTERN
-is_free() { ! glasswing nodes --json | grep -q '"holder"'; }
+waiting_for() { glasswing show "$1" | matches -E "^waiting +$2"; } # SESSION PATTERN
+is_free() { ! glasswing nodes --json | matches '"holder"'; }
 up() { "${rig[@]}" up --data "$work/rig" "$@" >"$work/up.out" 2>"$work/up.err"; } # OPTIONS...
 differs() { # WORDS OPTIONS...: up refuses these options
   local words=$1

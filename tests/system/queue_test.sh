@@ -62,12 +62,12 @@ for number in 1 2 3 5 6 7 8; do
   [[ $(shown "$session" state) == SESSION_STATE_DONE && $(shown "$session" proven_count) == "$(shown "$session" step_count)" ]] || fail "$(glasswing show "$session")"
   (($(glasswing queue history --item $number --tsv | grep -c "captured as session $session") == 1)) || fail "$(glasswing queue history --item $number)"
 done
-glasswing sessions --tag night --tsv | grep -q vase-7 || fail "no tags: $(glasswing sessions)"
-glasswing queue history --tsv | grep -q "the queue.*failed: .*nowhere" || fail "$(glasswing queue history)"
+glasswing sessions --tag night --tsv | matches vase-7 || fail "no tags: $(glasswing sessions)"
+glasswing queue history --tsv | matches "the queue.*failed: .*nowhere" || fail "$(glasswing queue history)"
 [[ $(glasswing show vase-7 --json | grep -c '"file": "xxh3') == 1 ]] || fail "no photo: $(glasswing show vase-7 --json)"
 
 echo "== the composite is the one that composite makes of the fetched matte"
-glasswing queue history --item 8 --tsv | grep -q "composited" || fail "$(glasswing queue history --item 8)"
+glasswing queue history --item 8 --tsv | matches "composited" || fail "$(glasswing queue history --item 8)"
 glasswing fetch vase-8 -o "$work/vase.exr"
 glasswing fetch vase-8 --composite -o "$work/composite.exr"
 glasswing composite "$work/vase.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/expected.exr"

@@ -16,6 +16,7 @@ fail() {
   exit 1
 }
 glasswing() { "$bin/glasswing" "$@"; }
+matches() { [[ -n $(grep "$@") ]]; } # grep -q would end before its input does, which pipefail takes for a failure
 until_true() { # SECONDS COMMAND...: repeats the command until it succeeds; fails after SECONDS
   local deadline=$((SECONDS + $1 * ${GLASSWING_TEST_PATIENCE:-1}))
   until "${@:2}" 2>/dev/null; do
@@ -24,7 +25,7 @@ until_true() { # SECONDS COMMAND...: repeats the command until it succeeds; fail
   done
 }
 up() { (($(glasswing nodes --json | grep -c '"up": true') == $1)); } # COUNT: that many nodes are up
-prepared() { ! glasswing nodes --json | grep -q '"preparation"'; } # every camera has told the server that it is ready
+prepared() { ! glasswing nodes --json | matches '"preparation"'; } # every camera has told the server that it is ready
 field() { # NAME [FILE]: its first value in JSON
   sed -n "s/.*\"$1\": \"\{0,1\}\([^\",]*\)\"\{0,1\},\{0,1\}\$/\1/p" "${@:2}" | head -n 1
 }

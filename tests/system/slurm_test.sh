@@ -39,7 +39,7 @@ echo "job $job runs on $machine, which now dies"
 kill_machine "$machine"
 ! are_done || fail "the solves ended before the node died"
 said ", 2 solvers in the queue, at most 2" scale --most 2
-elsewhere() { solvers running | grep "^$job " | grep -qvw "$machine"; }
+elsewhere() { solvers running | grep "^$job " | matches -vw "$machine"; }
 until_true 30 elsewhere || fail "job $job was not requeued: $(squeue)"
 solvers running
 # Again and again, and after the solve: a solver may stop at a tile that another attempt has done.

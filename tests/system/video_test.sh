@@ -14,7 +14,7 @@ solved_at_least() { (($(solved "$1") >= $2)); }
 sed 's/frames: 300/frames: 40/; s/levels: 7/levels: 4/' "$root/deploy/plans/video.txtpb" >"$work/plan.txtpb"
 
 echo "== plan check and estimate of a video"
-glasswing plan check "$work/plan.txtpb" | grep -q "a video of 40 frames, 16 frames of the empty stage" || fail "plan check"
+glasswing plan check "$work/plan.txtpb" | matches "a video of 40 frames, 16 frames of the empty stage" || fail "plan check"
 glasswing plan estimate "$work/plan.txtpb" | tee "$work/estimate"
 grep -q "^video     1.3 s at 30 frames per second" "$work/estimate" || fail "plan estimate"
 
@@ -53,7 +53,7 @@ glasswing watch pour || fail "the solve did not continue"
 (cd "$mattes" && sha256sum --quiet -c "$work/solved") || fail "solved frames were solved again"
 [[ $(solved pour) == "$frames" ]] || fail "$(solved pour) of $frames frames are solved"
 rm "$work/pour/0003.exr"
-glasswing fetch pour -o "$work/pour/" | grep -q "$((frames - 1)) were there before" || fail "existing frames were fetched again"
+glasswing fetch pour -o "$work/pour/" | matches "$((frames - 1)) were there before" || fail "existing frames were fetched again"
 cmp "$work/pour/0003.exr" "$work/again/0003.exr" >/dev/null || [[ -s $work/pour/0003.exr ]] || fail "the missing frame was not fetched"
 
 echo "== wrong input is refused"
@@ -65,7 +65,7 @@ printf 'x' | dd of="$frame" bs=1 seek=1000 conv=notrunc status=none
 "${rig[@]}" down --data "$work/rig" >/dev/null
 "${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1 >/dev/null
 refused "$(basename "$frame")" glasswing solve broken --watch
-glasswing show broken | grep -q "^reason .*frame 39" || fail "the reason does not name the frame"
+glasswing show broken | matches "^reason .*frame 39" || fail "the reason does not name the frame"
 if glasswing fetch broken -o "$work/part" >"$work/part.out" 2>&1; then fail "fetch succeeded although frames are missing"; fi
 grep -q "are not solved" "$work/part.out" || fail "fetch does not name the missing frames"
 (($(find "$work/part" -name '*.exr' | wc -l) > 0)) || fail "solved frames were not fetched"
