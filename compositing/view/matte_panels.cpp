@@ -178,6 +178,16 @@ MattePanel coverage_of(const Matte& matte) {
   return panel;
 }
 
+// Of the channel with most.
+size_t mode_count(const Matte& matte, int x, int y) {
+  std::ptrdiff_t most = 0;
+  for (int c = 0; c < kChannels; ++c) {
+    most = std::max(most, std::ranges::count_if(matte.modes(x, y, c),
+                                                [](const Mode& mode) { return mode.weight > 0.0f; }));
+  }
+  return static_cast<size_t>(most);
+}
+
 MattePanel modes_of(const Matte& matte) {
   constexpr std::array<Code, kMaxModes + 1> kCounts{{kNoValue,
                                                      {51, 102, 170},
@@ -188,15 +198,7 @@ MattePanel modes_of(const Matte& matte) {
                                                      {140, 90, 190},
                                                      {170, 170, 170},
                                                      {240, 240, 240}}};
-  const auto count = [&](int x, int y) {
-    std::ptrdiff_t max_count = 0;
-    for (int c = 0; c < kChannels; ++c) {
-      max_count = std::max(max_count, std::ranges::count_if(matte.modes(x, y, c), [](const Mode& mode) {
-                             return mode.weight > 0.0f;
-                           }));
-    }
-    return static_cast<size_t>(max_count);
-  };
+  const auto count = [&](int x, int y) { return mode_count(matte, x, y); };
   MattePanel panel{.name = "modes",
                    .title = "Modes in the channel with most; % of the object",
                    .picture = painted(matte, [&](int x, int y) { return kCounts[count(x, y)]; }),
@@ -206,6 +208,29 @@ MattePanel modes_of(const Matte& matte) {
     panel.keys.push_back(key_of(kCounts[n], fmt::format("{}: {}", n, share_of(matte, [&](int x, int y) {
                                                           return count(x, y) == n;
                                                         }))));
+  }
+  return panel;
+}
+
+// Which pixels few Gaussians do not describe (docs/footprints.md).
+MattePanel shape_of(const Matte& matte) {
+  struct Kind {
+    const char* name;
+    Code colour;
+  };
+  constexpr std::array<Kind, 3> kKinds{
+      {{"none", kNoValue}, {"modes", {150, 175, 205}}, {"any shape", {200, 80, 120}}}};
+  const auto kind = [&](int x, int y) -> size_t {
+    return matte.has_pyramid(x, y) ? 2 : std::min<size_t>(mode_count(matte, x, y), 1);
+  };
+  MattePanel panel{.name = "shape",
+                   .title = "Footprints of any shape; % of the object",
+                   .picture = painted(matte, [&](int x, int y) { return kKinds[kind(x, y)].colour; }),
+                   .keys = {},
+                   .bar = std::nullopt};
+  for (size_t k = 0; k < kKinds.size(); ++k) {
+    const std::string share = share_of(matte, [&](int x, int y) { return kind(x, y) == k; });
+    panel.keys.push_back(key_of(kKinds[k].colour, fmt::format("{}: {}", kKinds[k].name, share)));
   }
   return panel;
 }
@@ -347,14 +372,10 @@ MattePanel flags_of(const Matte& matte) {
 }  // namespace
 
 std::vector<MattePanel> panels_of(const Matte& matte, int channel) {
-  return {preview_of(matte),
-          foreground_of(matte),
-          coverage_of(matte),
-          modes_of(matte),
-          centre_of(matte, channel),
-          sigma_of(matte, channel),
-          uncertainty_of(matte, channel),
-          flags_of(matte)};
+  return {
+      preview_of(matte), foreground_of(matte),      coverage_of(matte),       modes_of(matte),
+      shape_of(matte),   centre_of(matte, channel), sigma_of(matte, channel), uncertainty_of(matte, channel),
+      flags_of(matte)};
 }
 
 }  // namespace glasswing

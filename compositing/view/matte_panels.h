@@ -38,8 +38,8 @@ struct MattePanel {
   std::optional<ColourBar> bar;
 };
 
-inline constexpr std::array<const char*, 8> kPanelNames{"preview", "foreground", "coverage",    "modes",
-                                                        "centre",  "sigma",      "uncertainty", "flags"};
+inline constexpr std::array<const char*, 9> kPanelNames{
+    "preview", "foreground", "coverage", "modes", "shape", "centre", "sigma", "uncertainty", "flags"};
 
 // In the order of kPanelNames. centre, sigma and uncertainty show the strongest modes of `channel`. Ranges
 // are those of the object's pixels, or of all pixels if there is no object. Missing values and values that

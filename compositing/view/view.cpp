@@ -148,11 +148,17 @@ absl::Status view(const CommandLine& command_line, const ViewArguments& argument
       arguments.channel.empty()
           ? strongest_channel(matte)
           : static_cast<int>(std::ranges::find(kChannelNames, arguments.channel) - kChannelNames.begin());
-  const std::vector<MattePanel> panels = panels_of(matte, channel);
-  const CodeImage picture =
-      arguments.only.empty()
-          ? contact_sheet(panels, heading_of(arguments, matte.metadata), lines_of(*sampled))
-          : std::ranges::find(panels, arguments.only, &MattePanel::name)->picture;
+  std::vector<MattePanel> panels = panels_of(matte, channel);
+  const auto named = [&](std::string_view name) {
+    return std::ranges::find(panels, name, &MattePanel::name);
+  };
+  CodeImage picture;
+  if (arguments.only.empty()) {
+    if (matte.metadata.footprint() != kPyramidFootprint) panels.erase(named("shape"));
+    picture = contact_sheet(panels, heading_of(arguments, matte.metadata), lines_of(*sampled));
+  } else {
+    picture = named(arguments.only)->picture;
+  }
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_png8(picture));
   GW_RETURN_IF_ERROR(write_output(arguments.output, bytes));
   if (command_line.json) {

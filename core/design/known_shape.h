@@ -3,7 +3,10 @@
 //
 //   contrast^2 mean_f (Var Re H(f) + Var Im H(f))
 //
-// over the candidates' frequencies, which stand for every octave and direction of the background.
+// over the candidates' frequencies, which stand for every octave and direction of the background. Pictures
+// continue beyond the monitor: two octaves longer than its side stand for their means, which differ by half
+// of their contrast. Waves of these periods tell H(0) from F, which many waves of short ones, whose noise is
+// fitted by positive coefficients, make too dark.
 //
 // n waves of one frequency, their phases spread evenly, tell as much as n / 2 in two phases. A sweep of N
 // stripes d px apart tells H at multiples of 1 / N d in its direction, each part with the variance

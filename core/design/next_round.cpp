@@ -16,6 +16,7 @@ namespace {
 
 constexpr int kDirections = 8, kShapeDirections = 32;
 constexpr double kNextPeriod = 1.25, kNextShapePeriod = 1.12;
+constexpr double kBeyond = 4.0;  // a shape's longest period, over the monitor's longer side
 constexpr double kAgain = 1.03;  // to the period of a wave that is chosen again
 constexpr double kLeftOver = 1.0 / 30.0;
 constexpr double kMaxWeightError = 0.3;  // of a weight, by its own standard error
@@ -172,7 +173,7 @@ std::vector<DesignedWave> usual_waves(const MonitorExtent& extent, bool any_shap
                next = any_shape ? kNextShapePeriod : kNextPeriod;
   std::vector<DesignedWave> waves;
   for (int d = 0; d < directions; ++d) {
-    const double longest_px = std::max(extent.width_px, extent.height_px);
+    const double longest_px = (any_shape ? kBeyond : 1.0) * std::max(extent.width_px, extent.height_px);
     for (double period_px = finest_px; period_px < longest_px; period_px *= next)
       waves.push_back(
           {.phi_deg = 180.0 * d / directions, .period_px = std::round(100.0 * period_px) / 100.0});

@@ -56,7 +56,8 @@ void find_excess(const PatternAnswers& shown, std::span<KnownPixel> pixels);
 // In the pixels' order; each must have modes.
 std::vector<PixelError> errors_of(const PatternAnswers& shown, std::span<const KnownPixel> pixels);
 
-// Periods to the monitor's longer side, in eight directions from 6 px; for any shape, in 32 from 3 px.
+// Periods to the monitor's longer side, in eight directions from 6 px; for any shape, in 32 from 3 px to four
+// times that side (known_shape.h).
 std::vector<DesignedWave> usual_waves(const MonitorExtent& extent, bool any_shape = false);
 
 // From `waves`, at least `least` and at most `most`, but no more than needed to bring all but a thirtieth of

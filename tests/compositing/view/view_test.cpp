@@ -51,6 +51,14 @@ Matte a_matte() {
   return matte;
 }
 
+// The same with a footprint of any shape.
+Matte with_pyramid(int x, int y) {
+  Matte matte = a_matte();
+  matte.metadata.set_footprint(std::string(kPyramidFootprint));
+  matte.add_pyramid(x, y, 1, {.coefficients = {{.level = 1, .column = 4, .row = 5, .weight = 0.5f}}});
+  return matte;
+}
+
 Code at(const CodeImage& image, int x, int y) {
   return {image.at(x, y, 0), image.at(x, y, 1), image.at(x, y, 2)};
 }
@@ -127,6 +135,18 @@ TEST(MattePanels, ModesAreCountedAndColouredAsTheirKeys) {
   EXPECT_EQ(at(modes.picture, 5, 5), at(modes.keys[0].colours, 0, 0));
   // 1 of 240 pixels.
   EXPECT_EQ(modes.keys[2].name, "2: 0.417 %");
+}
+
+TEST(MattePanels, FootprintsOfAnyShapeAreShownWithTheirShare) {
+  Matte matte = with_pyramid(3, 4);
+  for (int c = 0; c < kChannels; ++c) matte.modes(5, 5, c)[0].weight = 0.0f;
+  const MattePanel shape = panel_of(matte, "shape");
+  ASSERT_EQ(shape.keys.size(), 3u);
+  EXPECT_EQ(at(shape.picture, 5, 5), at(shape.keys[0].colours, 0, 0));
+  EXPECT_EQ(at(shape.picture, 3, 5), at(shape.keys[1].colours, 0, 0));
+  EXPECT_EQ(at(shape.picture, 3, 4), at(shape.keys[2].colours, 0, 0));
+  // 1 of 240 pixels.
+  EXPECT_EQ(shape.keys[2].name, "any shape: 0.417 %");
 }
 
 // Red grows to the right, green downwards, and the other monitor is bluer.
@@ -240,9 +260,13 @@ TEST_F(ViewCommand, OnePanelIsItsPixels) {
 
 // Panels are enlarged by an integer factor and copied to the sheet pixel by pixel.
 TEST_F(ViewCommand, TheSheetHoldsEveryPanel) {
+  ASSERT_EQ(run_glasswing({"view", matte_, "-o", path("plain.png")}).status, 0);
+  const Matte matte = with_pyramid(3, 4);
+  ASSERT_OK(write_file_durably(matte_, encode_matte(matte).value()));
   const Outcome outcome = run_glasswing({"view", matte_, "-o", path("sheet.png")});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   const CodeImage sheet = read("sheet.png");
+  EXPECT_LT(read("plain.png").height_px, sheet.height_px);  // nothing could be of any shape
   const auto stands_at = [&](const CodeImage& picture, int left, int top, int scale) {
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {
@@ -254,7 +278,7 @@ TEST_F(ViewCommand, TheSheetHoldsEveryPanel) {
     return true;
   };
   constexpr int kScale = 22;  // 20 pixels in 440
-  for (const MattePanel& panel : panels_of(a_matte(), 1)) {
+  for (const MattePanel& panel : panels_of(matte, 1)) {
     int found = 0;
     for (int top = 0; top + kHeight * kScale <= sheet.height_px; ++top) {
       for (int left = 0; left + kWidth * kScale <= sheet.width_px; ++left)

@@ -4,7 +4,8 @@ import { samplingOf, type Box, type MatteData } from "./matte";
 
 export interface LoadRequest {
   url: string;
-  wants: "values" | "drawable";
+  /** "footprints": values with the Gaussians of pyramids in place of modes. */
+  wants: "values" | "footprints" | "drawable";
 }
 
 export type LoadMessage =
@@ -62,8 +63,12 @@ function load<Result>(
   });
 }
 
-export function loadMatte(url: string, options: LoadOptions): Promise<MatteData> {
-  return load({ url, wants: "values" }, options, (message) =>
+export function loadMatte(
+  url: string,
+  options: LoadOptions,
+  wants: "values" | "footprints" = "values",
+): Promise<MatteData> {
+  return load({ url, wants }, options, (message) =>
     "matte" in message ? message.matte : undefined,
   );
 }

@@ -60,6 +60,8 @@ export interface MatteData {
   foreground: Float32Array<ArrayBuffer>;
   coverage: Float32Array<ArrayBuffer>;
   flags: Uint8Array<ArrayBuffer>;
+  /** 1: the pixel has a footprint of any shape (docs/footprints.md). Absent: the matte can hold none. */
+  anyShape?: Uint8Array<ArrayBuffer>;
   /** For pixel * modeChannels + channel, the index of its first mode; one more entry at the end. */
   firstMode: Uint32Array<ArrayBuffer>;
   modes: Float32Array<ArrayBuffer>;
@@ -246,6 +248,7 @@ export async function readMatte(
     flags: new Uint8Array(width * height),
     firstMode: new Uint32Array(width * height * suffixes.length + 1),
     modes: modes.values,
+    ...(hasPyramids && { anyShape: new Uint8Array(width * height) }),
   };
   const foregroundAt = columnsOf(exr, kForeground, [
     ...kChannels.map((channel) => `foreground.F.${channel}`),
@@ -307,7 +310,6 @@ export async function readMatte(
     }
   };
 
-  let withPyramids = 0;
   for (let first = 0; first < height; first += kRowsAtOnce) {
     const rows = Array.from({ length: Math.min(kRowsAtOnce, height - first) }, (_, i) => first + i);
     const lines = await Promise.all(
@@ -321,7 +323,7 @@ export async function readMatte(
     );
     lines.forEach(([foreground, ...modeLines], i) => {
       const pyramids = hasPyramids ? pyramidsOf(modeLines[modeCount]!, width) : new Map<number, Pyramid[]>();
-      withPyramids += new Set(Array.from(pyramids.keys(), (key) => Math.floor(key / 3))).size;
+      for (const key of pyramids.keys()) matte.anyShape![(first + i) * width + Math.floor(key / 3)] = 1;
       takeForeground(foreground!, first + i);
       takeModes(modeLines, first + i, any ? pyramids : new Map<number, Pyramid[]>());
     });
@@ -329,6 +331,7 @@ export async function readMatte(
   }
   matte.firstMode[matte.firstMode.length - 1] = modes.count;
   matte.modes = modes.values.slice(0, modes.count * kStride);
+  const withPyramids = matte.anyShape?.reduce((count, each) => count + each, 0) ?? 0;
   if (withPyramids > 0 && !any) {
     const object = matte.coverage.reduce((count, coverage) => count + Number(coverage > 0), 0);
     metadata.warnings = [

@@ -42,10 +42,11 @@ onmessage = async ({ data: { url, wants } }: MessageEvent<LoadRequest>) => {
       told = done;
       say({ progress: 0.4 + 0.4 * done });
     }, wants !== "values");
-    const buffers = [matte.foreground, matte.coverage, matte.flags, matte.firstMode, matte.modes].map(
-      ({ buffer }) => buffer,
-    );
-    if (wants === "values") return say({ matte }, buffers);
+    if (wants !== "drawable") {
+      const { foreground, coverage, flags, anyShape, firstMode, modes } = matte;
+      const arrays = [foreground, coverage, flags, ...(anyShape ? [anyShape] : []), firstMode, modes];
+      return say({ matte }, arrays.map(({ buffer }) => buffer));
+    }
     const { metadata, width, height, foreground } = matte;
     const footprints = packFootprints(matte);
     const unsolved = unsolvedPixels(matte.flags);

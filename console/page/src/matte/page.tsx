@@ -90,7 +90,7 @@ function Viewer({ session }: { session: SessionJson }) {
           ))}
       </div>
       {matte && shown ? (
-        <Pixel matte={matte} session={name} x={shown.x} y={shown.y} manifest={manifest} />
+        <Pixel matte={matte} session={name} frame={frame} x={shown.x} y={shown.y} manifest={manifest} />
       ) : (
         <p class="note">
           Click a pixel, or move the cursor of a panel with the arrow keys and press Enter to see its

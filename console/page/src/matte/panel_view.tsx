@@ -6,7 +6,7 @@ export interface Place {
   y: number;
 }
 
-function Picture({ raster, class: name }: { raster: Raster; class: string }) {
+export function Picture({ raster, class: name }: { raster: Raster; class: string }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   useEffect(() => {
     const { width, height, pixels } = raster;

@@ -145,13 +145,16 @@ function coverageOf(matte: MatteData): Panel {
 
 const kCounts: Colour[] = [kNoValue, [51, 102, 170], [60, 180, 150], [240, 200, 60], [205, 70, 60]];
 
+/** Of the channel with most. */
+function modeCount(matte: MatteData, pixel: number): number {
+  let most = 0;
+  for (let at = pixel * matte.modeChannels; at < (pixel + 1) * matte.modeChannels; ++at)
+    most = Math.max(most, matte.firstMode[at + 1]! - matte.firstMode[at]!);
+  return most;
+}
+
 function modesPanel(matte: MatteData): Panel {
-  const count = (pixel: number): number => {
-    let most = 0;
-    for (let at = pixel * matte.modeChannels; at < (pixel + 1) * matte.modeChannels; ++at)
-      most = Math.max(most, matte.firstMode[at + 1]! - matte.firstMode[at]!);
-    return most;
-  };
+  const count = (pixel: number): number => modeCount(matte, pixel);
   const kinds = [...new Set(Array.from(matte.coverage, (_, pixel) => count(pixel)))].sort();
   return {
     name: "modes",
@@ -159,6 +162,25 @@ function modesPanel(matte: MatteData): Panel {
     picture: byPixel(matte, (pixel) => kCounts[count(pixel)] ?? kNoValue),
     keys: kinds.map((n) =>
       keyOf(kCounts[n] ?? kNoValue, `${n}: ${shareOf(matte, (pixel) => count(pixel) === n)}`),
+    ),
+  };
+}
+
+const kShapes = [
+  { name: "none", colour: kNoValue },
+  { name: "modes", colour: [150, 175, 205] as Colour },
+  { name: "any shape", colour: [200, 80, 120] as Colour },
+] as const;
+
+/** Which pixels few Gaussians do not describe (docs/footprints.md). */
+function shapePanel(matte: MatteData, anyShape: Uint8Array): Panel {
+  const kind = (pixel: number) => kShapes[anyShape[pixel] ? 2 : Math.min(1, modeCount(matte, pixel))]!;
+  return {
+    name: "shape",
+    title: "Footprints of any shape; % of the object",
+    picture: byPixel(matte, (pixel) => kind(pixel).colour),
+    keys: kShapes.map((each) =>
+      keyOf(each.colour, `${each.name}: ${shareOf(matte, (pixel) => kind(pixel) === each)}`),
     ),
   };
 }
@@ -280,6 +302,7 @@ export function panelsOf(matte: MatteData, channel: number): Panel[] {
     foregroundOf(matte),
     coverageOf(matte),
     modesPanel(matte),
+    ...(matte.anyShape ? [shapePanel(matte, matte.anyShape)] : []),
     centreOf(matte, channel),
     sigmaOf(matte, channel),
     uncertaintyOf(matte, channel),

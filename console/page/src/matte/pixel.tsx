@@ -5,6 +5,7 @@ import { kChannels, modesOf, samplingOf, type MatteData, type Mode } from "../li
 import { Failure } from "../parts/failure";
 import { FootprintMaps } from "./footprint_map";
 import { kFlagWords } from "./panels";
+import { ShapePictures } from "./shape_pictures";
 import { sweepsOf, type Sample, type Sweep } from "./stripes";
 import { SweepChart } from "./sweep_chart";
 
@@ -110,15 +111,18 @@ function Sweeps({
 export interface PixelProps {
   matte: MatteData;
   session: string;
+  /** Of a video. */
+  frame: number | undefined;
   x: number;
   y: number;
   /** For stills only; a video's frames have no sweeps. */
   manifest: Promise<CaptureManifestJson> | undefined;
 }
 
-export function Pixel({ matte, session, x, y, manifest }: PixelProps) {
+export function Pixel({ matte, session, frame, x, y, manifest }: PixelProps) {
   const pixel = y * matte.width + x;
   const step = samplingOf(matte.metadata);
+  const anyShape = matte.anyShape?.[pixel] === 1;
   const foreground = [0, 1, 2].map((channel) => digits(matte.foreground[3 * pixel + channel]!, 3)).join(", ");
   return (
     <section class="card pixel">
@@ -128,8 +132,21 @@ export function Pixel({ matte, session, x, y, manifest }: PixelProps) {
       <p class="digits">
         F {foreground}; coverage {digits(matte.coverage[pixel]!, 3)}; {flagText(matte.flags[pixel]!)}
       </p>
+      {anyShape && (
+        <p class="note">
+          Its footprint has any shape: the light is drawn as it is; modes are the closest Gaussians.
+        </p>
+      )}
       <ModeTable matte={matte} pixel={pixel} />
       <div class="maps">
+        {anyShape && (
+          <ShapePictures
+            session={session}
+            frame={frame}
+            width={(matte.width - 1) * step + 1}
+            at={{ x: x * step, y: y * step }}
+          />
+        )}
         {matte.metadata.monitors.map((monitor, texture) => (
           <FootprintMaps key={monitor.name} matte={matte} pixel={pixel} monitor={monitor} texture={texture} />
         ))}

@@ -1,5 +1,6 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { call, mayOperate } from "../api";
+import type { PlanJson } from "../gen/glasswing/v1/plan_pb";
 import type {
   CreateSessionResponseJson,
   EstimateSessionResponseJson,
@@ -133,6 +134,7 @@ export function NewSession() {
   const [tags, setTags] = useState("");
   const [solve, setSolve] = useState(true);
   const [adapts, setAdapts] = useState(false);
+  const [anyShape, setAnyShape] = useState(false); // footprints of what adapts
   const [photos, setPhotos] = useState<File[]>([]);
   const requestId = useRef(crypto.randomUUID()); // the same for every attempt, so that a lost answer creates no second session
   const up = useCameras();
@@ -150,6 +152,8 @@ export function NewSession() {
   if (!mayOperate.value) return <p>Only operators can start sessions; you are logged in as a viewer.</p>;
 
   const mayAdapt = plan?.method === "gaussian";
+  const asked = (whole: PlanJson): PlanJson =>
+    adapts && mayAdapt ? { ...whole, adapt: { ...whole.adapt, ...(anyShape && { footprints: "any" }) } } : whole;
   const missing = plan ? missingPhotos(plan, photos) : [];
   const open = async (file: File | undefined): Promise<void> => {
     if (!file) return;
@@ -163,7 +167,7 @@ export function NewSession() {
       const { session } = await call<CreateSessionResponseJson>("SessionService/CreateSession", {
         requestId: requestId.current,
         name,
-        plan: adapts && mayAdapt ? { ...full, adapt: full.adapt ?? {} } : full,
+        plan: asked(full),
         solve: solve && !plan?.calibration,
       });
       const addTags = tags.split(/\s+/).filter(Boolean);
@@ -175,7 +179,7 @@ export function NewSession() {
   const enqueue = async (): Promise<void> => {
     await start.act(async () => {
       const addTags = tags.split(/\s+/).filter(Boolean);
-      const wish = { session: name, plan, solve: solve && !plan?.calibration, note, tags: addTags, retries: 3, retryWaitS: 60 };
+      const wish = { session: name, plan: asked(plan!), solve: solve && !plan?.calibration, note, tags: addTags, retries: 3, retryWaitS: 60 };
       await call("QueueService/AddQueueItem", { requestId: requestId.current, wish });
       location.hash = "#/queue";
     });
@@ -302,6 +306,12 @@ export function NewSession() {
             <label>
               <input type="checkbox" checked={adapts} onChange={(event) => setAdapts(event.currentTarget.checked)} />
               Show further images until the object is known
+            </label>
+          )}
+          {mayAdapt && adapts && (
+            <label title="Drafts and matte with footprints=any: pixels that no few Gaussians explain ask for waves in more directions">
+              <input type="checkbox" checked={anyShape} onChange={(event) => setAnyShape(event.currentTarget.checked)} />
+              Also of footprints of any shape
             </label>
           )}
           <button class="primary" disabled={start.busy || !estimate || missing.length > 0}>

@@ -1,6 +1,7 @@
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { bytesText, secondsText } from "../parts/words";
 import { recentRate, secondsLeft, stepLimit } from "./rates";
+import { Rounds } from "./rounds";
 import { isCapturing, progressOf } from "./states";
 import type { Timeline } from "./timeline";
 import type { ArchiveView } from "./use_archive";
@@ -102,6 +103,11 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
       text: `${Math.floor(100 * Number(judged.knownShare ?? 0))} % of the object`,
       more: `after ${(judged.imageCount ?? 0).toLocaleString("en")} images; 95 % to ${Number(judged.errorDb ?? 0).toFixed(1)} dB`,
     },
+    judged?.anyShape && {
+      name: "Of any shape",
+      text: `${(100 * Number(judged.anyShape.share ?? 0)).toFixed(0)} % of the object`,
+      more: `${Math.floor(100 * Number(judged.anyShape.knownShare ?? 0))} % of these known; 95 % to ${Number(judged.anyShape.errorDb ?? 0).toFixed(1)} dB`,
+    },
     pixels > 0 && {
       name: "Object",
       text: `${pixels.toLocaleString("en")} pixels`,
@@ -155,6 +161,7 @@ export function Progress({
           </div>
         ))}
       </dl>
+      <Rounds rounds={session.adapted ?? []} />
     </>
   );
 }

@@ -1,13 +1,16 @@
 import { readFileSync } from "node:fs";
 
-/** The monitors in the JSON of a matte's header. */
-export function monitors_of(file) {
+/** The JSON of a matte's header. */
+function metadata_of(file) {
   const text = readFileSync(file).toString("latin1");
   const start = text.indexOf("{", text.indexOf("glasswing\0string\0"));
   let end = start;
   for (let depth = 0; depth > 0 || end === start; ++end) depth += { "{": 1, "}": -1 }[text[end]] ?? 0;
-  return JSON.parse(text.slice(start, end)).monitors;
+  return JSON.parse(text.slice(start, end));
 }
+
+export const monitors_of = (file) => metadata_of(file).monitors;
+export const width_of = (file) => metadata_of(file).width_px;
 
 /**
  * Mean and largest colour difference of two PNG files, 0 to 255, the position of the largest, and the PSNR; the browser decodes

@@ -81,15 +81,20 @@ export async function stand_in({ mattes = {}, answer = () => undefined, stream =
 
 export const read_json = async (path) => JSON.parse(await readFile(path, "utf8"));
 
-/** A fake server with one session, "it", that has this matte. */
-export function stand_in_of(matte) {
+/** A fake server with one session, "it", that has this matte; `regions`: files by region. */
+export function stand_in_of(matte, regions = {}) {
   const answer = { session: { name: "it", matteReady: true } };
   async function* watched() {
     yield answer;
     await new Promise(() => undefined); // nothing changes
   }
   return stand_in({
-    mattes: { "/mattes/it.exr": matte },
+    mattes: {
+      "/mattes/it.exr": matte,
+      ...Object.fromEntries(
+        Object.entries(regions).map(([crop, file]) => [`/mattes/it.exr?${new URLSearchParams({ crop })}`, file]),
+      ),
+    },
     answer: (path) => (path.endsWith("/GetSession") ? answer : undefined),
     stream: (path) => (path.endsWith("/WatchSession") ? watched() : undefined),
   });

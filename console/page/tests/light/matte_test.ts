@@ -65,6 +65,7 @@ test("a pyramid stands for the modes of its monitor, where it is asked for", asy
     { weight: 0.5, x: 4 * (2 * 6 + 1), y: 4 * (2 * 7 + 1), xx: 16, xy: 0, yy: 16, texture: second.texture, weight_sd: 0, centre_sd: 0 },
     { ...second, weight: 0.125 },
   ]);
+  expect(drawn.anyShape).toEqual(Uint8Array.from({ length: 35 }, (_, i) => Number(i === pixel)));
   expect(drawn.foreground[3 * pixel + 2]).toBeCloseTo(text.foreground(pixel, 2) + 0.25, 5);
   expect(modesOf(drawn, pixel, 1)).toEqual(text.modes(pixel, 1));
   const plain = await readMatte(bytes, () => undefined);
