@@ -11,6 +11,7 @@
 #include <random>
 
 #include "core/base/status.h"
+#include "core/footprint/positive_set.h"
 #include "core/footprint/within_pixel.h"
 
 namespace glasswing {
@@ -23,11 +24,11 @@ constexpr int kMaxSamples = 1 << 14;  // of a sweep, and pictures that are alike
 constexpr int kMaxSweeps = 256, kMaxPictures = 4096;
 constexpr double kMinBar_px = 0.5, kMaxOffset_px = 1e5;
 constexpr double kMaxFrequency = 0.5001, kMaxPhase_deg = 1e6;  // of sinusoids
-constexpr Eigen::Index kDraws = 16;  // of a pyramid's coefficients: its error is known to a fifth
-constexpr int kExchanges = 3;        // of all violations, that need not lower their number,
-constexpr int kMaxExchanges = 100;   // and of any
-constexpr double kRounding = 1e-10;  // of slopes
-constexpr int kRounds = 4;           // of s and the weights of white and bars for it
+constexpr Eigen::Index kDraws = 32;  // of a pyramid's coefficients: its error is known to an eighth
+constexpr double kMinGain = 1e-4;    // of chi2 / 2 by a coefficient, that is worth having it
+constexpr size_t kTogether = 16;     // above 0, for each that joins them at once
+constexpr int kMaxSteps = 2000;
+constexpr int kRounds = 4;  // of s and the weights of white and bars for it
 
 }  // namespace
 
@@ -270,37 +271,40 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
   return all;
 }
 
-// min x' n x / 2 - b' x over x >= 0, except x_0, which may have any sign: by exchanging all that violate its
-// conditions (Portugal, Judice and Vicente 1994), or the last one while that lowers their number no more.
-Eigen::VectorXd positive_minimum(const Eigen::MatrixXd& n, const Eigen::VectorXd& b,
-                                 std::vector<bool> is_free) {
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(b.size());
-  Eigen::Index fewest = b.size() + 1;
-  int tries = kExchanges;
-  const double rounding = kRounding * b.cwiseAbs().maxCoeff();
-  for (int round = 0; round < kMaxExchanges; ++round) {
-    std::vector<Eigen::Index> free, wrong;
-    for (Eigen::Index k = 0; k < b.size(); ++k) {
-      if (is_free[k]) free.push_back(k);
-    }
-    const Eigen::MatrixXd own = n(free, free);
-    const Eigen::VectorXd there = own.llt().solve(b(free));
+// `entry`: of x.
+void enter(const Eigen::MatrixXd& n, const Eigen::VectorXd& b, Eigen::Index entry, PositiveSet& above) {
+  std::vector<double> row;
+  for (const size_t k : above.columns()) row.push_back(n(entry, static_cast<Eigen::Index>(k)));
+  row.push_back(n(entry, entry));
+  above.enter(static_cast<size_t>(entry), std::move(row), b[entry]);
+}
+
+// min x' n x / 2 - b' x over x >= 0, except x_0, which may have any sign. `above`: the entries above 0 for
+// another b; neighbours are so alike that exchanging all that violate their conditions may never end.
+Eigen::VectorXd positive_minimum(const Eigen::MatrixXd& n, const Eigen::VectorXd& b, PositiveSet above) {
+  std::vector<double> right;
+  for (const size_t k : above.columns()) right.push_back(b[static_cast<Eigen::Index>(k)]);
+  above.set_right(right);
+  Eigen::VectorXd x(b.size());
+  for (int step = 0; step < kMaxSteps; ++step) {
+    above.settle();
     x.setZero();
-    for (Eigen::Index i = 0; i < std::ssize(free); ++i) x[free[i]] = there[i];
-    const Eigen::VectorXd slope = n * x - b;
+    Eigen::VectorXd slope = b;
+    for (size_t i = 0; i < above.x().size(); ++i) {
+      const auto k = static_cast<Eigen::Index>(above.columns()[i]);
+      x[k] = above.x()[i];
+      slope -= x[k] * n.col(k);
+    }
+    std::vector<std::pair<double, Eigen::Index>> gains;
     for (Eigen::Index k = 1; k < b.size(); ++k) {
-      if (is_free[k] ? x[k] < 0.0 : slope[k] < -rounding) wrong.push_back(k);
+      if (above.is_in(static_cast<size_t>(k)) || !(slope[k] > 0.0)) continue;
+      if (const double own = 0.5 * slope[k] * slope[k] / n(k, k); own > kMinGain) gains.emplace_back(-own, k);
     }
-    if (wrong.empty()) break;
-    if (std::ssize(wrong) < fewest) {
-      fewest = std::ssize(wrong);
-      tries = kExchanges;
-    } else if (--tries < 0) {
-      wrong = {wrong.back()};
-    }
-    for (const Eigen::Index k : wrong) is_free[k] = !is_free[k];
+    if (gains.empty()) break;
+    std::ranges::sort(gains);
+    gains.resize(std::min(gains.size(), 1 + above.columns().size() / kTogether));
+    for (const auto& [_, k] : gains) enter(n, b, k, above);
   }
-  x.tail(b.size() - 1) = x.tail(b.size() - 1).cwiseMax(0.0);
   return x;
 }
 
@@ -309,15 +313,13 @@ Eigen::MatrixXd sampled_root(const Eigen::MatrixXd& a, const Eigen::VectorXd& x,
                              const Eigen::VectorXd& prior_sd) {
   const Eigen::Index size = a.cols();
   Eigen::MatrixXd n = a.transpose() * a;
-  std::vector<bool> is_free(size, true);
-  const Eigen::VectorXd shown = n * x;
-  Eigen::VectorXd b = shown;
-  for (Eigen::Index k = 1; k < size; ++k) {
-    const double known = std::pow(prior_sd[k - 1], -2);
-    n(k, k) += known;
-    b[k] += known * x[k];
-    is_free[k] = x[k] > 0.0;
+  for (Eigen::Index k = 1; k < size; ++k) n(k, k) += std::pow(prior_sd[k - 1], -2);
+  const Eigen::VectorXd b = n * x;
+  PositiveSet above(static_cast<size_t>(size));
+  for (Eigen::Index k = 0; k < size; ++k) {
+    if (k == 0 || x[k] > 0.0) enter(n, b, k, above);
   }
+  above.settle();
   std::mt19937 random;  // the same draws for every pixel
   std::normal_distribution<double> normal;
   Eigen::VectorXd noise(a.rows());
@@ -326,7 +328,7 @@ Eigen::MatrixXd sampled_root(const Eigen::MatrixXd& a, const Eigen::VectorXd& x,
     for (double& own : noise) own = normal(random);
     Eigen::VectorXd drawn = b + a.transpose() * noise;
     for (Eigen::Index k = 1; k < size; ++k) drawn[k] += normal(random) / prior_sd[k - 1];
-    root.col(j) = (positive_minimum(n, drawn, is_free) - x) / std::sqrt(static_cast<double>(kDraws));
+    root.col(j) = (positive_minimum(n, drawn, above) - x) / std::sqrt(static_cast<double>(kDraws));
   }
   return root;
 }
