@@ -25,10 +25,7 @@ constexpr int kMaxSweeps = 256, kMaxPictures = 4096;
 constexpr double kMinBar_px = 0.5, kMaxOffset_px = 1e5;
 constexpr double kMaxFrequency = 0.5001, kMaxPhase_deg = 1e6;  // of sinusoids
 constexpr Eigen::Index kDraws = 32;  // of a pyramid's coefficients: its error is known to an eighth
-constexpr double kMinGain = 1e-4;    // of chi2 / 2 by a coefficient, that is worth having it
-constexpr size_t kTogether = 16;     // above 0, for each that joins them at once
-constexpr int kMaxSteps = 2000;
-constexpr int kRounds = 4;  // of s and the weights of white and bars for it
+constexpr int kRounds = 4;           // of s and the weights of white and bars for it
 
 }  // namespace
 
@@ -271,43 +268,6 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
   return all;
 }
 
-// `entry`: of x.
-void enter(const Eigen::MatrixXd& n, const Eigen::VectorXd& b, Eigen::Index entry, PositiveSet& above) {
-  std::vector<double> row;
-  for (const size_t k : above.columns()) row.push_back(n(entry, static_cast<Eigen::Index>(k)));
-  row.push_back(n(entry, entry));
-  above.enter(static_cast<size_t>(entry), std::move(row), b[entry]);
-}
-
-// min x' n x / 2 - b' x over x >= 0, except x_0, which may have any sign. `above`: the entries above 0 for
-// another b; neighbours are so alike that exchanging all that violate their conditions may never end.
-Eigen::VectorXd positive_minimum(const Eigen::MatrixXd& n, const Eigen::VectorXd& b, PositiveSet above) {
-  std::vector<double> right;
-  for (const size_t k : above.columns()) right.push_back(b[static_cast<Eigen::Index>(k)]);
-  above.set_right(right);
-  Eigen::VectorXd x(b.size());
-  for (int step = 0; step < kMaxSteps; ++step) {
-    above.settle();
-    x.setZero();
-    Eigen::VectorXd slope = b;
-    for (size_t i = 0; i < above.x().size(); ++i) {
-      const auto k = static_cast<Eigen::Index>(above.columns()[i]);
-      x[k] = above.x()[i];
-      slope -= x[k] * n.col(k);
-    }
-    std::vector<std::pair<double, Eigen::Index>> gains;
-    for (Eigen::Index k = 1; k < b.size(); ++k) {
-      if (above.is_in(static_cast<size_t>(k)) || !(slope[k] > 0.0)) continue;
-      if (const double own = 0.5 * slope[k] * slope[k] / n(k, k); own > kMinGain) gains.emplace_back(-own, k);
-    }
-    if (gains.empty()) break;
-    std::ranges::sort(gains);
-    gains.resize(std::min(gains.size(), 1 + above.columns().size() / kTogether));
-    for (const auto& [_, k] : gains) enter(n, b, k, above);
-  }
-  return x;
-}
-
 // A with A A' the mean of (x_j - x) (x_j - x)'.
 Eigen::MatrixXd sampled_root(const Eigen::MatrixXd& a, const Eigen::VectorXd& x,
                              const Eigen::VectorXd& prior_sd) {
@@ -317,7 +277,7 @@ Eigen::MatrixXd sampled_root(const Eigen::MatrixXd& a, const Eigen::VectorXd& x,
   const Eigen::VectorXd b = n * x;
   PositiveSet above(static_cast<size_t>(size));
   for (Eigen::Index k = 0; k < size; ++k) {
-    if (k == 0 || x[k] > 0.0) enter(n, b, k, above);
+    if (k == 0 || x[k] > 0.0) above.enter(n, b, k);
   }
   above.settle();
   std::mt19937 random;  // the same draws for every pixel
@@ -409,9 +369,8 @@ PyramidErrors MatteCovariance::errors_of(const PyramidFootprint& pyramid, std::s
   // Modes know no more than the pyramid of what the samples leave open: the average is as uncertain.
   errors.root.topLeftCorner(own, kDraws) = sampled_root(answers, x, prior_sd);
   if (of_modes > 0.0) {
-    const double root = std::sqrt(light * of_modes);
-    errors.root.col(kDraws).segment(1, own - 1) = root / light * weight.head(own - 1);
-    errors.root.col(kDraws).tail(size - own) = -root / of_modes * weight.tail(size - own);
+    errors.root.col(kDraws).segment(1, own - 1) = of_modes / light * weight.head(own - 1);
+    errors.root.col(kDraws).tail(size - own) = -weight.tail(size - own);
   }
   return errors;
 }

@@ -1,13 +1,16 @@
 #include "core/footprint/positive_set.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace glasswing {
 namespace {
 
 constexpr double kProductError = 1e-6;  // relative, of floats
+constexpr double kMinGain = 1e-4;       // of x' N x / 2 by a coefficient, that is worth having it
+constexpr size_t kTogether = 16;        // above 0, for each that joins them at once
+constexpr int kMaxSteps = 2000;
 
 double product(const std::vector<double>& a, const std::vector<double>& b, size_t count) {
   const auto size = static_cast<Eigen::Index>(count);
@@ -81,6 +84,13 @@ void PositiveSet::enter(size_t k, std::vector<double> row, double b) {
   x_.push_back(0.0);
 }
 
+void PositiveSet::enter(const Eigen::MatrixXd& n, const Eigen::VectorXd& b, Eigen::Index k) {
+  std::vector<double> row;
+  for (const size_t other : set_) row.push_back(n(k, static_cast<Eigen::Index>(other)));
+  row.push_back(n(k, k));
+  enter(static_cast<size_t>(k), std::move(row), b[k]);
+}
+
 void PositiveSet::settle() {
   for (;;) {
     const std::vector<double> there = factor_.solution();
@@ -106,6 +116,33 @@ void PositiveSet::leave(size_t i) {
   const auto at = static_cast<std::ptrdiff_t>(i);
   set_.erase(set_.begin() + at);
   x_.erase(x_.begin() + at);
+}
+
+Eigen::VectorXd positive_minimum(const Eigen::MatrixXd& n, const Eigen::VectorXd& b, PositiveSet above) {
+  std::vector<double> right;
+  for (const size_t k : above.columns()) right.push_back(b[static_cast<Eigen::Index>(k)]);
+  above.set_right(right);
+  Eigen::VectorXd x(b.size());
+  for (int step = 0; step < kMaxSteps; ++step) {
+    above.settle();
+    x.setZero();
+    Eigen::VectorXd slope = b;
+    for (size_t i = 0; i < above.x().size(); ++i) {
+      const auto k = static_cast<Eigen::Index>(above.columns()[i]);
+      x[k] = above.x()[i];
+      slope -= x[k] * n.col(k);
+    }
+    std::vector<std::pair<double, Eigen::Index>> gains;
+    for (Eigen::Index k = 1; k < b.size(); ++k) {
+      if (above.is_in(static_cast<size_t>(k)) || !(slope[k] > 0.0)) continue;
+      if (const double own = 0.5 * slope[k] * slope[k] / n(k, k); own > kMinGain) gains.emplace_back(-own, k);
+    }
+    if (gains.empty()) break;
+    std::ranges::sort(gains);
+    gains.resize(std::min(gains.size(), 1 + above.columns().size() / kTogether));
+    for (const auto& [_, k] : gains) above.enter(n, b, k);
+  }
+  return x;
 }
 
 }  // namespace glasswing

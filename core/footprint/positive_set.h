@@ -7,6 +7,7 @@
 // Loan, 6.5).
 #pragma once
 
+#include <Eigen/Dense>
 #include <cstddef>
 #include <vector>
 
@@ -46,6 +47,7 @@ class PositiveSet {
 
   // `row`: N's entries for columns() and then for k; b of k. With the value 0.
   void enter(size_t k, std::vector<double> row, double b);
+  void enter(const Eigen::MatrixXd& n, const Eigen::VectorXd& b, Eigen::Index k);
   // Another b, by columns().
   void set_right(const std::vector<double>& b) { factor_.set_right(b); }
   // To the minimum over the set, without those that would be negative there.
@@ -59,5 +61,9 @@ class PositiveSet {
   GrowingFactor factor_;
   std::vector<double> x_;
 };
+
+// The minimum, to coefficients that lower it by less than 1e-4. `above`: 0 and those above 0 for another b.
+// Coefficients may be so alike that exchanging all that violate their conditions never ends.
+Eigen::VectorXd positive_minimum(const Eigen::MatrixXd& n, const Eigen::VectorXd& b, PositiveSet above);
 
 }  // namespace glasswing

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
 #include <random>
 #include <vector>
 
@@ -82,6 +84,35 @@ TEST(PositiveSet, SettlesAtTheMinimum) {
     for (Eigen::Index k = 0; k < kSize; ++k) fallen += !above.is_in(static_cast<size_t>(k));
   }
   EXPECT_GT(fallen, 0);
+}
+
+// Neighbours that samples hardly tell apart, as a pyramid's: each row of the matrix is a blurred look at all.
+// Slopes of those at 0 gain less than 1e-4.
+TEST(PositiveMinimum, IsFoundOfMuchAlikeCoefficients) {
+  constexpr Eigen::Index kAlike = 120;
+  constexpr double kBlur = 6.0, kRidge = 0.01;
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(kAlike, kAlike, [](Eigen::Index i, Eigen::Index k) {
+    return k == 0 ? 1.0 : 10.0 * std::exp(-0.5 * std::pow(static_cast<double>(i - k) / kBlur, 2));
+  });
+  Eigen::MatrixXd n = a.transpose() * a;
+  n.diagonal().array() += kRidge;
+  for (int draw = 0; draw < 20; ++draw) {
+    const Eigen::VectorXd b =
+        a.transpose() * Eigen::VectorXd::NullaryExpr(kAlike, [&] { return 3.0 + normal(random); });
+    PositiveSet start(kAlike);
+    start.enter(n, b, 0);
+    const Eigen::VectorXd x = positive_minimum(n, b, start), slope = b - n * x;
+    for (Eigen::Index k = 1; k < kAlike; ++k) {
+      EXPECT_GE(x[k], 0.0);
+      if (x[k] > 0.0) {
+        EXPECT_NEAR(slope[k], 0.0, 1e-6 * b.norm());
+      } else {
+        EXPECT_LE(0.5 * std::pow(std::max(slope[k], 0.0), 2) / n(k, k), 1e-4);
+      }
+    }
+  }
 }
 
 }  // namespace

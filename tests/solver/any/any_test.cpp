@@ -15,7 +15,6 @@
 #include "core/composite/fast_compositor.h"
 #include "core/design/plan_design.h"
 #include "core/footprint/composite_error.h"
-#include "core/footprint/matte_covariance.h"
 #include "core/matte/matte_file.h"
 #include "core/matte/packed_matte.h"
 #include "solver/any/pyramid_fit.h"
@@ -394,39 +393,6 @@ TEST(Any, CompositesKnowTheirErrors) {
     EXPECT_LE(kept.share(), 0.75 + kKnownTo) << plan_name;
     EXPECT_LE(kept.rms(), 1.5) << plan_name;
   }
-}
-
-// The minimum over coefficients of at least 0 is a projection of the free one, in the norm of the normal
-// matrix, and no projection moves points apart. So deviations of draws, squared, of samples and places
-// together and in their standard deviations, are at most as many as places and F on average; of places alone,
-// too. The mean of kDraws chi2 is known to the root of 2 / kDraws of each.
-TEST(Any, DrawsAreNoWiderThanThePosteriorWithoutBounds) {
-  constexpr double kDraws = 32.0, kDeviations = 5.0;
-  int checked = 0;
-  for (const std::string& plan : {kSweeps, designed(100, true)}) {
-    for (const char* shape : {"lobe", "ring"}) {
-      const Matte matte = solved(scene_of(shape), plan, 0.005, kAny);
-      const MatteCovariance covariance = MatteCovariance::create(matte.metadata).value();
-      for (int x = 0; x < matte.width_px(); ++x) {
-        for (const PyramidFootprint& pyramid : matte.pyramids(x, 0, 1)) {
-          const auto [places, root] = covariance.errors_of(pyramid, matte.modes(x, 0, 1));
-          const Eigen::Index modes = std::ranges::count_if(
-              pyramid.coefficients, [](const Coefficient& own) { return own.level >= kPyramidLevels; });
-          const Eigen::Index count = std::ssize(places) - modes;
-          double squares = 0.0;
-          for (Eigen::Index k = 0; k < count; ++k) {
-            // A level's sigma is 2^level px.
-            const double sd = static_cast<double>(pyramid.prior_sd) * places[static_cast<size_t>(k)].xx_px2;
-            squares += root.row(k + 1).head(root.cols() - 1).squaredNorm() / (sd * sd);
-          }
-          const auto most = static_cast<double>(count + 1);
-          EXPECT_LE(squares, most + kDeviations * std::sqrt(2.0 * most / kDraws)) << shape << " " << x;
-          ++checked;
-        }
-      }
-    }
-  }
-  EXPECT_GT(checked, 10);
 }
 
 // Pixels that all see one footprint: the scatter of their composites is the stated error, whatever patterns
