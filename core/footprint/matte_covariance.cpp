@@ -11,6 +11,7 @@
 #include <random>
 
 #include "core/base/status.h"
+#include "core/footprint/positive_set.h"
 #include "core/footprint/within_pixel.h"
 
 namespace glasswing {
@@ -23,10 +24,7 @@ constexpr int kMaxSamples = 1 << 14;  // of a sweep, and pictures that are alike
 constexpr int kMaxSweeps = 256, kMaxPictures = 4096;
 constexpr double kMinBar_px = 0.5, kMaxOffset_px = 1e5;
 constexpr double kMaxFrequency = 0.5001, kMaxPhase_deg = 1e6;  // of sinusoids
-constexpr Eigen::Index kDraws = 16;  // of a pyramid's coefficients: its error is known to a fifth
-constexpr int kExchanges = 3;        // of all violations, that need not lower their number,
-constexpr int kMaxExchanges = 100;   // and of any
-constexpr double kRounding = 1e-10;  // of slopes
+constexpr Eigen::Index kDraws = 32;  // of a pyramid's coefficients: its error is known to an eighth
 constexpr int kRounds = 4;           // of s and the weights of white and bars for it
 
 }  // namespace
@@ -270,54 +268,18 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
   return all;
 }
 
-// min x' n x / 2 - b' x over x >= 0, except x_0, which may have any sign: by exchanging all that violate its
-// conditions (Portugal, Judice and Vicente 1994), or the last one while that lowers their number no more.
-Eigen::VectorXd positive_minimum(const Eigen::MatrixXd& n, const Eigen::VectorXd& b,
-                                 std::vector<bool> is_free) {
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(b.size());
-  Eigen::Index fewest = b.size() + 1;
-  int tries = kExchanges;
-  const double rounding = kRounding * b.cwiseAbs().maxCoeff();
-  for (int round = 0; round < kMaxExchanges; ++round) {
-    std::vector<Eigen::Index> free, wrong;
-    for (Eigen::Index k = 0; k < b.size(); ++k) {
-      if (is_free[k]) free.push_back(k);
-    }
-    const Eigen::MatrixXd own = n(free, free);
-    const Eigen::VectorXd there = own.llt().solve(b(free));
-    x.setZero();
-    for (Eigen::Index i = 0; i < std::ssize(free); ++i) x[free[i]] = there[i];
-    const Eigen::VectorXd slope = n * x - b;
-    for (Eigen::Index k = 1; k < b.size(); ++k) {
-      if (is_free[k] ? x[k] < 0.0 : slope[k] < -rounding) wrong.push_back(k);
-    }
-    if (wrong.empty()) break;
-    if (std::ssize(wrong) < fewest) {
-      fewest = std::ssize(wrong);
-      tries = kExchanges;
-    } else if (--tries < 0) {
-      wrong = {wrong.back()};
-    }
-    for (const Eigen::Index k : wrong) is_free[k] = !is_free[k];
-  }
-  x.tail(b.size() - 1) = x.tail(b.size() - 1).cwiseMax(0.0);
-  return x;
-}
-
 // A with A A' the mean of (x_j - x) (x_j - x)'.
 Eigen::MatrixXd sampled_root(const Eigen::MatrixXd& a, const Eigen::VectorXd& x,
                              const Eigen::VectorXd& prior_sd) {
   const Eigen::Index size = a.cols();
   Eigen::MatrixXd n = a.transpose() * a;
-  std::vector<bool> is_free(size, true);
-  const Eigen::VectorXd shown = n * x;
-  Eigen::VectorXd b = shown;
-  for (Eigen::Index k = 1; k < size; ++k) {
-    const double known = std::pow(prior_sd[k - 1], -2);
-    n(k, k) += known;
-    b[k] += known * x[k];
-    is_free[k] = x[k] > 0.0;
+  for (Eigen::Index k = 1; k < size; ++k) n(k, k) += std::pow(prior_sd[k - 1], -2);
+  const Eigen::VectorXd b = n * x;
+  PositiveSet above(static_cast<size_t>(size));
+  for (Eigen::Index k = 0; k < size; ++k) {
+    if (k == 0 || x[k] > 0.0) above.enter(n, b, k);
   }
+  above.settle();
   std::mt19937 random;  // the same draws for every pixel
   std::normal_distribution<double> normal;
   Eigen::VectorXd noise(a.rows());
@@ -326,7 +288,7 @@ Eigen::MatrixXd sampled_root(const Eigen::MatrixXd& a, const Eigen::VectorXd& x,
     for (double& own : noise) own = normal(random);
     Eigen::VectorXd drawn = b + a.transpose() * noise;
     for (Eigen::Index k = 1; k < size; ++k) drawn[k] += normal(random) / prior_sd[k - 1];
-    root.col(j) = (positive_minimum(n, drawn, is_free) - x) / std::sqrt(static_cast<double>(kDraws));
+    root.col(j) = (positive_minimum(n, drawn, above) - x) / std::sqrt(static_cast<double>(kDraws));
   }
   return root;
 }
@@ -407,9 +369,8 @@ PyramidErrors MatteCovariance::errors_of(const PyramidFootprint& pyramid, std::s
   // Modes know no more than the pyramid of what the samples leave open: the average is as uncertain.
   errors.root.topLeftCorner(own, kDraws) = sampled_root(answers, x, prior_sd);
   if (of_modes > 0.0) {
-    const double root = std::sqrt(light * of_modes);
-    errors.root.col(kDraws).segment(1, own - 1) = root / light * weight.head(own - 1);
-    errors.root.col(kDraws).tail(size - own) = -root / of_modes * weight.tail(size - own);
+    errors.root.col(kDraws).segment(1, own - 1) = of_modes / light * weight.head(own - 1);
+    errors.root.col(kDraws).tail(size - own) = -weight.tail(size - own);
   }
   return errors;
 }

@@ -16,8 +16,8 @@
 //
 // with y such that without draws the matte's c results, and w the noise's inverse variance. Those of the
 // pyramid's places and of their neighbours take part, with which samples may confuse them. Where a footprint
-// is the average of a pyramid and of modes, of shares p and q of the light, p q times the square of their
-// difference is added.
+// is the average of a pyramid and of modes, these of a share q of the light, q^2 times the square of their
+// difference is added: so far the average is from the pyramid, around which the draws are.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -1,97 +1,24 @@
 #include "solver/any/positive_fit.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "core/footprint/positive_set.h"
 #include "solver/mixture/pattern_lanes.h"
 
 namespace glasswing {
 namespace {
 
-constexpr double kMinGain = 1e-4;       // of chi2 / 2 by a coefficient, that is worth having it
-constexpr double kProductError = 1e-6;  // relative, of floats
-constexpr size_t kMaxWanted = 64;       // looked at before all are again
-constexpr size_t kTogether = 16;        // above 0, for each that joins them at once
+constexpr double kMinGain = 1e-4;  // of chi2 / 2 by a coefficient, that is worth having it
+constexpr size_t kMaxWanted = 64;  // looked at before all are again
+constexpr size_t kTogether = 16;   // above 0, for each that joins them at once
 constexpr size_t kMaxSteps = 2000;
-
-// L of G = L L', row after row, and u of L u = b.
-class GrowingFactor {
- public:
-  size_t size() const { return rows_.size(); }
-  double diagonal(size_t k) const { return rows_[k][k]; }
-
-  // `row`: of G, its diagonal last. False if it hardly differs from those before.
-  bool append(std::vector<double> row, double b) {
-    const double own = row.back();
-    double left = own;
-    for (size_t k = 0; k < size(); ++k) {
-      row[k] = (row[k] - product(rows_[k], row, k)) / rows_[k][k];
-      left -= row[k] * row[k];
-    }
-    if (!(left > kProductError * own)) return false;
-    row.back() = std::sqrt(left);
-    turned_.push_back((b - product(row, turned_, size())) / row.back());
-    rows_.push_back(std::move(row));
-    return true;
-  }
-
-  // Row and column `gone` of G; the rows after it are turned to a triangle again.
-  void remove(size_t gone) {
-    rows_.erase(rows_.begin() + static_cast<std::ptrdiff_t>(gone));
-    for (size_t k = gone; k < size(); ++k) {
-      const double a = rows_[k][k], b = rows_[k][k + 1], whole = std::hypot(a, b);
-      const auto turn = [c = a / whole, s = b / whole](double& left, double& right) {
-        const double sum = c * left + s * right;
-        right = c * right - s * left;
-        left = sum;
-      };
-      for (size_t i = k; i < size(); ++i) turn(rows_[i][k], rows_[i][k + 1]);
-      turn(turned_[k], turned_[k + 1]);
-      rows_[k].pop_back();
-    }
-    turned_.pop_back();
-  }
-
-  // G x = b.
-  std::vector<double> solution() const {
-    std::vector<double> x = turned_;
-    for (size_t k = size(); k-- > 0;) {
-      x[k] /= rows_[k][k];
-      for (size_t i = 0; i < k; ++i) x[i] -= rows_[k][i] * x[k];
-    }
-    return x;
-  }
-
-  // The diagonal of G's inverse.
-  std::vector<double> inverse_diagonal() const {
-    std::vector<double> sums(size()), column(size());
-    for (size_t k = 0; k < size(); ++k) {
-      for (size_t i = k; i < size(); ++i) {
-        double rest = i == k ? 1.0 : 0.0;
-        for (size_t j = k; j < i; ++j) rest -= rows_[i][j] * column[j];
-        column[i] = rest / rows_[i][i];
-        sums[k] += column[i] * column[i];
-      }
-    }
-    return sums;
-  }
-
- private:
-  static double product(const std::vector<double>& a, const std::vector<double>& b, size_t count) {
-    const auto size = static_cast<Eigen::Index>(count);
-    return Eigen::Map<const Eigen::VectorXd>(a.data(), size)
-        .dot(Eigen::Map<const Eigen::VectorXd>(b.data(), size));
-  }
-
-  std::vector<std::vector<double>> rows_;
-  std::vector<double> turned_;  // u
-};
 
 class ActiveSet {
  public:
   ActiveSet(const PositiveProblem& problem, size_t begin, size_t end)
-      : problem_(problem), begin_(begin), end_(end), is_in_(problem.size(), false), square_(problem.size()) {
+      : problem_(problem), begin_(begin), end_(end), set_(problem.size()), square_(problem.size()) {
     for (size_t k = begin; k < end; ++k) square_[k] = dot(problem.column(k), problem.column(k)) + prior(k);
     enter(0);
     settle();
@@ -112,14 +39,15 @@ class ActiveSet {
 
   PositiveFit found() const {
     PositiveFit fit{.above = {}, .residual = residual_, .chi2 = dot(residual_.data(), residual_.data())};
-    const std::vector<double> variance = factor_.inverse_diagonal();
+    const std::vector<double> variance = set_.factor().inverse_diagonal();
     double cost = fit.chi2;
-    for (size_t i = 0; i < set_.size(); ++i) {
-      const double own = prior(set_[i]);
-      fit.above.push_back({set_[i], x_[i]});
+    for (size_t i = 0; i < variance.size(); ++i) {
+      const size_t k = set_.columns()[i];
+      const double own = prior(k), x = set_.x()[i];
+      fit.above.push_back({k, x});
       fit.freedom += 1.0 - own * variance[i];
-      cost += x_[i] * x_[i] * own;
-      fit.evidence += 0.5 * std::log(own) - std::log(factor_.diagonal(i));
+      cost += x * x * own;
+      fit.evidence += 0.5 * std::log(own) - std::log(set_.factor().diagonal(i));
     }
     fit.evidence -= 0.5 * cost;
     return fit;
@@ -139,7 +67,7 @@ class ActiveSet {
   std::vector<size_t> best() const {
     std::vector<std::pair<double, size_t>> gains;
     for (size_t k = begin_; k < end_; ++k) {
-      if (is_in_[k]) continue;
+      if (set_.is_in(k)) continue;
       if (const double own = gain(k); own > kMinGain) gains.emplace_back(-own, k);
     }
     const size_t most = std::min(gains.size(), kMaxWanted);
@@ -156,7 +84,7 @@ class ActiveSet {
       if (const double own = gain(k); own > kMinGain) gains.emplace_back(-own, k);
     }
     std::ranges::sort(gains);
-    gains.resize(std::min(gains.size(), 1 + set_.size() / kTogether));
+    gains.resize(std::min(gains.size(), 1 + set_.columns().size() / kTogether));
     for (const auto& [own, k] : gains) {
       std::erase(wanted, k);
       enter(k);
@@ -166,55 +94,25 @@ class ActiveSet {
 
   void enter(size_t k) {
     std::vector<double> row;
-    for (const size_t other : set_) row.push_back(dot(problem_.column(k), problem_.column(other)));
+    for (const size_t other : set_.columns()) row.push_back(dot(problem_.column(k), problem_.column(other)));
     row.push_back(dot(problem_.column(k), problem_.column(k)) + prior(k));
-    is_in_[k] = true;  // one that hardly differs from those in is not looked at again
-    if (!factor_.append(std::move(row), dot(problem_.column(k), problem_.y.data()))) return;
-    set_.push_back(k);
-    x_.push_back(0.0);
+    set_.enter(k, std::move(row), dot(problem_.column(k), problem_.y.data()));
   }
 
-  // To the minimum over the set, without those that would be negative there.
   void settle() {
-    for (;;) {
-      const std::vector<double> there = factor_.solution();
-      double share = 1.0;
-      for (size_t i = 1; i < set_.size(); ++i) {
-        if (!(there[i] > 0.0)) share = std::min(share, x_[i] / (x_[i] - there[i]));
-      }
-      bool is_whole = true;
-      for (size_t i = set_.size(); i-- > 0;) {
-        const bool falls = i > 0 && !(there[i] > 0.0);
-        x_[i] += share * (there[i] - x_[i]);
-        if (!falls || x_[i] > kProductError * -there[i]) continue;
-        leave(i);
-        is_whole = false;
-      }
-      if (is_whole) break;
-    }
+    set_.settle();
     residual_ = problem_.y;
-    for (size_t i = 0; i < set_.size(); ++i) {
-      const float* const own = problem_.column(set_[i]);
-      const auto by = static_cast<float>(x_[i]);
+    for (size_t i = 0; i < set_.columns().size(); ++i) {
+      const float* const own = problem_.column(set_.columns()[i]);
+      const auto by = static_cast<float>(set_.x()[i]);
       for (size_t k = 0; k < problem_.lanes; ++k) residual_[k] -= by * own[k];
     }
   }
 
-  void leave(size_t i) {
-    is_in_[set_[i]] = false;
-    factor_.remove(i);
-    const auto at = static_cast<std::ptrdiff_t>(i);
-    set_.erase(set_.begin() + at);
-    x_.erase(x_.begin() + at);
-  }
-
   const PositiveProblem& problem_;
   const size_t begin_, end_;
-  std::vector<bool> is_in_;
+  PositiveSet set_;
   std::vector<double> square_;  // of a column, with its prior
-  std::vector<size_t> set_;
-  GrowingFactor factor_;
-  std::vector<double> x_;  // of the set
   std::vector<float> residual_;
 };
 

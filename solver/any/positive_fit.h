@@ -2,9 +2,8 @@
 //
 //   min |y - A x|^2 + sum_k (x_k / s_k)^2,  x_k >= 0 but for x_0, which may have any sign
 //
-// by an active set (Lawson and Hanson 1974): the coefficient that lowers the cost most joins those above 0,
-// and those that the joint minimum would make negative leave. The Cholesky factor of the equations of those
-// above 0 gains and loses rows (Golub and Van Loan, 6.5).
+// by an active set (core/footprint/positive_set.h): the coefficient that lowers the cost most joins those
+// above 0.
 #pragma once
 
 #include <cstddef>
