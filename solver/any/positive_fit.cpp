@@ -91,8 +91,17 @@ class GrowingFactor {
 class ActiveSet {
  public:
   ActiveSet(const PositiveProblem& problem, size_t begin, size_t end)
-      : problem_(problem), begin_(begin), end_(end), is_in_(problem.size(), false), square_(problem.size()) {
-    for (size_t k = begin; k < end; ++k) square_[k] = dot(problem.column(k), problem.column(k)) + prior(k);
+      : problem_(problem),
+        begin_(begin),
+        end_(end),
+        is_in_(problem.size(), false),
+        square_(problem.size()),
+        toll_(problem.size()) {
+    for (size_t k = begin; k < end; ++k) {
+      const double own = dot(problem.column(k), problem.column(k));
+      square_[k] = own + prior(k);
+      toll_[k] = problem.toll * std::sqrt(own);
+    }
     enter(0);
     settle();
   }
@@ -132,7 +141,7 @@ class ActiveSet {
   }
   // Of the cost's half, by this coefficient alone.
   double gain(size_t k) const {
-    const double slope = dot(problem_.column(k), residual_.data());
+    const double slope = dot(problem_.column(k), residual_.data()) - toll_[k];
     return slope > 0.0 ? 0.5 * slope * slope / square_[k] : 0.0;
   }
 
@@ -169,7 +178,7 @@ class ActiveSet {
     for (const size_t other : set_) row.push_back(dot(problem_.column(k), problem_.column(other)));
     row.push_back(dot(problem_.column(k), problem_.column(k)) + prior(k));
     is_in_[k] = true;  // one that hardly differs from those in is not looked at again
-    if (!factor_.append(std::move(row), dot(problem_.column(k), problem_.y.data()))) return;
+    if (!factor_.append(std::move(row), dot(problem_.column(k), problem_.y.data()) - toll_[k])) return;
     set_.push_back(k);
     x_.push_back(0.0);
   }
@@ -211,7 +220,7 @@ class ActiveSet {
   const PositiveProblem& problem_;
   const size_t begin_, end_;
   std::vector<bool> is_in_;
-  std::vector<double> square_;  // of a column, with its prior
+  std::vector<double> square_, toll_;  // of a column, with its prior; t |a_k|
   std::vector<size_t> set_;
   GrowingFactor factor_;
   std::vector<double> x_;  // of the set
