@@ -257,8 +257,10 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
     const Footprint at = footprint_of(is_mode ? modes[static_cast<size_t>(own.level - kPyramidLevels)]
                                               : mode_of(own, pyramid.texture));
     if (is_mode) {
-      const double narrow_px = std::pow(std::max(at.xx_px2 * at.yy_px2 - at.xy_px2 * at.xy_px2, 1.0), 0.25);
-      const int level = std::min(static_cast<int>(std::log2(narrow_px)), kPyramidLevels - 2);
+      // As wide as the mode on average, and no more than some ten along each axis.
+      const double mean_px = std::pow(std::max(at.xx_px2 * at.yy_px2 - at.xy_px2 * at.xy_px2, 1.0), 0.25),
+                   widest_px = std::sqrt(std::max(at.xx_px2, at.yy_px2));
+      const int level = static_cast<int>(std::log2(std::max(mean_px, widest_px / 4.0)));
       add_around(level, at.x_px, at.y_px, std::sqrt(at.xx_px2), std::sqrt(at.yy_px2));
     } else {
       const double step_px = std::ldexp(2.0, own.level);
@@ -276,7 +278,7 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
   for (const Coefficient& kept : pyramid.coefficients) {
     if (kept.level < kPyramidLevels) continue;
     all.places.push_back(footprint_of(modes[static_cast<size_t>(kept.level - kPyramidLevels)]));
-    all.prior_sd.push_back(all.places.back().weight);
+    all.prior_sd.push_back(std::max(all.places.back().weight, static_cast<double>(kept.weight)));
     all.places.back().weight = 1.0;
     all.weight.push_back(kept.weight);
   }
