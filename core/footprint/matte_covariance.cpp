@@ -232,24 +232,39 @@ namespace {
 
 // The places whose light the samples may confuse with the pyramid's: its own and those around them.
 struct Unsure {
-  std::vector<Footprint> places;  // of weight 1; the channel's modes that are kept come last
-  std::vector<double> prior_sd, weight;
-  Eigen::Index first_mode = 0;
+  std::vector<Footprint> places;         // of weight 1; the channel's modes that are kept come last
+  std::vector<double> prior_sd, weight;  // of a mode: what it has without a pyramid; what is left
 };
 
 Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, const MonitorExtent& extent) {
   std::map<std::array<int, 3>, double> weights;
-  for (const Coefficient& own : pyramid.coefficients) {
-    if (own.level >= kPyramidLevels) continue;
-    const double step_px = std::ldexp(2.0, own.level);
-    for (int row = own.row - 1; row <= own.row + 1; ++row) {
-      for (int column = own.column - 1; column <= own.column + 1; ++column) {
-        if (row < 0 || column < 0 || row * step_px >= extent.height_px || column * step_px >= extent.width_px)
-          continue;
-        weights.try_emplace({own.level, row, column});
-      }
+  const auto add_around = [&](int level, double x_px, double y_px, double reach_x_px, double reach_y_px) {
+    const double step_px = std::ldexp(2.0, level);
+    const auto cell = [&](double at_px, double side_px) {
+      return static_cast<int>(std::floor(std::clamp(at_px, 0.0, std::nexttoward(side_px, 0.0L)) / step_px));
+    };
+    for (int row = cell(y_px - reach_y_px, extent.height_px);
+         row <= cell(y_px + reach_y_px, extent.height_px); ++row) {
+      for (int column = cell(x_px - reach_x_px, extent.width_px);
+           column <= cell(x_px + reach_x_px, extent.width_px); ++column)
+        weights.try_emplace({level, row, column});
     }
-    weights[{own.level, own.row, own.column}] = own.weight;
+  };
+  for (const Coefficient& own : pyramid.coefficients) {
+    const bool is_mode = own.level >= kPyramidLevels;
+    const Footprint at = footprint_of(is_mode ? modes[static_cast<size_t>(own.level - kPyramidLevels)]
+                                              : mode_of(own, pyramid.texture));
+    if (is_mode) {
+      // As wide as the mode on average, and no more than some ten along each axis.
+      const double mean_px = std::pow(std::max(at.xx_px2 * at.yy_px2 - at.xy_px2 * at.xy_px2, 1.0), 0.25),
+                   widest_px = std::sqrt(std::max(at.xx_px2, at.yy_px2));
+      const int level = static_cast<int>(std::log2(std::max(mean_px, widest_px / 4.0)));
+      add_around(level, at.x_px, at.y_px, std::sqrt(at.xx_px2), std::sqrt(at.yy_px2));
+    } else {
+      const double step_px = std::ldexp(2.0, own.level);
+      add_around(own.level, at.x_px, at.y_px, step_px, step_px);
+      weights[{own.level, own.row, own.column}] = own.weight;
+    }
   }
   Unsure all;
   for (const auto& [place, weight] : weights) {
@@ -258,10 +273,10 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
     all.prior_sd.push_back(std::ldexp(static_cast<double>(pyramid.prior_sd), 2 * place[0]));
     all.weight.push_back(weight);
   }
-  all.first_mode = std::ssize(all.places);
   for (const Coefficient& kept : pyramid.coefficients) {
     if (kept.level < kPyramidLevels) continue;
     all.places.push_back(footprint_of(modes[static_cast<size_t>(kept.level - kPyramidLevels)]));
+    all.prior_sd.push_back(std::max(all.places.back().weight, static_cast<double>(kept.weight)));
     all.places.back().weight = 1.0;
     all.weight.push_back(kept.weight);
   }
@@ -354,25 +369,13 @@ Eigen::MatrixXd MatteCovariance::answers_of(const std::vector<Footprint>& places
 
 PyramidErrors MatteCovariance::errors_of(const PyramidFootprint& pyramid, std::span<const Mode> modes) const {
   Unsure unsure = unsure_of(pyramid, modes, extents_[pyramid.texture]);
-  const Eigen::Index size = 1 + std::ssize(unsure.places), own = 1 + unsure.first_mode;
-  const Eigen::Map<const Eigen::VectorXd> weight(unsure.weight.data(), size - 1),
-      prior_sd(unsure.prior_sd.data(), own - 1);
-  const double light = weight.head(own - 1).sum(), of_modes = weight.tail(size - own).sum();
-  PyramidErrors errors{.places = std::move(unsure.places), .root = Eigen::MatrixXd::Zero(size, kDraws + 1)};
-  if (!(light > 0.0) || !(pyramid.noise_sd > 0.0f) || !(pyramid.prior_sd > 0.0f)) return {};
-  // Alone, before the average with the modes.
-  const double share = light / (light + of_modes);
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(own);
-  x.tail(own - 1) = weight.head(own - 1) / share;
-  const std::vector<Footprint> places(errors.places.begin(), errors.places.begin() + own - 1);
-  const Eigen::MatrixXd answers = answers_of(places, pyramid, x.tail(own - 1));
-  // Modes know no more than the pyramid of what the samples leave open: the average is as uncertain.
-  errors.root.topLeftCorner(own, kDraws) = sampled_root(answers, x, prior_sd);
-  if (of_modes > 0.0) {
-    errors.root.col(kDraws).segment(1, own - 1) = of_modes / light * weight.head(own - 1);
-    errors.root.col(kDraws).tail(size - own) = -weight.tail(size - own);
-  }
-  return errors;
+  const Eigen::Index size = std::ssize(unsure.places);
+  const Eigen::Map<const Eigen::VectorXd> prior_sd(unsure.prior_sd.data(), size);
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(1 + size);
+  x.tail(size) = Eigen::Map<const Eigen::VectorXd>(unsure.weight.data(), size);
+  if (!(x.sum() > 0.0) || !(pyramid.noise_sd > 0.0f) || !(pyramid.prior_sd > 0.0f)) return {};
+  const Eigen::MatrixXd answers = answers_of(unsure.places, pyramid, x.tail(size));
+  return {.places = std::move(unsure.places), .root = sampled_root(answers, x, prior_sd)};
 }
 
 std::vector<MatteCovariance::Shown> MatteCovariance::shown(std::span<const Used> modes) const {

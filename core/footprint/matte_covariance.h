@@ -15,9 +15,8 @@
 //   c_j = argmin_{c >= 0} |w^1/2 (J c - y) - e_j|^2 + |c / s - h_j|^2      Cov = mean of (c_j - c) (c_j - c)'
 //
 // with y such that without draws the matte's c results, and w the noise's inverse variance. Those of the
-// pyramid's places and of their neighbours take part, with which samples may confuse them. Where a footprint
-// is the average of a pyramid and of modes, these of a share q of the light, q^2 times the square of their
-// difference is added: so far the average is from the pyramid, around which the draws are.
+// pyramid's places and of their neighbours take part, with which samples may confuse them, and the modes
+// that stay beside it.
 #pragma once
 
 #include <absl/status/statusor.h>

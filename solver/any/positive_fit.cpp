@@ -18,8 +18,17 @@ constexpr size_t kMaxSteps = 2000;
 class ActiveSet {
  public:
   ActiveSet(const PositiveProblem& problem, size_t begin, size_t end)
-      : problem_(problem), begin_(begin), end_(end), set_(problem.size()), square_(problem.size()) {
-    for (size_t k = begin; k < end; ++k) square_[k] = dot(problem.column(k), problem.column(k)) + prior(k);
+      : problem_(problem),
+        begin_(begin),
+        end_(end),
+        set_(problem.size()),
+        square_(problem.size()),
+        toll_(problem.size()) {
+    for (size_t k = begin; k < end; ++k) {
+      const double own = dot(problem.column(k), problem.column(k));
+      square_[k] = own + prior(k);
+      toll_[k] = problem.toll * std::sqrt(own);
+    }
     enter(0);
     settle();
   }
@@ -60,7 +69,7 @@ class ActiveSet {
   }
   // Of the cost's half, by this coefficient alone.
   double gain(size_t k) const {
-    const double slope = dot(problem_.column(k), residual_.data());
+    const double slope = dot(problem_.column(k), residual_.data()) - toll_[k];
     return slope > 0.0 ? 0.5 * slope * slope / square_[k] : 0.0;
   }
 
@@ -96,7 +105,7 @@ class ActiveSet {
     std::vector<double> row;
     for (const size_t other : set_.columns()) row.push_back(dot(problem_.column(k), problem_.column(other)));
     row.push_back(dot(problem_.column(k), problem_.column(k)) + prior(k));
-    set_.enter(k, std::move(row), dot(problem_.column(k), problem_.y.data()));
+    set_.enter(k, std::move(row), dot(problem_.column(k), problem_.y.data()) - toll_[k]);
   }
 
   void settle() {
@@ -112,7 +121,7 @@ class ActiveSet {
   const PositiveProblem& problem_;
   const size_t begin_, end_;
   PositiveSet set_;
-  std::vector<double> square_;  // of a column, with its prior
+  std::vector<double> square_, toll_;  // of a column, with its prior; t |a_k|
   std::vector<float> residual_;
 };
 

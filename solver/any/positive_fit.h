@@ -1,9 +1,10 @@
 // Least squares with coefficients that are not negative:
 //
-//   min |y - A x|^2 + sum_k (x_k / s_k)^2,  x_k >= 0 but for x_0, which may have any sign
+//   min |y - A x|^2 + sum_k (x_k / s_k)^2 + 2 t sum_k |a_k| x_k,  x_k >= 0 but for x_0, which may have any
+//   sign
 //
-// by an active set (core/footprint/positive_set.h): the coefficient that lowers the cost most joins those
-// above 0.
+// with t |a_k| a toll on all but x_0, which takes t of a coefficient's own standard deviation from it: by an
+// active set (core/footprint/positive_set.h): the coefficient that lowers the cost most joins those above 0.
 #pragma once
 
 #include <cstddef>
@@ -17,6 +18,7 @@ struct PositiveProblem {
   size_t samples = 0, lanes = 0;
   std::vector<float> a, y;
   std::vector<double> prior_sd;  // s, by column
+  double toll = 0.0;             // t
 
   size_t size() const { return prior_sd.size(); }
   const float* column(size_t k) const { return &a[k * lanes]; }
@@ -31,7 +33,7 @@ struct PositiveFit {
   std::vector<float> residual;  // y - A x
   double chi2 = 0.0;            // its square
   double freedom = 0.0;         // the samples' degrees of freedom that the coefficients take
-  double evidence = 0.0;        // log marginal likelihood of the coefficients above 0
+  double evidence = 0.0;        // log marginal likelihood of the coefficients above 0, the toll left out
 };
 
 // Coefficients other than x_0 and those of [begin, end) are 0. `start`: some that are likely above 0.

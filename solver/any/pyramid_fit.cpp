@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <set>
 
 #include "solver/any/positive_fit.h"
@@ -25,6 +26,7 @@ constexpr double kMinOfPrior = 0.02;    // of an even prior: a coefficient that 
 constexpr double kMinPrior = 1e-3;      // of an even one: places of less have no light
 constexpr float kDark = 1e-4f;          // of the highest answer: samples below tell of F alone
 constexpr double kModeFreedom = 5.0;    // of the samples, that a mode takes: its place and widths
+constexpr double kToll = 0.3;           // noise adds no light where half of the places are bright
 constexpr double kTemper = 20.0;        // of log evidence, which neglects that coefficients are positive
 constexpr double kMaxDispersion = 1.5;  // chi2 per degree of freedom; beyond it samples are weighed anew,
 constexpr int kMaxWeighings = 3;        // so often
@@ -187,6 +189,10 @@ std::vector<PyramidFitter::Place> PyramidFitter::places_of(const MixtureLanes& s
 struct PyramidFitter::Problem : PositiveProblem {
   size_t modes = 0;
   double chi2_apart = 0.0;  // of what any fit leaves
+
+  Eigen::Map<const Eigen::ArrayXf> of(const float* lane) const {
+    return {lane, static_cast<Eigen::Index>(lanes)};
+  }
 };
 
 PyramidFitter::Problem PyramidFitter::problem_of(const MixtureLanes& samples, const Footprints& near,
@@ -212,6 +218,7 @@ PyramidFitter::Problem PyramidFitter::problem_of(const MixtureLanes& samples, co
   own.samples = seeing.size() + 1;
   own.lanes = (own.samples + PatternLanes::kPad - 1) / PatternLanes::kPad * PatternLanes::kPad;
   own.modes = static_cast<size_t>(near.size());
+  own.toll = kToll;
   own.a.reserve((1 + own.modes + places.size()) * own.lanes);
   const auto add = [&](const float* answers, const std::vector<float>& scale, double prior_sd) {
     float* const at = &*own.a.insert(own.a.end(), own.lanes, 0.0f);
@@ -227,43 +234,56 @@ PyramidFitter::Problem PyramidFitter::problem_of(const MixtureLanes& samples, co
     own.y[seeing.size()] = static_cast<float>(y);
     own.chi2_apart = dark_square - y * y;
   }
-  for (const Footprint& mode : near) add(answer(mode).data(), samples.peak, 1.0);
+  const double mode_sd = 1.0 / std::sqrt(kModeFreedom * std::log(static_cast<double>(own.samples)));
+  for (const Footprint& mode : near) add(answer(mode).data(), samples.peak, mode_sd);
   for (const Place& place : places) add(place.answer, samples.peak, place.prior_sd);
   return own;
 }
 
-// What is left of the samples, at the weights of `problem`, by the pyramid alone and by the modes alone.
+// Of the fit of modes and places together and of the modes as they are.
 struct PyramidFitter::Average {
-  Average(const Problem& problem, const std::vector<size_t>& start, bool few_directions)
-      : modes(static_cast<double>(problem.modes)), root(Eigen::ArrayXf::Ones(lanes_of(problem))) {
+  Average(const Problem& problem, std::vector<size_t> start, bool few_directions)
+      : modes(static_cast<double>(problem.modes)),
+        samples(static_cast<double>(problem.samples)),
+        root(Eigen::ArrayXf::Ones(static_cast<Eigen::Index>(problem.lanes))) {
+    leave_modes(problem);
     fit(problem, start);
-    for (int i = 0; i < kMaxWeighings && !explains(problem); ++i) weigh_anew(problem);
-    share = by_prediction(problem);
-    if (few_directions) share = std::min(share, by_evidence(problem));
+    for (int i = 0; i < kMaxWeighings && !explains(); ++i) weigh_anew(problem);
+    share = by_prediction();
+    if (few_directions) share *= by_evidence();
   }
 
-  double chi2() const { return static_cast<double>(off_average().square().sum()); }
+  double chi2() const {
+    return static_cast<double>(((1.0f - kept()) * rest + kept() * rest_of_modes).square().sum());
+  }
 
-  PositiveFit alone, gaussians;
-  double share = 0.0;  // of the Gaussians
+  PositiveFit both;
+  double floor_of_modes = 0.0;  // F
+  double share = 0.0;           // of the modes as they are
 
  private:
-  static Eigen::Index lanes_of(const Problem& problem) { return static_cast<Eigen::Index>(problem.lanes); }
   float kept() const { return static_cast<float>(share); }
-  Eigen::ArrayXf residual(const PositiveFit& own) const {
-    return Eigen::Map<const Eigen::ArrayXf>(own.residual.data(), root.size());
+
+  void leave_modes(const Problem& problem) {
+    rest_of_modes = problem.of(problem.y.data());
+    for (size_t k = 1; k <= problem.modes; ++k) rest_of_modes -= problem.of(problem.column(k));
+    const Eigen::ArrayXf even = problem.of(problem.column(0));
+    information = static_cast<double>(even.square().sum());
+    floor_of_modes = static_cast<double>((even * rest_of_modes).sum()) / information;
+    rest_of_modes -= static_cast<float>(floor_of_modes) * even;
   }
-  Eigen::ArrayXf off(const PositiveFit& own) const { return residual(own) / root; }
-  Eigen::ArrayXf off_average() const { return (1.0f - kept()) * off(alone) + kept() * off(gaussians); }
 
   void fit(const Problem& problem, const std::vector<size_t>& start) {
-    alone = positive_minimum(problem, 1 + problem.modes, problem.size(), start);
-    gaussians = positive_minimum(problem, 1, 1 + problem.modes);
+    both = positive_minimum(problem, 1, problem.size(), start);
+    rest = problem.of(both.residual.data()) / root;
+    used = 0.0;
+    for (size_t i = 1; i < both.above.size(); ++i) {
+      if (both.above[i].column <= problem.modes) used += std::min(both.above[i].x, 1.0);
+    }
   }
 
-  bool explains(const Problem& problem) const {
-    return static_cast<double>(off(alone).square().sum()) <
-           kMaxDispersion * (static_cast<double>(problem.samples) - alone.freedom);
+  bool explains() const {
+    return static_cast<double>(rest.square().sum()) < kMaxDispersion * (samples - both.freedom);
   }
 
   // Of weights, as if noise had Cauchy's tails.
@@ -271,40 +291,43 @@ struct PyramidFitter::Average {
     return (2.0f / (1.0f + square)).min(1.0f).sqrt();
   }
 
-  // Fits tell what they can of samples that either of them does not explain.
+  // The fit tells what it can of samples that it or the modes do not explain.
   void weigh_anew(const Problem& problem) {
-    root = tolerant_root(off(alone).square().max(off(gaussians).square()));
+    root = tolerant_root(rest.square().max(rest_of_modes.square()));
     Problem weighed = problem;
     const auto weigh = [&](float* column) { Eigen::Map<Eigen::ArrayXf>(column, root.size()) *= root; };
     for (size_t k = 0; k < problem.size(); ++k) weigh(&weighed.a[k * problem.lanes]);
     weigh(weighed.y.data());
     std::vector<size_t> start;
-    for (size_t i = 1; i < alone.above.size(); ++i) start.push_back(alone.above[i].column);
+    for (size_t i = 1; i < both.above.size(); ++i) start.push_back(both.above[i].column);
     fit(weighed, start);
   }
 
-  // Samples leave open which of the two is right; the one that fits fewer values to them is likelier. Each
-  // mode's place and widths were found from the same samples.
-  double by_evidence(const Problem& problem) const {
-    const double found = 0.5 * kModeFreedom * modes * std::log(static_cast<double>(problem.samples));
-    return 1.0 / (1.0 + std::exp((alone.evidence - gaussians.evidence + found) / kTemper));
+  // Samples leave open which of the two is right; the one that fits fewer values to them is likelier.
+  double by_evidence() const {
+    const double left = static_cast<double>((root * rest_of_modes).square().sum()),
+                 of_modes =
+                     -0.5 * (left + std::log(information) + (1.0 + kModeFreedom) * modes * std::log(samples));
+    return 1.0 / (1.0 + std::exp((both.evidence - of_modes) / kTemper));
   }
 
-  double by_prediction(const Problem& problem) const {
+  double by_prediction() const {
     // Samples that one of them explains count in full.
     const bool is_explained = root.minCoeff() == 1.0f;
-    const Eigen::ArrayXf own =
-        is_explained ? root : tolerant_root(off(alone).square().min(off(gaussians).square()));
-    const Eigen::ArrayXd rest = (own * off(alone)).cast<double>(),
-                         differ = (own * off(gaussians)).cast<double>() - rest;
-    const double more = alone.freedom - 1.0 - kModeFreedom * modes,
-                 noise = rest.square().sum() / (static_cast<double>(problem.samples) - alone.freedom);
-    return std::clamp((noise * more - (rest * differ).sum()) / std::max(differ.square().sum(), kRounding),
-                      0.0, 1.0);
+    const Eigen::ArrayXf own = is_explained ? root : tolerant_root(rest.square().min(rest_of_modes.square()));
+    const Eigen::ArrayXd off = (own * rest).cast<double>(),
+                         differ = (own * rest_of_modes).cast<double>() - off;
+    const double more = both.freedom + kModeFreedom * used - 1.0 - (1.0 + kModeFreedom) * modes,
+                 noise = off.square().sum() / (samples - both.freedom);
+    return std::clamp((noise * more - (off * differ).sum()) / std::max(differ.square().sum(), kRounding), 0.0,
+                      1.0);
   }
 
-  double modes;
-  Eigen::ArrayXf root;  // of the samples' weights, beside their own
+  double modes, samples;
+  double information = 0.0;  // about F
+  double used = 0.0;         // of the modes, by the fit of both
+  Eigen::ArrayXf root;       // of the samples' weights, beside their own
+  Eigen::ArrayXf rest, rest_of_modes;
 };
 
 std::optional<PyramidFit> PyramidFitter::fit(const MixtureLanes& samples, const Footprints& near,
@@ -321,7 +344,8 @@ std::optional<PyramidFit> PyramidFitter::fit(const MixtureLanes& samples, const 
   if (places.empty()) return std::nullopt;
   const Problem all = problem_of(samples, near, places);
   const size_t first = 1 + all.modes;
-  std::vector<size_t> start;
+  std::vector<size_t> start(all.modes);
+  std::iota(start.begin(), start.end(), size_t{1});
   for (const Coefficient& own : like) {
     const auto at = std::ranges::find_if(places, [&](const Place& place) {
       return place.at.level == own.level && place.at.column == own.column && place.at.row == own.row;
@@ -329,21 +353,22 @@ std::optional<PyramidFit> PyramidFitter::fit(const MixtureLanes& samples, const 
     if (at != places.end()) start.push_back(first + static_cast<size_t>(at - places.begin()));
   }
   const Average average(all, start, few_directions_);
-  PyramidFit fit{.coefficients = {},
-                 .modes = std::vector<double>(all.modes),
-                 .floor = (1.0 - average.share) * average.alone.above[0].x +
-                          average.share * average.gaussians.above[0].x,
-                 .chi2 = average.chi2() + all.chi2_apart,
-                 .prior_sd = prior_sd,
-                 .gaussian = average.share};
-  for (size_t i = 1; i < average.gaussians.above.size(); ++i) {
-    const auto& [column, x] = average.gaussians.above[i];
-    fit.modes[column - 1] = average.share * x;
-  }
-  for (size_t i = 1; i < average.alone.above.size(); ++i) {
-    const auto& [column, x] = average.alone.above[i];
+  PyramidFit fit{
+      .coefficients = {},
+      .modes = std::vector<double>(all.modes, average.share),
+      .floor = (1.0 - average.share) * average.both.above[0].x + average.share * average.floor_of_modes,
+      .chi2 = average.chi2() + all.chi2_apart,
+      .prior_sd = prior_sd,
+      .gaussian = average.share};
+  for (size_t i = 1; i < average.both.above.size(); ++i) {
+    const size_t column = average.both.above[i].column;
+    const double x = (1.0 - average.share) * average.both.above[i].x;
+    if (column < first) {
+      fit.modes[column - 1] += x;
+      continue;
+    }
     Coefficient own = places[column - first].at;
-    own.weight = static_cast<float>((1.0 - average.share) * x);
+    own.weight = static_cast<float>(x);
     if (own.weight > 0.0f) fit.coefficients.push_back(own);
   }
   return fit;

@@ -8,13 +8,19 @@
 // of the footprint's area. Those of more show the modes' places, and it is expected around them: else noise
 // fits best with a little light everywhere and less F, as coefficients are positive. So where samples say
 // nothing, light is spread over wide Gaussians and over many of them; a coefficient that no sample pays for
-// is 0. The minimum is unique.
+// is 0. Noise adds light to dark places, as coefficients are positive: a toll (positive_fit.h) takes as much
+// from bright ones. The minimum is unique.
 //
-// Neither that nor the pixel's modes need be right. The fit is the average of both that predicts the samples
-// best, by Mallows' criterion (Hansen 2007), in one model: the modes, of less weight, beside the
-// coefficients. Where patterns have few directions, samples often leave open which is right: the modes then
-// get no more than their evidence (log marginal likelihood) gives them. Samples that neither explains have
-// less weight.
+// The pixel's modes are columns of the same model, as a thin line is a narrow mode and no pyramid. Place and
+// widths of a mode were found from the same n samples, and cost log evidence 5/2 log n: so much does the
+// prior take from a mode that keeps its weight,
+//
+//   s_m = (5 log n)^-1/2 of the mode's weight
+//
+// Modes alone may still predict better. The fit is the average of both that predicts the samples best, by
+// Mallows' criterion (Hansen 2007). Where patterns have few directions, samples often leave open which is
+// right: modes alone then get of that share what their evidence (log marginal likelihood) gives them.
+// Samples that neither explains have less weight.
 #pragma once
 
 #include <Eigen/Dense>
@@ -29,11 +35,11 @@ namespace glasswing {
 
 struct PyramidFit {
   std::vector<Coefficient> coefficients;
-  std::vector<double> modes;  // by mode, what is left of its weight
+  std::vector<double> modes;  // by mode, how much of its weight
   double floor = 0.0;         // F
   double chi2 = 0.0;          // without the prior's part
   double prior_sd = 0.0;      // of even light, of level 0
-  double gaussian = 0.0;      // the modes' share of the average
+  double gaussian = 0.0;      // the share of modes alone in the average
 };
 
 // One thread's.

@@ -121,9 +121,9 @@ bool PyramidSolver::refine(size_t m, int x, int y, int channel, Matte& matte) {
   if (!poor && near.size() < kMaxFootprints && is_likely(of_gaussians, weight, near.size())) return true;
   ++fitted_;
   const std::optional<PyramidFit> fit = fitters_[m].fit(samples, near, last_[m]);
-  if (!fit || fit->coefficients.empty()) return false;
+  if (!fit) return false;
   last_[m] = fit->coefficients;
-  if (fit->gaussian > kCertain) return !poor;
+  if (fit->gaussian > kCertain || fit->coefficients.empty()) return !poor;
   if (!is_explained(fit->chi2, weight) && fit->chi2 > of_gaussians) return false;
   for (size_t i = 0; i < kept.size(); ++i) kept[i].weight *= static_cast<float>(fit->modes[i]);
   std::erase_if(kept, [](const Coefficient& mode) { return !(mode.weight > 0.0f); });

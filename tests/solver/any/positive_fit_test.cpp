@@ -17,16 +17,18 @@ constexpr double kMinGain = 1e-4;                           // of chi2 / 2, that
 
 struct Whole {
   Eigen::MatrixXd a;
-  Eigen::VectorXd y, prior;  // 1 / s^2
-  double half_cost(const Eigen::VectorXd& x) const {
+  Eigen::VectorXd y, prior, toll;  // prior: 1 / s^2; toll: t |a|
+  double half_misfit(const Eigen::VectorXd& x) const {
     return 0.5 * ((y - a * x).squaredNorm() + x.dot(prior.cwiseProduct(x)));
   }
+  double half_cost(const Eigen::VectorXd& x) const { return half_misfit(x) + toll.dot(x); }
 };
 
 PositiveProblem random_problem(unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<float> normal;
-  PositiveProblem problem{.samples = kSamples, .lanes = kLanes, .a = {}, .y = {}, .prior_sd = {}};
+  PositiveProblem problem{
+      .samples = kSamples, .lanes = kLanes, .a = {}, .y = {}, .prior_sd = {}, .toll = 0.3};
   problem.a.resize(kLanes * kColumns);
   problem.y.resize(kLanes);
   std::vector<float> likeness(kSamples);
@@ -44,9 +46,12 @@ Whole whole_of(const PositiveProblem& problem) {
   const auto lanes = static_cast<Eigen::Index>(kLanes), columns = static_cast<Eigen::Index>(kColumns);
   Whole whole{.a = Eigen::Map<const Eigen::MatrixXf>(problem.a.data(), lanes, columns).cast<double>(),
               .y = Eigen::Map<const Eigen::VectorXf>(problem.y.data(), lanes).cast<double>(),
-              .prior = Eigen::VectorXd(columns)};
+              .prior = Eigen::VectorXd(columns),
+              .toll = {}};
   for (Eigen::Index k = 0; k < columns; ++k)
     whole.prior[k] = std::pow(problem.prior_sd[static_cast<size_t>(k)], -2);
+  whole.toll = problem.toll * whole.a.colwise().norm().transpose();
+  whole.toll[0] = 0.0;
   return whole;
 }
 
@@ -63,7 +68,7 @@ Eigen::VectorXd best_of_all(const Whole& whole) {
     Eigen::MatrixXd g = a.transpose() * a;
     g.diagonal() += whole.prior(in);
     Eigen::VectorXd x = Eigen::VectorXd::Zero(whole.a.cols());
-    const Eigen::VectorXd own = g.ldlt().solve(a.transpose() * whole.y);
+    const Eigen::VectorXd own = g.ldlt().solve(a.transpose() * whole.y - whole.toll(in));
     x(in) = own;
     if (x.tail(x.size() - 1).minCoeff() < 0.0 || !(whole.half_cost(x) < least)) continue;
     least = whole.half_cost(x);
@@ -106,7 +111,7 @@ TEST(PositiveFit, KnowsItsFreedomAndEvidence) {
   Eigen::MatrixXd g = a.transpose() * a;
   g.diagonal() += whole.prior(in);
   const double freedom = (g.inverse() * a.transpose() * a).trace(),
-               evidence = -whole.half_cost(x) - 0.5 * std::log(g.determinant() / whole.prior(in).prod());
+               evidence = -whole.half_misfit(x) - 0.5 * std::log(g.determinant() / whole.prior(in).prod());
   EXPECT_NEAR(fit.freedom, freedom, 1e-4 * freedom);
   EXPECT_NEAR(fit.evidence, evidence, 1e-4 * std::abs(evidence));
   EXPECT_NEAR(fit.chi2, (whole.y - whole.a * x).squaredNorm(), 1e-4 * fit.chi2);
