@@ -146,8 +146,7 @@ int round_directions(const v1::Plan& plan) {
 }
 
 // As many images as a plan that was designed for any footprint, after one round and after two. A decibel is
-// what the first round loses to the first 50, which were chosen for Gaussians; after the second designed plans
-// are better by more (docs/adaptive.md).
+// what the first round loses to the first 50, which were chosen for Gaussians.
 TEST(AdaptiveAny, RingsAreShownAsByAPlanForAnyFootprint) {
   const Scene scene = scene_of(kPixels);
   const Grown any = grown(scene, kAny, 200), gaussian = grown(scene, {}, 200);
@@ -161,7 +160,9 @@ TEST(AdaptiveAny, RingsAreShownAsByAPlanForAnyFootprint) {
         "rings, %d images: %.1f dB in %d directions, rounds for Gaussians %.1f; designed for any footprint "
         "%.1f, for Gaussians %.1f\n",
         images, adapted, round_directions(any.plans.at(images)), usual, designed_any, designed_usual);
-    if (images == 100) EXPECT_GE(adapted, designed_any - 1.0);
+    if (images == 100) {  // after the second round designed plans are better by more (docs/adaptive.md)
+      EXPECT_GE(adapted, designed_any - 1.0);
+    }
     EXPECT_GT(adapted, usual) << images;
   }
 }
