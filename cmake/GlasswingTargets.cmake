@@ -248,6 +248,8 @@ function(glasswing_command_test name)
   glasswing_label_test(${name} ${ARG_LABELS})
 endfunction()
 
+set(GLASSWING_PATIENT_TESTS "gate|rendered|fresh")
+
 # glasswing_label_test(NAME [LABEL ...]): what kind of test it is, for `ctest -L` and tests/run.
 #   unit    a program of a folder, or a script without daemons
 #   rig     daemons in real time; one such test at a time
@@ -255,7 +257,6 @@ endfunction()
 #   slow    over a minute; tests/run skips it unless given --all
 #   gate, rendered, fresh  solve, or install and build, with what the rig test beside them leaves
 # Others are for some command.
-set(GLASSWING_PATIENT_TESTS "gate|rendered|fresh")
 function(glasswing_label_test name)
   set(labels ${ARGN})
   if(NOT labels MATCHES "rig|system")

@@ -238,6 +238,10 @@ struct Unsure {
 
 Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, const MonitorExtent& extent) {
   std::map<std::array<int, 3>, double> weights;
+  const auto is_mode = [](const Coefficient& own) { return own.level >= kPyramidLevels; };
+  const auto kept_mode = [&](const Coefficient& own) {
+    return footprint_of(modes[static_cast<size_t>(own.level - kPyramidLevels)]);
+  };
   const auto add_around = [&](int level, double x_px, double y_px, double reach_x_px, double reach_y_px) {
     const double step_px = std::ldexp(2.0, level);
     const auto cell = [&](double at_px, double side_px) {
@@ -251,10 +255,8 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
     }
   };
   for (const Coefficient& own : pyramid.coefficients) {
-    const bool is_mode = own.level >= kPyramidLevels;
-    const Footprint at = footprint_of(is_mode ? modes[static_cast<size_t>(own.level - kPyramidLevels)]
-                                              : mode_of(own, pyramid.texture));
-    if (is_mode) {
+    const Footprint at = is_mode(own) ? kept_mode(own) : footprint_of(mode_of(own, pyramid.texture));
+    if (is_mode(own)) {
       // As wide as the mode on average, and no more than some ten along each axis.
       const double mean_px = std::pow(std::max(at.xx_px2 * at.yy_px2 - at.xy_px2 * at.xy_px2, 1.0), 0.25),
                    widest_px = std::sqrt(std::max(at.xx_px2, at.yy_px2));
@@ -274,8 +276,8 @@ Unsure unsure_of(const PyramidFootprint& pyramid, std::span<const Mode> modes, c
     all.weight.push_back(weight);
   }
   for (const Coefficient& kept : pyramid.coefficients) {
-    if (kept.level < kPyramidLevels) continue;
-    all.places.push_back(footprint_of(modes[static_cast<size_t>(kept.level - kPyramidLevels)]));
+    if (!is_mode(kept)) continue;
+    all.places.push_back(kept_mode(kept));
     all.prior_sd.push_back(std::max(all.places.back().weight, static_cast<double>(kept.weight)));
     all.places.back().weight = 1.0;
     all.weight.push_back(kept.weight);

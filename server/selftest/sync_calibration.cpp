@@ -148,7 +148,7 @@ absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms,
   for (const v1::FrameLight& light : measured.frames()) {
     const auto taken = times.find(light.sequence());
     if (taken == times.end()) {
-      return absl::InternalError(fmt::format("{} measured light in frame {}, which nobody asked for",
+      return absl::InternalError(fmt::format("{} measured the light of frame {}, which was not requested",
                                              rig.camera->title(), light.sequence()));
     }
     LightFrame& frame = measurement.record.frames.emplace_back(taken->second);

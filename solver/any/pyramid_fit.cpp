@@ -291,7 +291,7 @@ struct PyramidFitter::Average {
     return (2.0f / (1.0f + square)).min(1.0f).sqrt();
   }
 
-  // The fit tells what it can of samples that it or the modes do not explain.
+  // Samples that the fit or the modes do not explain get less weight in the next fit.
   void weigh_anew(const Problem& problem) {
     root = tolerant_root(rest.square().max(rest_of_modes.square()));
     Problem weighed = problem;
