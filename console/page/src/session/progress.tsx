@@ -1,7 +1,7 @@
 import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { bytesText, secondsText } from "../parts/words";
 import { recentRate, secondsLeft, stepLimit } from "./rates";
-import { Rounds } from "./rounds";
+import { decibels, percent, Rounds } from "./rounds";
 import { isCapturing, progressOf } from "./states";
 import type { Timeline } from "./timeline";
 import type { ArchiveView } from "./use_archive";
@@ -100,13 +100,13 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
     },
     judged && {
       name: "Known well enough",
-      text: `${Math.floor(100 * Number(judged.knownShare ?? 0))} % of the object`,
-      more: `after ${(judged.imageCount ?? 0).toLocaleString("en")} images; 95 % to ${Number(judged.errorDb ?? 0).toFixed(1)} dB`,
+      text: `${percent(judged.knownShare)} of the object`,
+      more: `after ${(judged.imageCount ?? 0).toLocaleString("en")} images; 95 % to ${decibels(judged.errorDb)}`,
     },
     judged?.anyShape && {
       name: "Of any shape",
       text: `${(100 * Number(judged.anyShape.share ?? 0)).toFixed(0)} % of the object`,
-      more: `${Math.floor(100 * Number(judged.anyShape.knownShare ?? 0))} % of these known; 95 % to ${Number(judged.anyShape.errorDb ?? 0).toFixed(1)} dB`,
+      more: `${percent(judged.anyShape.knownShare)} of these known; 95 % to ${decibels(judged.anyShape.errorDb)}`,
     },
     pixels > 0 && {
       name: "Object",

@@ -1,7 +1,8 @@
 import type { AdaptedRoundJson } from "../gen/glasswing/v1/session_pb";
 
-const percent = (share: AdaptedRoundJson["knownShare"]): string => `${Math.floor(100 * Number(share ?? 0))} %`;
-const decibels = (db: AdaptedRoundJson["errorDb"]): string => `${Number(db ?? 0).toFixed(1)} dB`;
+/** Of pixels that are known: rounded down. */
+export const percent = (share: AdaptedRoundJson["knownShare"]): string => `${Math.floor(100 * Number(share ?? 0))} %`;
+export const decibels = (db: AdaptedRoundJson["errorDb"]): string => `${Number(db ?? 0).toFixed(1)} dB`;
 
 /** What was known after the plan's own images and after each round, as `glasswing show` lists it. */
 export function Rounds({ rounds }: { rounds: readonly AdaptedRoundJson[] }) {

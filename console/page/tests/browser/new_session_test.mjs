@@ -1,6 +1,5 @@
 // A new session's form, against a fake server. Its cameras: all that are up at first, and what is ticked is what the server
-// gets; the last one cannot be left out. And how it adapts, and what its page says
-// that rounds found.
+// gets; the last one cannot be left out. How it adapts, and what the session's page says of the rounds.
 //
 //   GLASSWING_CONSOLE_FILES=console/page/dist node tests/browser/new_session_test.mjs
 import { strict as assert } from "node:assert";
